@@ -1,0 +1,72 @@
+"""Angles: wrapping, blending and the one place where degrees meet radians."""
+
+import math
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+DEG: Final = math.pi / 180.0
+"""Radians in a degree: ``30 * DEG`` is 30° in radians, ``x / DEG`` is x in degrees."""
+
+
+def wrap(angle_rad: float) -> float:
+    """Return the angle in [-π, π)."""
+    return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def wrap_half(angle_rad: float) -> float:
+    """Return the angle in [-π/2, π/2): for directions without a sign, such as an edge's."""
+    return (angle_rad + 0.5 * math.pi) % math.pi - 0.5 * math.pi
+
+
+def rms(values: Float[np.ndarray, " n"]) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def rotation_x(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation about x: y turns towards z."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def rotation_y(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation about y: z turns towards x, so a positive angle tips x (forward) down."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def rotation_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation about z: x turns towards y."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation_of(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = (float(q) for q in quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
+    """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix."""
+    # The eigenvector of the largest eigenvalue of this symmetric matrix is the quaternion (Bar-Itzhack, 2000).
+    K = np.array(
+        [
+            [R[0, 0] - R[1, 1] - R[2, 2], 0.0, 0.0, 0.0],
+            [R[1, 0] + R[0, 1], R[1, 1] - R[0, 0] - R[2, 2], 0.0, 0.0],
+            [R[2, 0] + R[0, 2], R[2, 1] + R[1, 2], R[2, 2] - R[0, 0] - R[1, 1], 0.0],
+            [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], np.trace(R)],
+        ]
+    )
+    _, vectors = np.linalg.eigh(K)  # reads the lower triangle
+    x, y, z, w = vectors[:, -1]
+    quaternion = np.array([w, x, y, z])
+    return quaternion if w >= 0.0 else -quaternion

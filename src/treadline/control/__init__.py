@@ -1,0 +1,1 @@
+"""From a linear model to belt speeds that keep the chair square."""

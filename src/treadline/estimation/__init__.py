@@ -1,0 +1,1 @@
+"""Heading between frames: vision, gyro and their disagreement."""

@@ -1,0 +1,1 @@
+"""From recorded belt speeds and motion to a linear model."""

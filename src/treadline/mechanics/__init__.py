@@ -1,0 +1,1 @@
+"""Geometry and statics of stair, tracks, chair and seat."""

@@ -1,0 +1,138 @@
+"""The chair as its file describes it: tracks with three pulleys, masses, seat, drives and where the camera sits.
+
+Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the belts' lower line.
+"""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
+
+from treadline.angles import DEG
+from treadline.errors import SettingsError
+from treadline.settings import Settings, read_toml
+from treadline.signals import PinholeCamera
+
+SHIPPED = Path(__file__).parents[1] / "data" / "chairs"
+Positive = Annotated[float, Field(gt=0.0)]
+Point = tuple[float, float, float]
+
+
+class Tracks(Settings):
+    """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
+
+    flat_run_m: Positive
+    """Between the centres of the rear and the front pulley: the part that lies on the stair."""
+    approach_m: Positive
+    """Between the centres of the front and the nose pulley."""
+    approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
+    """Angle of attack: the nose section above the flat run."""
+    pulley_radius_m: Positive
+    gauge_m: Positive
+    """Between the belts' centre lines."""
+    belt_width_m: Positive
+
+
+class Masses(Settings):
+    """Chassis without payload, seat included."""
+
+    chassis_kg: Positive
+    chassis_com_m: Point
+    chassis_size_m: Point
+    """Edges of the uniform box whose inertia the chassis has."""
+
+
+class Seat(Settings):
+    """The seat, its hinge and the slider-bar linkage that levels it (Section II.B)."""
+
+    hinge_m: Point
+    payload_com_m: Point
+    """Centre of the payload relative to the hinge, seat level with the chassis."""
+    payload_size_m: Point
+    bar_m: Positive
+    """Bar from slider to seat."""
+    arm_m: Positive
+    """Hinge to the bar's pin on the seat."""
+    slider_offset_m: float
+    """Height of the slider's rail below the hinge."""
+    stroke_m: tuple[float, float]
+    """Slider positions at the actuator's two ends, measured forward from below the hinge."""
+    max_rate_m_s: Positive
+    lag_s: Positive
+    """First-order lag of the actuator."""
+
+
+class Drives(Settings):
+    """The belts' motors and their inner speed loop."""
+
+    max_speed_m_s: Positive
+    lag_s: Positive
+    """First-order lag from command to belt speed."""
+    max_acceleration_m_s2: Positive
+    brake_hold_n: Positive
+    """Force each belt's brake can hold."""
+
+
+class CameraMount(Settings):
+    """Where the depth camera sits and how far it looks down."""
+
+    position_m: Point
+    pitch_deg: float
+    roll_deg: float = 0.0
+    yaw_deg: float = 0.0
+
+
+class ChairDescription(Settings):
+    """A tracked chair: all that its maker knows about it."""
+
+    name: str
+    tracks: Tracks
+    masses: Masses
+    seat: Seat
+    drives: Drives
+    camera: CameraMount
+
+    def camera_at(self, height_px: int) -> PinholeCamera:
+        """Return the chair's Kinect 1 camera at 320×240 or 640×480.
+
+        575 px focal length at 640×480 is the value of the Kinect's own driver.
+        """
+        scale = height_px / 480.0
+        return PinholeCamera(
+            width_px=round(640 * scale),
+            height_px=height_px,
+            fx_px=575.0 * scale,
+            fy_px=575.0 * scale,
+            cx_px=(640 * scale - 1) / 2,
+            cy_px=(height_px - 1) / 2,
+            mount_pitch_rad=self.camera.pitch_deg * DEG,
+            mount_roll_rad=self.camera.roll_deg * DEG,
+            mount_yaw_rad=self.camera.yaw_deg * DEG,
+            mount_m=self.camera.position_m,
+        )
+
+    @property
+    def nose_m(self) -> Point:
+        """Centre of the nose pulley (mid-gauge)."""
+        angle = self.tracks.approach_angle_deg * DEG
+        return (
+            0.5 * self.tracks.flat_run_m + self.tracks.approach_m * math.cos(angle),
+            0.0,
+            self.tracks.pulley_radius_m + self.tracks.approach_m * math.sin(angle),
+        )
+
+
+def read_chair(model: str) -> ChairDescription:
+    """Return the chair in a file, or the shipped one of that name.
+
+    Raises:
+        SettingsError: If there is none, or its file says something it must not.
+    """
+    path = Path(model)
+    if path.suffix != ".toml":
+        path = SHIPPED / f"{path.name}.toml"
+        if not path.exists():
+            known = ", ".join(sorted(found.stem for found in SHIPPED.glob("*.toml")))
+            raise SettingsError(f"chair.model: no shipped chair '{model}' (shipped: {known}); or give a path to a .toml")
+    return read_toml(path, ChairDescription)

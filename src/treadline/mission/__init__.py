@@ -1,0 +1,1 @@
+"""The machine that turns the blocks, one tick at a time."""

@@ -1,0 +1,197 @@
+"""Data and models: the only things that pass from the laboratory to the driving chair.
+
+``InputOutputRecord`` goes into identification, ``LinearModel`` comes out, ``ControllerDesign`` is what drives. Both
+models are JSON on disk: no code, no pickle.
+"""
+
+import json
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.errors import ModelError, NotFinite, SettingsError, ShapeMismatch
+
+Provenance = dict[str, Any]
+"""Where a model came from: command, versions, seeds, fit. JSON values only."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InputOutputRecord:
+    """What went in and what came out, sampled together; ``y[k]`` is read before ``u[k]`` acts."""
+
+    u: Float[np.ndarray, "T m"]
+    y: Float[np.ndarray, "T p"]
+    dt_s: float
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.u.shape[0] != self.y.shape[0]:
+            raise ShapeMismatch(
+                f"the record has {self.u.shape[0]} inputs but {self.y.shape[0]} outputs in time; cut both to one length"
+            )
+        if not self.dt_s > 0.0:
+            raise ModelError(f"the record's period is {self.dt_s} s; it must be positive")
+
+    def __len__(self) -> int:
+        return int(self.u.shape[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearModel:
+    """x[k+1] = A x[k] + B (u[k] - input_offset),  y[k] - output_offset = C x[k] + D (u[k] - input_offset).
+
+    ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). Without ``input_offset`` the law
+    u = -Kx would stop the chair: the climb speed is the offset.
+    """
+
+    A: Float[np.ndarray, "n n"]
+    B: Float[np.ndarray, "n m"]
+    C: Float[np.ndarray, "p n"]
+    D: Float[np.ndarray, "p m"]
+    dt_s: float
+    input_offset: Float[np.ndarray, " m"]
+    output_offset: Float[np.ndarray, " p"]
+    observer_gain: Float[np.ndarray, "n p"] | None = None
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+    provenance: Provenance = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
+        wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "input_offset": (m,), "output_offset": (p,)}
+        for name, shape in wanted.items():
+            _check(name, getattr(self, name), shape)
+        if self.observer_gain is not None:
+            _check("observer_gain", self.observer_gain, (n, p))
+        if not self.dt_s > 0.0:
+            raise ModelError(f"the model's period is {self.dt_s} s; it must be positive")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+    def save(self, path: Path) -> None:
+        """Write the model as JSON."""
+        write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Return the model in a JSON file.
+
+        Raises:
+            SettingsError: If it is missing, not JSON, or not a model.
+        """
+        return _from_json(cls, read_json(path), str(path))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControllerDesign:
+    """A gain and all that is needed to run it: the file ``treadline tune`` writes and ``treadline climb`` loads."""
+
+    model: LinearModel
+    K: Float[np.ndarray, "m n"]
+    observer_gain: Float[np.ndarray, "n p"]
+    period_s: float
+    reconstruct: Literal["observer", "static"] = "observer"
+    vehicle: str = "wheelchair"
+    provenance: Provenance = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check("K", self.K, (self.model.B.shape[1], self.model.order))
+        _check("observer_gain", self.observer_gain, (self.model.order, self.model.C.shape[0]))
+
+    def save(self, path: Path) -> None:
+        """Write the controller as JSON."""
+        write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Return the controller in a JSON file.
+
+        Raises:
+            SettingsError: If it is missing, not JSON, or not a controller.
+        """
+        tables = read_json(path)
+        if not isinstance(tables.get("model"), dict):
+            raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
+        model = _from_json(LinearModel, tables["model"], f"{path}: model")
+        return _from_json(cls, tables | {"model": model}, str(path))
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a file so that readers see the old one or the new one, never a part."""
+    temporary = path.with_name(path.name + ".part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the object in a JSON file.
+
+    Raises:
+        SettingsError: If it is missing, a folder, not UTF-8, not JSON or not an object.
+    """
+    try:
+        value = json.loads(path.read_bytes().decode("utf-8"))
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise SettingsError(f"{path}: is a folder, not a JSON file") from None
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path}: not UTF-8 (byte {error.start})") from None
+    except json.JSONDecodeError as error:
+        raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: {error.strerror}") from None
+    if not isinstance(value, dict):
+        raise SettingsError(f"{path}: holds a {type(value).__name__}, not an object")
+    return value
+
+
+def _check(name: str, array: Float[np.ndarray, "..."], shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise ShapeMismatch(f"{name} is {array.shape}, the other matrices ask for {shape}; is it transposed?")
+    if not np.isfinite(array).all():
+        raise NotFinite(f"{name} holds NaN or Inf; identify the model again")
+    array.setflags(write=False)
+
+
+def _jsonable(value: Any) -> Any:
+    if isinstance(value, LinearModel | ControllerDesign):
+        return {item.name: _jsonable(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return list(value)
+    return value
+
+
+_ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "K"}
+
+
+def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:
+    names = {item.name for item in fields(cls)}
+    unknown = sorted(set(tables) - names)
+    if unknown:
+        raise SettingsError(f"{where}: unknown key '{unknown[0]}' in a {cls.__name__}")
+    values = dict(tables)
+    try:
+        for name, value in tables.items():
+            if name in _ARRAYS and value is not None:
+                values[name] = np.array(value, dtype=float)
+            elif name.endswith("_names"):
+                values[name] = tuple(value)
+        return cls(**values)
+    except (TypeError, ValueError) as error:
+        raise SettingsError(f"{where}: not a {cls.__name__}: {error}") from None
+    except (ModelError, NotFinite, ShapeMismatch) as error:
+        raise SettingsError(f"{where}: {error}") from None

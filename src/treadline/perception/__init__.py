@@ -1,0 +1,1 @@
+"""From a depth camera's frame to the heading on the stair."""

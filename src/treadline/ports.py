@@ -1,0 +1,69 @@
+"""What the mission needs of a chair, real or simulated, and what only a simulator can tell.
+
+``Plant`` is all the mission ever sees. ``Truth`` comes from a ``TruthPlant`` and is for scoring: experiments read it,
+the mission cannot.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from treadline.signals import Reading, SeatCommand, TrackCommand
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """A chair on its tracks: MuJoCo, Gazebo, a recorded log or hardware."""
+
+    def start(self) -> None:
+        """Put the chair at its start, at ``t_s = 0``, belts at rest."""
+
+    def advance(self, until_s: float) -> None:
+        """Step the simulation, or wait, until the mission clock shows ``until_s``."""
+
+    def read(self) -> Sequence[Reading]:
+        """Return every sample since the last call, in time order."""
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+        """Send commands; they hold until the next call."""
+
+    def close(self) -> None:
+        """Release what the plant holds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """The state of a simulated chair at one instant."""
+
+    t_s: float
+    heading_rad: float
+    """In the nosing plane, positive anticlockwise from above."""
+    yaw_rad: float
+    """About gravity."""
+    heading_rate_rad_s: float
+    """Angular velocity along the nosing plane's normal."""
+    pitch_rad: float
+    """Of the chassis against the level, front up positive."""
+    roll_rad: float
+    """Of the chassis against the level, left side up positive."""
+    pitch_rate_rad_s: float
+    x_m: float
+    """Position of B along the stair (S), up the flight."""
+    y_m: float
+    """Position of B across the stair (S), left."""
+    seat_pitch_rad: float
+    left_m_s: float
+    """Belt speed as run, actuator lag and mismatch included."""
+    right_m_s: float
+    stability_margin_rad: float
+    """Smallest static tipping margin of the whole, at this attitude."""
+    friction_use: float
+    """Share of the friction circle needed to hold this heading on this slope; 1 slides."""
+
+
+@runtime_checkable
+class TruthPlant(Plant, Protocol):
+    """A plant that also knows the truth: simulators only."""
+
+    def truth(self) -> Sequence[Truth]:
+        """Return every 100 Hz truth sample since the last call, ``t_s = 0`` included."""

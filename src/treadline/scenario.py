@@ -1,0 +1,141 @@
+"""What a scenario file says, typed and checked. The simulator and the experiments read it; the mission never does."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from treadline.errors import SettingsError
+from treadline.faults import Fault
+from treadline.settings import Settings, parse_toml, settings_of
+
+SHIPPED = Path(__file__).parent / "data" / "scenarios"
+
+
+class Stair(Settings):
+    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``."""
+
+    rise_m: Annotated[float, Field(ge=0.05, le=0.30)] = 0.16
+    run_m: Annotated[float, Field(ge=0.15, le=0.60)] = 0.30
+    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)] | None = None
+    steps: Annotated[int, Field(ge=2, le=2000)] = 20
+    width_m: Annotated[float, Field(ge=0.8, le=10.0)] = 1.2
+    landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
+    open_risers: bool = False
+    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
+    rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (0.62, 0.5)
+    missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
+    walls: Literal["none", "left", "right", "both"] = "left"
+    light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rise_from_slope(cls, tables: object) -> object:
+        """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
+        if isinstance(tables, dict) and tables.get("slope_deg") is not None:
+            if "rise_m" in tables:
+                message = "give rise_m or slope_deg, not both"
+                raise ValueError(message)
+            slope, run = tables["slope_deg"], tables.get("run_m", 0.30)
+            if isinstance(slope, int | float) and isinstance(run, int | float):
+                return tables | {"rise_m": run * math.tan(math.radians(slope))}
+        return tables
+
+    @model_validator(mode="after")
+    def _steps_exist(self) -> Self:
+        beyond = [index for index in self.missing_steps if index >= self.steps]
+        if beyond:
+            message = f"missing_steps names step {beyond[0]} of a flight of {self.steps}"
+            raise ValueError(message)
+        return self
+
+    @property
+    def slope_rad(self) -> float:
+        """Angle of the nosing plane."""
+        return math.atan2(self.rise_m, self.run_m)
+
+
+class Chair(Settings):
+    """Which chair, and what sits in it."""
+
+    model: str = "wheelchair"
+    payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
+    payload_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    seat_shift_m: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
+    belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
+
+
+class Start(Settings):
+    """Where the chair stands at t = 0."""
+
+    place: Literal["floor", "flight", "landing"] = "floor"
+    step: Annotated[int, Field(ge=0)] = 4
+    """Nosing under the front pulley, when on the flight."""
+    heading_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    lateral_m: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+
+
+class Drive(Settings):
+    """Direction, speed and a limit on time."""
+
+    direction: Literal["up", "down"] = "up"
+    speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
+
+
+class Control(Settings):
+    """How the loop is closed."""
+
+    loop: Literal["closed", "open"] = "closed"
+    vision: Literal["robust", "paper", "truth"] = "robust"
+    allocation: Literal["climb-safe", "paper"] = "climb-safe"
+    reconstruct: Literal["observer", "static"] = "observer"
+
+
+class Sensors(Settings):
+    """Which error models the sensors follow."""
+
+    camera: Literal["kinect1", "kinect2", "ideal", "statistical"] = "kinect1"
+    image_height_px: Literal[240, 480] = 240
+    """320×240 or 640×480."""
+    imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
+    gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Constant tilt of the IMU's idea of down, in a direction drawn from the seed."""
+
+
+class Scenario(Settings):
+    """One run, whole."""
+
+    stair: Stair = Stair()
+    chair: Chair = Chair()
+    start: Start = Start()
+    drive: Drive = Drive()
+    control: Control = Control()
+    sensors: Sensors = Sensors()
+    fault: tuple[Fault, ...] = ()
+
+    @model_validator(mode="after")
+    def _starts_on_the_flight(self) -> Self:
+        if self.start.place == "flight" and self.start.step >= self.stair.steps:
+            message = f"start.step is {self.start.step}, the flight has {self.stair.steps} steps"
+            raise ValueError(message)
+        return self
+
+
+def read_scenario(name: str | Path) -> Scenario:
+    """Return the scenario in a file, or the shipped one of that name.
+
+    Raises:
+        SettingsError: If there is none, or it says something it must not.
+    """
+    path = Path(name)
+    if not path.exists() and path.suffix == "" and len(path.parts) == 1:
+        path = SHIPPED / f"{name}.toml"
+        if not path.exists():
+            known = ", ".join(sorted(found.stem for found in SHIPPED.glob("*.toml")))
+            raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
+    return settings_of(parse_toml(path), Scenario, where=str(path))

@@ -1,0 +1,161 @@
+"""The values that travel between blocks each tick.
+
+All are frozen, in SI units with the unit in the name, and carry ``t_s``, the time on the mission clock at which the
+value was true (sensors) or computed (commands). "No measurement" is ``None``, never NaN and never zero.
+
+Frames (see docs/frames.md): W world, z up, x up the flight, origin on the floor below the first nosing, mid-width;
+S stair, x up the flight in the plane of the nosings, y left along them, z its normal, origin on the first nosing;
+B chair, x forward, y left, z up, origin mid-track on the belts' lower line; C camera, x right, y down, z forward.
+
+Heading: rotation of the chair about the nosing plane's normal, zero when square to the nosings and facing up the
+flight, positive anticlockwise seen from above.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from treadline.angles import rotation_x, rotation_y, rotation_z
+
+CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation of C in B for a camera that looks straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
+CAMERA_AXES_IN_CHAIR.setflags(write=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PinholeCamera:
+    """A camera's calibration and its mount on the chair. Pixel centres are integers."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    mount_pitch_rad: float = 0.0
+    """Down from the chair's forward axis."""
+    mount_roll_rad: float = 0.0
+    mount_yaw_rad: float = 0.0
+    """The mount turns yaw, then pitch, then roll."""
+    mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of C in B."""
+
+    @property
+    def R_BC(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of the camera in the chair's frame."""
+        turn = rotation_z(self.mount_yaw_rad) @ rotation_y(self.mount_pitch_rad) @ rotation_x(self.mount_roll_rad)
+        return turn @ CAMERA_AXES_IN_CHAIR
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RgbdFrame:
+    """Colour and depth of one instant, registered to each other."""
+
+    t_s: float
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth_m: Float32[np.ndarray, "h w"]
+    """Distance along the optical axis; NaN where there was no return."""
+    camera: PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImuSample:
+    """One reading of the chair's IMU, in the chair's frame."""
+
+    t_s: float
+    orientation: Float[np.ndarray, " 4"]
+    """Unit quaternion (w, x, y, z) of B in a level frame whose yaw has an arbitrary zero and drifts."""
+    angular_velocity_rad_s: Float[np.ndarray, " 3"]
+    linear_acceleration_m_s2: Float[np.ndarray, " 3"]
+    """Specific force: +g along z when at rest and level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeatReading:
+    """The seat's own IMU and its actuator. Pitch is positive when the seat leans back (front up)."""
+
+    t_s: float
+    pitch_rad: float
+    stroke_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackReading:
+    """Belt speeds as the drives report them."""
+
+    t_s: float
+    left_m_s: float
+    right_m_s: float
+    brake_on: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorInput:
+    """What the person in charge holds or presses."""
+
+    t_s: float
+    dead_man: bool = True
+    stop: bool = False
+    rearm: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingMeasurement:
+    """Heading seen in one frame."""
+
+    t_s: float
+    heading_rad: float
+    sigma_rad: float
+    edge_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingEstimate:
+    """Heading carried between frames."""
+
+    t_s: float
+    heading_rad: float
+    heading_rate_rad_s: float
+    sigma_rad: float
+    source: str
+    """``vision``, ``gyro`` (coasting) or ``none`` (nothing seen yet)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackCommand:
+    """Belt speeds asked of the two tracks.
+
+    Positive drives the chair up the stair. Turning left (heading grows) needs ``right_m_s > left_m_s``.
+    """
+
+    t_s: float
+    left_m_s: float
+    right_m_s: float
+    brake: bool = False
+
+    @classmethod
+    def stop(cls, t_s: float) -> "TrackCommand":
+        """Return zero speed with the brake on."""
+        return cls(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=True)
+
+    def limited(self, limit_m_s: float) -> "TrackCommand":
+        """Return the command with each belt within ±``limit_m_s``."""
+        return TrackCommand(
+            t_s=self.t_s,
+            left_m_s=min(max(self.left_m_s, -limit_m_s), limit_m_s),
+            right_m_s=min(max(self.right_m_s, -limit_m_s), limit_m_s),
+            brake=self.brake,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeatCommand:
+    """Rate asked of the seat's actuator; positive lengthens the stroke."""
+
+    t_s: float
+    rate_m_s: float
+
+
+Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput
+"""What a plant can hand over; a ``HeadingMeasurement`` comes from a camera that measures heading itself."""

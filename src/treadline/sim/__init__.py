@@ -1,0 +1,1 @@
+"""A MuJoCo plant with native track surfaces and honest sensors."""
