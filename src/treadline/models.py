@@ -62,7 +62,14 @@ class LinearModel:
 
     def __post_init__(self) -> None:
         n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
-        wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "input_offset": (m,), "output_offset": (p,)}
+        wanted = {
+            "A": (n, n),
+            "B": (n, m),
+            "C": (p, n),
+            "D": (p, m),
+            "input_offset": (m,),
+            "output_offset": (p,),
+        }
         for name, shape in wanted.items():
             _check(name, getattr(self, name), shape)
         if self.observer_gain is not None:
@@ -86,7 +93,8 @@ class LinearModel:
         Raises:
             SettingsError: If it is missing, not JSON, or not a model.
         """
-        return _from_json(cls, read_json(path), str(path))
+        model: Self = _from_json(cls, read_json(path), str(path))
+        return model
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +128,8 @@ class ControllerDesign:
         if not isinstance(tables.get("model"), dict):
             raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
         model = _from_json(LinearModel, tables["model"], f"{path}: model")
-        return _from_json(cls, tables | {"model": model}, str(path))
+        design: Self = _from_json(cls, tables | {"model": model}, str(path))
+        return design
 
 
 def write_whole(path: Path, text: str) -> None:

@@ -26,7 +26,10 @@ class Stair(Settings):
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
     rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
     nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (0.62, 0.5)
+    friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (
+        0.62,
+        0.5,
+    )
     missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
     texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
     walls: Literal["none", "left", "right", "both"] = "left"
@@ -77,6 +80,8 @@ class Start(Settings):
     """Nosing under the front pulley, when on the flight."""
     heading_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
     lateral_m: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+    seat: Literal["level", "chassis"] = "level"
+    """The seat at t = 0: level, or parallel to the chassis (Fig. 11)."""
 
 
 class Drive(Settings):

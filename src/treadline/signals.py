@@ -45,7 +45,7 @@ class PinholeCamera:
     def R_BC(self) -> Float[np.ndarray, "3 3"]:
         """Rotation of the camera in the chair's frame."""
         turn = rotation_z(self.mount_yaw_rad) @ rotation_y(self.mount_pitch_rad) @ rotation_x(self.mount_roll_rad)
-        return turn @ CAMERA_AXES_IN_CHAIR
+        return np.asarray(turn @ CAMERA_AXES_IN_CHAIR)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,6 +155,17 @@ class SeatCommand:
 
     t_s: float
     rate_m_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something worth telling a person: a refusal, a hold, a limit reached."""
+
+    t_s: float
+    name: str
+    """A word from a short list: ``hold``, ``slow``, ``vision_lost``, ``vision_back`` …"""
+    cause: str
+    """What was seen, with its number."""
 
 
 Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput

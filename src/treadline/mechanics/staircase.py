@@ -129,7 +129,11 @@ class Staircase:
                     Box(
                         kind="wall",
                         index=-1,
-                        centre_W=(0.5 * (end_x - FLOOR_LENGTH_M), sign * (half_width + 0.05), 0.5 * last.z_m + 0.5),
+                        centre_W=(
+                            0.5 * (end_x - FLOOR_LENGTH_M),
+                            sign * (half_width + 0.05),
+                            0.5 * last.z_m + 0.5,
+                        ),
                         half_m=(0.5 * (end_x + FLOOR_LENGTH_M), 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
                         yaw_rad=0.0,
                     )

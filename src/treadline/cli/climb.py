@@ -1,0 +1,64 @@
+"""``treadline climb``: one traversal in closed loop."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+
+
+def climb(
+    scenario: str,
+    /,
+    *,
+    out: Path,
+    controller: Path | None = None,
+    seed: int = 0,
+    log_images: bool = False,
+) -> Answer:
+    """Climb a flight in the simulator with vision, fusion, LQR, seat levelling and guard.
+
+    Args:
+        scenario: A scenario file, or the name of a shipped one.
+        out: The run folder: log.mcap, series.csv, result.json, manifest.json.
+        controller: A file that treadline tune wrote; the shipped one when left out.
+        seed: Of everything that chance decides; the same seed gives the same bytes.
+        log_images: Keep every frame in the log (about 5 MB a second).
+    """
+    from treadline.cli.progress import SimulatedTime
+    from treadline.experiments.recorded import recorded_run
+    from treadline.experiments.shipped import shipped_controller
+    from treadline.mechanics.chair import read_chair
+    from treadline.mechanics.verdict import check
+    from treadline.models import ControllerDesign
+    from treadline.scenario import read_scenario
+
+    settings = read_scenario(scenario)
+    chair = read_chair(settings.chair.model)
+    design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)
+    judged = check(settings, chair)
+    if judged.verdict == "refuse":
+        return Answer(
+            values={"verdict": "refused", "reasons": judged.reasons, "events": []},
+            summary=["refused: " + "; ".join(judged.reasons)],
+            code=1,
+        )
+    with SimulatedTime("climb", settings.drive.duration_s) as progress:
+        run = recorded_run(
+            out,
+            settings,
+            controller=design,
+            seed=seed,
+            log_images=log_images,
+            watch=lambda tick: progress.at(tick.t_s),
+        )
+    scores = run.scores
+    settled = "did not settle" if scores.settle_s is None else f"settled to ±2° in {scores.settle_s:.1f} s"
+    return Answer(
+        values=run.summary() | {"run": str(out)},
+        summary=[
+            f"{run.verdict}" + (f": {run.cause}" if run.cause else "") + f" after {scores.duration_s:.1f} s",
+            f"heading {scores.rms_heading_deg:.2f}° RMS, {settled}; roll-back {scores.roll_back_m:.3f} m, "
+            f"lateral {scores.lateral_m:.3f} m; seat at most {scores.seat_max_deg:.1f}° off level",
+            f"run folder: {out} (treadline report {out} draws it)",
+        ],
+        code=0 if run.verdict in ("arrived", "time_up") else 1,
+    )

@@ -1,0 +1,44 @@
+"""``treadline doctor``: what is installed, what is missing and what it would enable."""
+
+import platform
+import sys
+from importlib import metadata, util
+
+from treadline import __version__
+from treadline.cli.answer import Answer
+
+PARTS = (
+    ("mujoco", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco"),
+    ("opencv-python-headless", "cv2", "stair vision: see, climb", "pip install opencv-python-headless"),
+    ("numba", "numba", "compiled vision and camera", "pip install numba"),
+    ("matplotlib", "matplotlib", "reports", "pip install matplotlib"),
+    ("mcap", "mcap", "logs of runs", "pip install mcap mcap-ros2-support"),
+    ("scipy", "scipy", "identification and control", "pip install scipy"),
+)
+
+
+def doctor() -> Answer:
+    """Say what is installed, what is missing, what each missing part would enable and how to get it."""
+    parts = [_part(*row) for row in PARTS]
+    missing = [part for part in parts if not part["installed"]]
+    lines = [f"treadline {__version__} on Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
+    for part in parts:
+        state = part["version"] if part["installed"] else f"missing; {part['remedy']}"
+        lines.append(f"  {part['name']:24} {state:12} {part['enables']}")
+    lines.append("all parts are there" if not missing else f"{len(missing)} parts are missing")
+    return Answer(
+        values={"parts": parts, "treadline": __version__, "python": sys.version.split()[0]},
+        summary=lines,
+        code=1 if missing else 0,
+    )
+
+
+def _part(name: str, module: str, enables: str, remedy: str) -> dict[str, object]:
+    installed = util.find_spec(module) is not None
+    return {
+        "name": name,
+        "installed": installed,
+        "version": metadata.version(name) if installed else None,
+        "enables": enables,
+        "remedy": None if installed else remedy,
+    }

@@ -1,0 +1,64 @@
+"""``treadline excite``: random track speeds on the stair."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+
+
+def excite(
+    scenario: str,
+    /,
+    *,
+    out: Path,
+    samples: int = 1000,
+    period: float = 0.25,
+    seed: int = 0,
+    log_images: bool = False,
+) -> Answer:
+    """Drive with random track speeds on the stair and record what the chair does (Section VI.B).
+
+    Args:
+        scenario: A scenario file, or the name of a shipped one; its flight is made long enough.
+        out: The run folder: record.csv and log.mcap.
+        samples: How many input-output samples.
+        period: Time between samples in seconds, a multiple of 0.01.
+        seed: Of everything that chance decides.
+        log_images: Keep every frame in the log.
+    """
+    from treadline.angles import DEG
+    from treadline.cli.progress import SimulatedTime
+    from treadline.errors import SettingsError
+    from treadline.experiments.recorded import recorded_excitation
+    from treadline.scenario import read_scenario
+
+    if samples < 20:
+        raise SettingsError(f"--samples is {samples}; at least 20 are needed")
+    if not 0.01 <= period <= 10.0 or abs(period / 0.01 - round(period / 0.01)) > 1e-9:
+        raise SettingsError(f"--period is {period}; it must be a multiple of 0.01 s between 0.01 and 10")
+    settings = read_scenario(scenario)
+    with SimulatedTime("excite", samples * period) as progress:
+        excited = recorded_excitation(
+            out,
+            settings,
+            samples=samples,
+            period_s=period,
+            seed=seed,
+            log_images=log_images,
+            watch=lambda tick: progress.at(tick.t_s),
+        )
+    heading = excited.record.y[:, 0] / DEG
+    whole = len(excited.record) == samples
+    ended = "" if whole else f" ({excited.run.verdict}: {excited.run.cause})"
+    return Answer(
+        values={
+            "samples": len(excited.record),
+            "heading_range_deg": [float(heading.min()), float(heading.max())],
+            "record": str(out / "record.csv"),
+            "verdict": excited.run.verdict,
+        },
+        summary=[
+            f"{len(excited.record)} samples{ended}, heading within {heading.min():+.1f}…{heading.max():+.1f}°; "
+            f"written to {out / 'record.csv'}"
+        ],
+        code=0 if whole else 1,
+    )

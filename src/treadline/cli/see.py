@@ -1,0 +1,57 @@
+"""``treadline see``: the heading of recorded frames."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+
+
+def see(
+    rgb: Path,
+    depth: Path | None = None,
+    /,
+    *,
+    camera: Path | None = None,
+    gravity: str | None = None,
+    method: str = "robust",
+    out: Path | None = None,
+) -> Answer:
+    """Find the stair in an RGB-D frame and say the heading.
+
+    Give a colour image and a 16-bit depth image with a calibration, or a folder of NAME_rgb.png + NAME_depth.png
+    with camera.toml and, if known, gravity.csv.
+
+    Args:
+        rgb: The colour image, or a folder.
+        depth: The depth image, 16 bit.
+        camera: The calibration, a TOML file.
+        gravity: Unit vector that points down in the camera's frame: x,y,z.
+        method: robust, or paper for Algorithm 1 as printed.
+        out: Folder for the six stages of Fig. 5.
+    """
+    from treadline.errors import SettingsError
+    from treadline.perception.frames import frames_of_folder, see_frame, single_frame
+
+    if method not in ("robust", "paper"):
+        raise SettingsError(f"--method is '{method}'; allowed: robust, paper")
+    if depth is None:
+        if not rgb.is_dir():
+            raise SettingsError(f"{rgb}: not a folder; give RGB and DEPTH images, or a folder of pairs")
+        seen = [see_frame(frame, method=method, out=out) for frame in frames_of_folder(rgb)]
+        accepted = sum(bool(item["accepted"]) for item in seen)
+        return Answer(
+            values={"frames": seen},
+            summary=[*(_line(item) for item in seen), f"{accepted} of {len(seen)} frames accepted"],
+        )
+    if camera is None:
+        raise SettingsError("see needs the camera's calibration: --camera camera.toml")
+    answer = see_frame(single_frame(rgb, depth, camera, gravity), method=method, out=out)
+    return Answer(values=answer, summary=[_line(answer)], code=0 if answer["accepted"] else 1)
+
+
+def _line(seen: dict[str, object]) -> str:
+    if not seen["accepted"]:
+        return f"{seen['name']}: no heading: {seen['reason']}"
+    return (
+        f"{seen['name']}: heading {seen['heading_deg']:+.2f}° ± {seen['sigma_deg']:.2f}° from {seen['edges']} edges "
+        f"in {seen['ms']:.1f} ms"
+    )

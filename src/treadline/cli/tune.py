@@ -1,0 +1,66 @@
+"""``treadline tune``: from a model to a controller."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+from treadline.cli.numbers import numbers
+
+
+def tune(
+    model: Path,
+    /,
+    *,
+    state_weight: str | None = None,
+    output_weight: str | None = None,
+    input_weight: str | None = None,
+    period: float | None = None,
+    reconstruct: str = "observer",
+    vehicle: str = "wheelchair",
+    out: Path = Path("controller.json"),
+) -> Answer:
+    """Compute the LQR gain (Eq. 10) and the observer for an identified model.
+
+    Args:
+        model: The JSON file that treadline identify wrote.
+        state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1.
+        output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); the default.
+        input_weight: Diagonal of R on the inputs, or one number for all.
+        period: Control period in seconds; another one than the model's resamples it.
+        reconstruct: observer, or static for Eq. (11b).
+        vehicle: Name of the chair this controller is for; another chair refuses it.
+        out: Where the controller is written.
+    """
+    from treadline.control import closed_loop_poles
+    from treadline.control.tune import tune as design
+    from treadline.errors import SettingsError
+    from treadline.models import LinearModel
+
+    if reconstruct not in ("observer", "static"):
+        raise SettingsError(f"--reconstruct is '{reconstruct}'; allowed: observer, static")
+    if state_weight is not None and output_weight is not None:
+        raise SettingsError("give --state-weight or --output-weight, not both")
+    controller = design(
+        LinearModel.load(model),
+        state_weight=numbers("--state-weight", state_weight),
+        output_weight=numbers("--output-weight", output_weight),
+        input_weight=numbers("--input-weight", input_weight),
+        period_s=period,
+        reconstruct="static" if reconstruct == "static" else "observer",
+        vehicle=vehicle,
+    )
+    controller.save(out)
+    poles = closed_loop_poles(controller)
+    radius = max(abs(pole) for pole in poles)
+    return Answer(
+        values={
+            "K": controller.K,
+            "closed_loop_poles": [[pole.real, pole.imag] for pole in poles],
+            "period_s": controller.period_s,
+            "spectral_radius": radius,
+            "controller": str(out),
+        },
+        summary=[
+            f"K = {controller.K.round(4).tolist()}",
+            f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; written to {out}",
+        ],
+    )

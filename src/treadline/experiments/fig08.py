@@ -1,0 +1,102 @@
+"""Fig. 8: excite, identify, and the impulse response of what was identified.
+
+Paper: Section IV, Section VI.B, Fig. 8. Heading comes from the vision, angular velocity from the IMU. The first half of
+a second recording, with another seed, validates: what a model says about data it was fitted to proves little.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.angles import DEG
+from treadline.experiments.excite import PERIOD_S
+from treadline.experiments.plan import excitation
+from treadline.experiments.recorded import recorded_excitation
+from treadline.identification import identify
+from treadline.identification.validate import h_step_rmse, impulse_response
+from treadline.models import InputOutputRecord, LinearModel
+
+IMPULSE_S = 10.0
+"""Enough to see the lag and the integrator at 4 Hz."""
+AHEAD_S = 5.0
+"""Horizon of the heading forecast."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExciteJob:
+    """One recording of random track speeds."""
+
+    name: str
+    slope_deg: int
+    samples: int
+    seed: int
+    folder: Path
+    image_every: int = 0
+
+    def run(self) -> "Recording":
+        """Drive and return the record."""
+        excited = recorded_excitation(
+            self.folder,
+            excitation(self.slope_deg),
+            samples=self.samples,
+            period_s=PERIOD_S,
+            seed=self.seed,
+            image_every=self.image_every,
+        )
+        return Recording(
+            slope_deg=self.slope_deg,
+            seed=self.seed,
+            record=excited.record,
+            verdict=excited.run.verdict,
+            cpu_s_per_s=excited.run.cpu_s / excited.run.scores.duration_s,
+            name=self.folder.name,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """A record and where it came from."""
+
+    slope_deg: int
+    seed: int
+    record: InputOutputRecord
+    verdict: str
+    cpu_s_per_s: float
+    name: str
+
+
+def evaluate(fitted: Recording, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
+    """Return the model of one slope, and Fig. 8's figures for it."""
+    found = identify(fitted.record, validation=fresh)
+    model, report = found.model, found.report
+    values = np.asarray(report.singular_values, dtype=float)
+    steps = round(IMPULSE_S / model.dt_s)
+    response = impulse_response(model, steps)
+    ahead = h_step_rmse(model, fresh if fresh is not None else fitted.record, round(AHEAD_S / model.dt_s))
+    figures = {
+        "slope_deg": fitted.slope_deg,
+        "singular_values": values.tolist(),
+        "rank": report.order,
+        "lags": report.lags,
+        "sigma2_over_sigma3": float(values[1] / values[2]),
+        "yaw_rate_vaf_percent": report.one_step_vaf_percent["yaw_rate_rad_s"],
+        "heading_5s_rmse_deg": float(ahead[0]) / DEG,
+        "poles": report.poles,
+        "fit_percent": report.fit_percent,
+        "one_step_vaf_percent": report.one_step_vaf_percent,
+        "whiteness_p": report.whiteness_p,
+        "warnings": list(report.warnings),
+        "impulse": {
+            "t_s": (np.arange(steps) * model.dt_s).tolist(),
+            "heading_rad": {name: response[:, 0, j].tolist() for j, name in enumerate(model.input_names)},
+            "yaw_rate_rad_s": {name: response[:, 1, j].tolist() for j, name in enumerate(model.input_names)},
+        },
+        "samples": len(fitted.record),
+        "seed": fitted.seed,
+        "run": fitted.name,
+        "conditions": f"{len(fitted.record)} samples at {model.dt_s:g} s, seed {fitted.seed}; "
+        + ("validated on another recording" if fresh is not None else "validated on the same recording"),
+    }
+    return model, figures

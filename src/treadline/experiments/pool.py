@@ -1,0 +1,54 @@
+"""Runs on a process pool: each job is data, each result is data, order does not depend on timing."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from typing import Protocol, TypeVar
+
+R_co = TypeVar("R_co", covariant=True)
+R = TypeVar("R")
+
+
+class Job(Protocol[R_co]):
+    """Something a worker can do alone."""
+
+    @property
+    def name(self) -> str:
+        """A word for the progress line."""
+
+    def run(self) -> R_co:
+        """Do it."""
+
+
+def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
+    """Return the jobs' results in the jobs' order; ``done`` hears each name as it ends."""
+    if workers <= 1 or len(jobs) <= 1:
+        return list(_in_this_process(jobs, done))
+    # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
+    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
+        futures = {pool.submit(_run, job): job.name for job in jobs}
+        try:
+            for future in as_completed(futures):
+                future.result()
+                done(futures[future])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+        return [future.result() for future in futures]
+
+
+def default_workers() -> int:
+    """Return the number of cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def _run(job: Job[R]) -> R:
+    return job.run()
+
+
+def _in_this_process(jobs: Sequence[Job[R]], done: Callable[[str], None]) -> Iterator[R]:
+    for job in jobs:
+        result = job.run()
+        done(job.name)
+        yield result

@@ -1,0 +1,133 @@
+"""The whole paper in one go: excite, identify, tune, climb, level, see; ``results.json`` holds every figure.
+
+Each phase is a list of jobs for the pool; what a phase hands to the next is data.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from treadline.control.tune import tune
+from treadline.experiments import fig05, fig08, fig09, fig11, literal, table1, table2
+from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.jobs import RunJob
+from treadline.experiments.plan import CONTROLLER_SLOPE_DEG, GRAVITY_ERROR_DEG, Plan
+from treadline.experiments.pool import run_jobs
+from treadline.experiments.speed import physics_real_time_factor
+from treadline.io.plain import plain
+from treadline.io.provenance import provenance
+from treadline.models import ControllerDesign, write_whole
+
+Done = Callable[[str], None]
+FIT_SEED, FRESH_SEED = 0, 1
+"""Seeds of the recording that is fitted and of the one that judges it."""
+
+
+def job_count(plan: Plan) -> int:
+    """Return how many parts ``reproduce_paper`` will report as done."""
+    placeholder = literal.paper_controller(0.2)
+    return len(_excitations(plan, Path())) + len(_drives(plan, placeholder, Path())) + 3
+
+
+def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
+    """Run everything and write ``results.json``, ``model-*.json``, ``controller.json`` and ``runs/``.
+
+    Returns:
+        What ``results.json`` holds.
+    """
+    started = time.monotonic()
+    runs, figures = out / "runs", out / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+
+    recordings = run_jobs(_excitations(plan, runs), workers=workers, done=done)
+    controller, fig08_by_slope = _learn(plan, recordings, out)
+    results = run_jobs(_drives(plan, controller, runs), workers=workers, done=done)
+    safe, sliding, straight, printed = _sorted_out(results)
+
+    seat = fig11.level_seat(runs / "seat-28", plan.seeds[0])
+    done("seat")
+    stages = fig05.see_stages(figures, plan.seeds[0])
+    done("stages")
+    speed = {
+        "physics_real_time_factor": physics_real_time_factor(),
+        "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
+    }
+    done("speed")
+
+    values: dict[str, Any] = plain(
+        {
+            "quick": plan.quick,
+            "paper": {"lqr": literal.facts()},
+            "table1": table1.rows(),
+            "fig05": stages,
+            "fig08": fig08_by_slope[CONTROLLER_SLOPE_DEG] | {"slopes": list(fig08_by_slope.values())},
+            "fig09": fig09.rows(straight),
+            "fig10": table2.fig10(safe),
+            "table2": table2.rows(safe),
+            "table2_roll_back_allowed": table2.rows(sliding),
+            "literal": literal.facts() | {"runs": printed},
+            "fig11": seat,
+            "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
+            "speed": speed,
+            "gravity_error_deg": GRAVITY_ERROR_DEG,
+            "wall_s": time.monotonic() - started,
+            **provenance(),
+        }
+    )
+    write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
+    return values
+
+
+def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
+    return [
+        ExciteJob(
+            name=f"excite-{slope}-seed{seed}",
+            slope_deg=slope,
+            samples=plan.samples if seed == FIT_SEED else plan.samples // 2,
+            seed=seed,
+            folder=runs / f"excite-{slope}-seed{seed}",
+            image_every=50 if slope == CONTROLLER_SLOPE_DEG and seed == FIT_SEED else 0,
+        )
+        for slope in plan.excite_slopes_deg
+        for seed in ((FIT_SEED,) if plan.quick else (FIT_SEED, FRESH_SEED))
+    ]
+
+
+def _learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[int, dict[str, Any]]]:
+    fresh = {item.slope_deg: item.record for item in recordings if item.seed == FRESH_SEED}
+    figures: dict[int, dict[str, Any]] = {}
+    controller: ControllerDesign | None = None
+    for recording in recordings:
+        if recording.seed != FIT_SEED:
+            continue
+        slope = recording.slope_deg
+        model, figures[slope] = fig08.evaluate(recording, fresh.get(slope))
+        model.save(out / f"model-{slope}.json")
+        if slope == CONTROLLER_SLOPE_DEG:
+            controller = tune(model)
+            controller.save(out / "controller.json")
+    if controller is None:
+        raise ValueError(f"the plan excites {plan.excite_slopes_deg}, the controller needs {CONTROLLER_SLOPE_DEG}")
+    return controller, figures
+
+
+def _drives(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
+    return [
+        *fig09.jobs(plan, controller, runs),  # the longest first: the pool ends level
+        *table2.jobs(plan, controller, runs, "climb-safe"),
+        *table2.jobs(plan, controller, runs, "paper"),
+        literal.job(plan, runs),
+    ]
+
+
+def _sorted_out(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
+    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": [], "literal": []}
+    for result in results:
+        kinds[result["kind"]].append(result)
+    return kinds["turn"], kinds["turn-rollback"], kinds["straight"], kinds["literal"]
+
+
+def _median(values: list[float]) -> float:
+    return sorted(values)[len(values) // 2]

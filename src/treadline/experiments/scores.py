@@ -1,0 +1,97 @@
+"""What a run is judged by: figures computed from the simulator's truth at 100 Hz, ``t = 0`` included.
+
+The paper scores heading alone; roll-back, lateral drift and the friction margin stand beside it here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, rms
+from treadline.ports import Truth
+
+SETTLED_RAD = 2.0 * DEG
+STEADY_FROM_S = 20.0
+"""After any turn from ±30° has ended (Fig. 10)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """Truth as columns, one row per 10 ms."""
+
+    columns: dict[str, Float[np.ndarray, " T"]]
+
+    @classmethod
+    def of(cls, samples: Sequence[Truth]) -> "Trace":
+        """Return the columns of a sequence of samples."""
+        names = [item.name for item in fields(Truth)]
+        rows = np.array([[getattr(sample, name) for name in names] for sample in samples], dtype=float)
+        return cls(columns={name: rows[:, i] for i, name in enumerate(names)})
+
+    def __getitem__(self, name: str) -> Float[np.ndarray, " T"]:
+        return self.columns[name]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """The figures of one traversal."""
+
+    duration_s: float
+    rms_heading_deg: float
+    """In the nosing plane, over the whole run."""
+    rms_yaw_deg: float
+    """The same about gravity."""
+    steady_rms_heading_deg: float | None
+    """From 20 s on; None when the run ended before."""
+    settle_s: float | None
+    """Time after which |heading| stays within 2°; None when it never does."""
+    final_heading_deg: float
+    max_abs_heading_deg: float
+    roll_back_m: float
+    """Largest retreat along the flight from the furthest point reached before it."""
+    lateral_m: float
+    """Largest distance across the flight from the start."""
+    climbed_m: float
+    seat_rms_deg: float
+    seat_max_deg: float
+    max_pitch_rate_deg_s: float
+    min_stability_margin_deg: float
+    max_friction_use: float
+    """Largest share of the friction circle that holding the heading took; 1 slides."""
+
+
+def score(trace: Trace) -> Scores:
+    """Return the figures of a run."""
+    t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
+    steady = t > STEADY_FROM_S
+    seat = trace["seat_pitch_rad"]
+    return Scores(
+        duration_s=float(t[-1]),
+        rms_heading_deg=rms(heading) / DEG,
+        rms_yaw_deg=rms(trace["yaw_rad"]) / DEG,
+        steady_rms_heading_deg=rms(heading[steady]) / DEG if np.any(steady) else None,
+        settle_s=settling_time(t, heading),
+        final_heading_deg=float(heading[-1]) / DEG,
+        max_abs_heading_deg=float(np.abs(heading).max()) / DEG,
+        roll_back_m=float((np.maximum.accumulate(x) - x).max()),
+        lateral_m=float(np.abs(y - y[0]).max()),
+        climbed_m=float(x[-1] - x[0]),
+        seat_rms_deg=rms(seat) / DEG,
+        seat_max_deg=float(np.abs(seat).max()) / DEG,
+        max_pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
+        min_stability_margin_deg=float(trace["stability_margin_rad"].min()) / DEG,
+        max_friction_use=float(trace["friction_use"].max()),
+    )
+
+
+def settling_time(
+    t_s: Float[np.ndarray, " T"], heading_rad: Float[np.ndarray, " T"], within_rad: float = SETTLED_RAD
+) -> float | None:
+    """Return the time from which on the heading stays within a band, or None if the run ends outside it."""
+    outside = np.flatnonzero(np.abs(heading_rad) > within_rad)
+    if outside.size == 0:
+        return 0.0
+    last = int(outside[-1])
+    return None if last + 1 >= t_s.size else float(t_s[last + 1])

@@ -1,0 +1,34 @@
+"""How fast the simulator is without camera and vision: simulated seconds per CPU second."""
+
+import statistics
+import time
+
+from treadline.experiments.plan import straight
+from treadline.ports import TruthPlant
+from treadline.signals import SeatCommand, TrackCommand
+from treadline.sim import open_plant
+
+SPAN_S = 10.0
+REPEATS = 5
+
+
+def physics_real_time_factor() -> float:
+    """Return the median of several spans of climbing at 28° with the physics alone."""
+    plant = open_plant(straight(28, "open", SPAN_S * (REPEATS + 1)), seed=0)
+    try:
+        plant.start()
+        _climb(plant, 0.0)  # caches and branch predictors warm up
+        return statistics.median(_climb(plant, SPAN_S * (i + 1)) for i in range(REPEATS))
+    finally:
+        plant.close()
+
+
+def _climb(plant: TruthPlant, from_s: float) -> float:
+    started = time.process_time()
+    for k in range(round(SPAN_S / 0.01)):
+        t_s = from_s + (k + 1) * 0.01
+        plant.write(TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=t_s, rate_m_s=0.0))
+        plant.advance(t_s)
+    plant.read()
+    plant.truth()
+    return SPAN_S / (time.process_time() - started)

@@ -1,0 +1,77 @@
+"""What the mission is told before it starts, and the blocks that follow from it.
+
+Everything here comes from the chair's file, the controller's file and the operator. Nothing comes from a scenario:
+payload, slope, friction and heading are for the sensors to find.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from treadline import paper
+from treadline.control import ControllerConfig, HeadingController
+from treadline.errors import SettingsError
+from treadline.estimation import HeadingFilter, OffsetEstimator
+from treadline.mechanics.chair import ChairDescription
+from treadline.mission.drivers import ConstantSpeed, Driver
+from treadline.mission.guard import Guard, GuardConfig
+from treadline.mission.loop import Blocks, Detector, Estimator
+from treadline.models import ControllerDesign
+from treadline.perception import DetectorConfig, StairDetector
+from treadline.seat import Leveller, LevellerConfig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionConfig:
+    """The operator's choices and the files the chair carries."""
+
+    chair: ChairDescription
+    controller: ControllerDesign | None = None
+    """None only where an experiment brings its own driver, or the loop is open."""
+    climb_speed_m_s: float = 0.2
+    loop: Literal["closed", "open"] = "closed"
+    vision: Literal["robust", "paper"] = "robust"
+    allocation: Literal["climb-safe", "paper"] = "climb-safe"
+    reconstruct: Literal["observer", "static"] = "observer"
+
+
+def heading_driver(config: MissionConfig) -> Driver:
+    """Return the driver that the operator chose: the heading controller, or constant speed.
+
+    Raises:
+        SettingsError: If the controller is missing or was made for another vehicle.
+    """
+    if config.loop == "open":
+        return ConstantSpeed(config.climb_speed_m_s, 1.0 / paper.CONTROL_RATE_HZ)
+    design = config.controller
+    if design is None:
+        raise SettingsError("a closed loop needs a controller; make one with treadline tune")
+    if design.vehicle != config.chair.name:
+        raise SettingsError(f"the controller was made for '{design.vehicle}', the chair is '{config.chair.name}'")
+    return HeadingController(
+        design,
+        ControllerConfig(
+            climb_speed_m_s=config.climb_speed_m_s,
+            allocation=config.allocation,
+            reconstruct=config.reconstruct,
+            max_speed_m_s=config.chair.drives.max_speed_m_s,
+            period_s=design.period_s,
+        ),
+    )
+
+
+def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
+    """Return the blocks of one mission; an experiment may bring its own driver."""
+    detector: Detector = StairDetector(DetectorConfig(method=config.vision))
+    estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()
+    return Blocks(
+        detector=detector,
+        estimator=estimator,
+        driver=driver or heading_driver(config),
+        leveller=Leveller(LevellerConfig(seat=config.chair.seat)),
+        guard=Guard(
+            GuardConfig(
+                belt_limit_m_s=config.chair.drives.max_speed_m_s,
+                needs_heading=config.loop == "closed",
+            )
+        ),
+    )

@@ -1,0 +1,34 @@
+"""Who proposes belt speeds: the heading controller, a constant, or an experiment's own signal."""
+
+from typing import Protocol
+
+from treadline.signals import HeadingEstimate, TrackCommand
+
+
+class Driver(Protocol):
+    """Turns the heading estimate into a proposal once per ``period_s``."""
+
+    @property
+    def period_s(self) -> float:
+        """Time between calls."""
+
+    def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
+        """Return the belt speeds to ask for at ``t_s``."""
+
+
+class ConstantSpeed:
+    """Open loop: both belts at the climb speed, whatever the heading (Fig. 9, open loop)."""
+
+    def __init__(self, speed_m_s: float, period_s: float) -> None:
+        self._speed_m_s = speed_m_s
+        self._period_s = period_s
+
+    @property
+    def period_s(self) -> float:
+        """Time between calls."""
+        return self._period_s
+
+    def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
+        """Return the climb speed on both belts."""
+        del estimate
+        return TrackCommand(t_s=t_s, left_m_s=self._speed_m_s, right_m_s=self._speed_m_s)
