@@ -54,10 +54,10 @@ class Seat(Settings):
     """Bar from slider to seat."""
     arm_m: Positive
     """Hinge to the bar's pin on the seat."""
-    slider_offset_m: float
-    """Height of the slider's rail below the hinge."""
+    slider_drop_m: Positive
+    """Of the slider's rail below the hinge."""
     stroke_m: tuple[float, float]
-    """Slider positions at the actuator's two ends, measured forward from below the hinge."""
+    """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
     max_rate_m_s: Positive
     lag_s: Positive
     """First-order lag of the actuator."""

@@ -1,0 +1,151 @@
+"""The plant's inner loop, compiled: belts, seat actuator, MuJoCo's stages and the turned contact frames.
+
+Functions of MuJoCo are linked by name; ``native.load_library`` must have run before the first call.
+"""
+
+import math
+
+from numba import njit, types
+
+_STAGE = types.void(types.uintp, types.uintp)
+_kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
+_inertia = types.ExternalFunction("mj_makeM", _STAGE)
+_factor = types.ExternalFunction("mj_factorM", _STAGE)
+_collide = types.ExternalFunction("mj_collision", _STAGE)
+_constrain = types.ExternalFunction("mj_makeConstraint", _STAGE)
+_transmit = types.ExternalFunction("mj_transmission", _STAGE)
+_velocity = types.ExternalFunction("mj_fwdVelocity", _STAGE)
+_actuate = types.ExternalFunction("mj_fwdActuation", _STAGE)
+_accelerate = types.ExternalFunction("mj_fwdAcceleration", _STAGE)
+_solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
+_integrate = types.ExternalFunction("mj_implicit", _STAGE)
+
+SUBSTEPS = 5
+"""MuJoCo steps of 2 ms in a tick of 10 ms."""
+TICK_S = 0.01
+
+# Rows of the drive state.
+LEFT, RIGHT, STROKE, STROKE_RATE = 0, 1, 2, 3
+# Columns of the log, one row per tick.
+QPOS, QVEL, BELTS, SEAT = 0, 8, 15, 17
+COLUMNS = 19
+
+
+@njit(cache=True)
+def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu_along, mu_across):
+    """Turn each belt contact's tangents to the belt: along y × n, and across.
+
+    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact.
+    """
+    for i in range(count):
+        row = real[i]
+        first, second = whole[i, geom], whole[i, geom + 1]
+        if is_belt[first]:
+            sign = 1.0
+        elif is_belt[second]:
+            sign = -1.0
+        else:
+            continue
+        nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
+        ox, oy, oz = sign * nx, sign * ny, sign * nz
+        tx = chair_y[1] * oz - chair_y[2] * oy
+        ty = chair_y[2] * ox - chair_y[0] * oz
+        tz = chair_y[0] * oy - chair_y[1] * ox
+        length = math.sqrt(tx * tx + ty * ty + tz * tz)
+        if length < 0.1:  # the belt's side: no direction of travel lies in this tangent plane
+            row[friction] = mu_across
+            row[friction + 1] = mu_across
+            continue
+        tx, ty, tz = tx / length, ty / length, tz / length
+        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        a, b = row[surfacevel], row[surfacevel + 1]
+        vx = a * row[frame + 3] + b * row[frame + 6]
+        vy = a * row[frame + 4] + b * row[frame + 7]
+        vz = a * row[frame + 5] + b * row[frame + 8]
+        row[frame + 3], row[frame + 4], row[frame + 5] = tx, ty, tz
+        row[frame + 6], row[frame + 7], row[frame + 8] = sx, sy, sz
+        row[surfacevel] = vx * tx + vy * ty + vz * tz
+        row[surfacevel + 1] = vx * sx + vy * sy + vz * sz
+        row[friction] = mu_along
+        row[friction + 1] = mu_across
+
+
+@njit(cache=True)
+def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
+    """Return a belt's speed a tick later: first-order lag within an acceleration limit; the brake ignores the lag."""
+    if brake:
+        return max(speed - brake_step, 0.0) if speed > 0.0 else min(speed + brake_step, 0.0)
+    target = min(max(asked, -limit), limit)
+    change = (target - speed) * blend
+    return speed + min(max(change, -step), step)
+
+
+@njit(cache=True)
+def table(value, start, spacing, entries):
+    """Return a table's value by linear interpolation, held at its ends."""
+    place = (value - start) / spacing
+    if place <= 0.0:
+        return entries[0]
+    last = entries.shape[0] - 1
+    if place >= last:
+        return entries[last]
+    i = int(place)
+    return entries[i] + (place - i) * (entries[i + 1] - entries[i])
+
+
+@njit(cache=True)
+def advance(
+    model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, command, drives, mismatch, state, belts_of,
+    surface_velocity, radius, seat, angles, control, qpos, qvel, log,
+):  # fmt: skip
+    """Advance the plant by some ticks and write one row of ``log`` per tick.
+
+    Args:
+        command: left, right [m/s], brake (0 or 1), stroke rate [m/s].
+        drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
+        state: LEFT, RIGHT, STROKE, STROKE_RATE; changed in place.
+        belts_of: geom ids as (side, rear front nose flat approach).
+        seat: stroke's lower end, upper end, spacing of ``angles``.
+        angles: seat angle over the stroke.
+    """
+    frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
+    for k in range(ticks):
+        for side in range(2):
+            speed = drive_belt(
+                state[side], command[side], command[2] > 0.5, drives[0], drives[1], drives[2], drives[3]
+            )
+            state[side] = speed
+            actual = speed * (1.0 + mismatch[side])
+            for j in range(3):
+                surface_velocity[belts_of[side, j], 5] = actual / radius
+            for j in range(3, 5):
+                surface_velocity[belts_of[side, j], 0] = -actual
+        asked = min(max(command[3], -drives[5]), drives[5])
+        state[STROKE_RATE] += (asked - state[STROKE_RATE]) * drives[4]
+        state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
+        control[0] = table(state[STROKE], seat[0], seat[2], angles)
+
+        for _ in range(SUBSTEPS):
+            _kinematics(model, data)
+            _inertia(model, data)
+            _factor(model, data)
+            _collide(model, data)
+            chair_y = (xmat[1], xmat[4], xmat[7])
+            turn_contacts(
+                count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1]
+            )
+            _constrain(model, data)
+            _transmit(model, data)
+            _velocity(model, data)
+            _actuate(model, data)
+            _accelerate(model, data)
+            _solve(model, data)
+            _integrate(model, data)
+
+        row = log[k]
+        row[QPOS : QPOS + 8] = qpos
+        row[QVEL : QVEL + 7] = qvel
+        row[BELTS] = state[0] * (1.0 + mismatch[0])
+        row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
+        row[SEAT] = state[STROKE]
+        row[SEAT + 1] = count[0]

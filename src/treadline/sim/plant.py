@@ -1,0 +1,392 @@
+"""The simulated chair on its stair: a ``TruthPlant`` on MuJoCo.
+
+Mission time runs in ticks of 10 ms: belts and actuators change at ticks, sensors are sampled at ticks, physics runs in
+between. All chance comes from the seed; each sensor has a stream of its own, so that one may change without the others.
+"""
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.errors import SimulationDiverged
+from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.ports import Truth
+from treadline.scenario import Scenario
+from treadline.signals import (
+    HeadingMeasurement,
+    ImuSample,
+    Reading,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.sim import kernels
+from treadline.sim.camera import Camera
+from treadline.sim.imu import IMUS, TICK_S, Imu
+from treadline.sim.native import contact_layout, contact_list, load_library
+from treadline.sim.scene import TIMESTEP_S, payload_of, scene_xml
+
+CAMERA_TICKS = 10
+CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
+"""Table I: 10 Hz."""
+BRAKE_M_S2 = 10.0
+"""Deceleration of a belt when the brake falls in."""
+SETTLE_S = 1.0
+"""Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
+SETTLE_FRICTION = 4.0
+SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+TRUTH_HEADING_SIGMA_RAD = 0.05 * DEG
+"""Declared noise of ``vision = "truth"``: small, so that a filter has something to weigh."""
+STATISTICAL_SIGMA_RAD = 0.2 * DEG
+"""Of ``camera = "statistical"``: provisional, until fitted on held-out frames."""
+CONTACTS_MAX = 128
+TABLE_SIZE = 257
+
+
+class MujocoPlant:
+    """A chair, its stair and its sensors."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
+        streams = np.random.default_rng(seed).spawn(5)
+        self._scenario = scenario
+        self._chair = chair
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
+        gravity_error = scenario.sensors.gravity_error_deg * DEG
+        self._imu = Imu(IMUS[scenario.sensors.imu], gravity_error, streams[1])
+        self._seat_rng = streams[2]
+        self._vision_rng = streams[3]
+        self._eye = self._camera(streams[4])
+        self._linkage = SeatLinkage(chair.seat)
+        self._R_SW = self.staircase.R_WS.T
+        self._build_physics()
+        self._tick = 0
+        self._readings: list[Reading] = []
+        self._truth: list[Truth] = []
+        self._command = np.zeros(4)
+        self._velocity_W = np.zeros(3)
+
+    def start(self) -> None:
+        """Put the chair on its nosings, belts at rest, at ``t = 0``."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._pose()
+        self._settle()
+        self._data.time = 0.0
+        self._tick = 0
+        self._readings.clear()
+        self._truth.clear()
+        self._velocity_W = self._data.qvel[:3].copy()
+        self._record(self._log_row())
+
+    def advance(self, until_s: float) -> None:
+        """Step the physics until ``until_s``.
+
+        Raises:
+            SimulationDiverged: On a warning of MuJoCo, time that does not advance, or a state that is not finite.
+        """
+        ticks = round(until_s / TICK_S) - self._tick
+        if ticks <= 0:
+            return
+        log = np.empty((ticks, kernels.COLUMNS))
+        self._run(ticks, log, self._friction)
+        self._check(ticks, log)
+        for row in log:
+            self._tick += 1
+            self._record(row)
+
+    def read(self) -> Sequence[Reading]:
+        """Return the samples since the last call, in time order."""
+        readings, self._readings = self._readings, []
+        return readings
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+        """Take the commands; they hold until the next call."""
+        command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s)
+        if not all(math.isfinite(value) for value in command):
+            raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
+        self._command[:] = command
+
+    def truth(self) -> Sequence[Truth]:
+        """Return the truth of every tick since the last call."""
+        truth, self._truth = self._truth, []
+        return truth
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _camera(self, rng: np.random.Generator) -> Camera | None:
+        sensors, stair = self._scenario.sensors, self._scenario.stair
+        if self._scenario.control.vision == "truth" or sensors.camera == "statistical":
+            return None
+        return Camera(
+            self.staircase,
+            self._chair.camera_at(sensors.image_height_px),
+            kind=sensors.camera,
+            texture=stair.texture,
+            light=stair.light,
+            rng=rng,
+        )
+
+    def _build_physics(self) -> None:
+        load_library()
+        chair, drives, seat = self._chair, self._chair.drives, self._chair.seat
+        self._model = mujoco.MjModel.from_xml_string(scene_xml(self.staircase, chair, self._scenario.chair))
+        self._data = mujoco.MjData(self._model)
+        self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
+        self._belts = np.array(
+            [
+                [self._model.geom(f"{side}_{part}").id for part in ("rear", "front", "nose", "flat", "approach")]
+                for side in ("left", "right")
+            ]
+        )
+        self._is_belt[self._belts] = True
+        self._friction = np.array(self.staircase.friction)
+        self._mismatch = np.array([0.0, self._scenario.chair.belt_mismatch])
+        self._drives = np.array(
+            [
+                drives.max_speed_m_s,
+                1.0 - math.exp(-TICK_S / drives.lag_s),
+                drives.max_acceleration_m_s2 * TICK_S,
+                BRAKE_M_S2 * TICK_S,
+                1.0 - math.exp(-TICK_S / seat.lag_s),
+                seat.max_rate_m_s,
+            ]
+        )
+        low, high = self._linkage.stroke_range
+        strokes = np.linspace(low, high, TABLE_SIZE)
+        self._seat = np.array([low, high, strokes[1] - strokes[0]])
+        self._angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
+        self._state = np.zeros(4)
+        payload = payload_of(chair, self._scenario.chair)
+        self._com_B = (
+            chair.masses.chassis_kg * np.array(chair.masses.chassis_com_m),
+            payload.mass_kg,
+            np.array(chair.seat.hinge_m) + [self._scenario.chair.seat_shift_m, 0.0, 0.0],
+            np.array(payload.com_m),
+            chair.masses.chassis_kg + payload.mass_kg,
+        )
+
+    def _pose(self) -> None:
+        scenario, tracks = self._scenario, self._chair.tracks
+        heading = scenario.start.heading_deg * DEG
+        slope = self.staircase.slope_rad if scenario.start.place == "flight" else 0.0
+        R_WB = rotation_y(-slope) @ rotation_z(heading)
+        along = 0.5 * tracks.flat_run_m * math.cos(heading)
+        if scenario.start.place == "flight":
+            step = self.staircase.steps[scenario.start.step]
+            radius = self.staircase.nosing_radius_m
+            # The nosing plane touches the rounded nosings a little below their sharp edges.
+            drop = radius * (math.sin(slope) + math.cos(slope) - 1.0)
+            p_WS = np.array([step.x_m, 0.0, step.z_m])
+            p_WB = p_WS + self.staircase.R_WS @ np.array([-along, scenario.start.lateral_m, 0.001 - drop])
+        elif scenario.start.place == "floor":
+            p_WB = np.array([-along - 1.0, scenario.start.lateral_m, 0.001])
+        else:
+            top = self.staircase.steps[-1]
+            p_WB = np.array([top.x_m + along + 0.2, scenario.start.lateral_m, top.z_m + 0.001])
+        self._set_pose(p_WB, R_WB)
+        angle = slope if scenario.start.seat == "level" else 0.0
+        self._state[:] = 0.0
+        self._state[kernels.STROKE] = self._linkage.stroke(angle)
+        self._data.qpos[7] = angle
+        self._data.ctrl[0] = angle
+
+    def _set_pose(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> None:
+        self._data.qpos[:3] = p_WB
+        mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(R_WB).ravel())
+
+    def _settle(self) -> None:
+        mujoco.mj_forward(self._model, self._data)
+        self._attach()
+        self._command = np.array([0.0, 0.0, 1.0, 0.0])
+        ticks = round(SETTLE_S / TICK_S)
+        log = np.empty((ticks, kernels.COLUMNS))
+        self._run(ticks, log, np.full(2, SETTLE_FRICTION))
+        self._check(ticks, log, began_s=0.0)
+        self._data.qvel[:] = 0.0
+        self._command[:] = 0.0
+
+    def _attach(self) -> None:
+        """Lay arrays over MuJoCo's contact list, which stays where it is."""
+        layout = contact_layout()
+        # A chair that starts a hair above the stair touches nothing yet: let it fall until it does.
+        for _ in range(200):
+            if self._data.ncon > 0:
+                break
+            mujoco.mj_step(self._model, self._data)
+        base = contact_list(self._data)
+        self._count = _view(self._data._address + layout.count_offset, 1, 1, np.int32)[0]  # noqa: SLF001 - the binding's only way
+        self._real = _view(base, CONTACTS_MAX, layout.stride // 8, np.float64)
+        self._whole = _view(base, CONTACTS_MAX, layout.stride // 4, np.int32)
+        self._layout = np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4])
+
+    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
+        data, model = self._data, self._model
+        self._began_s = data.time
+        kernels.advance(
+            np.uintp(model._address),  # noqa: SLF001 - the binding's only way to the struct
+            np.uintp(data._address),  # noqa: SLF001 - as above
+            ticks,
+            self._count,
+            self._real,
+            self._whole,
+            self._layout,
+            self._is_belt,
+            data.xmat[1],
+            friction,
+            self._command,
+            self._drives,
+            self._mismatch,
+            self._state,
+            self._belts,
+            model.geom_surfacevel,
+            self._chair.tracks.pulley_radius_m,
+            self._seat,
+            self._angles,
+            data.ctrl,
+            data.qpos,
+            data.qvel,
+            log,
+        )
+
+    def _check(self, ticks: int, log: Float[np.ndarray, "n c"], began_s: float | None = None) -> None:
+        where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
+        warned = [
+            str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)
+        ]
+        if warned:
+            raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
+        if not np.isfinite(log).all():
+            raise SimulationDiverged(f"the state is not finite {where}")
+        began = self._began_s if began_s is None else self._began_s
+        expected = began + ticks * kernels.SUBSTEPS * TIMESTEP_S
+        if abs(self._data.time - expected) > 1e-6 * max(1.0, expected):
+            raise SimulationDiverged(f"time went from {began:.3f} s to {self._data.time:.3f} s {where}")
+        if log[:, kernels.SEAT + 1].max() > CONTACTS_MAX:
+            raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
+
+    def _log_row(self) -> Float[np.ndarray, " c"]:
+        row = np.zeros(kernels.COLUMNS)
+        row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos
+        row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel
+        row[kernels.SEAT] = self._state[kernels.STROKE]
+        return row
+
+    def _record(self, row: Float[np.ndarray, " c"]) -> None:
+        """Turn one tick's state into truth and sensor samples."""
+        t_s = self._tick * TICK_S
+        R_WB = _rotation(row[kernels.QPOS + 3 : kernels.QPOS + 7])
+        truth = self._truth_of(t_s, row, R_WB)
+        self._truth.append(truth)
+        self._readings.append(self._imu_sample(t_s, row, R_WB))
+        pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._seat_rng.standard_normal())
+        self._readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=float(row[kernels.SEAT])))
+        belts = row[kernels.BELTS : kernels.BELTS + 2] / (1.0 + self._mismatch)
+        self._readings.append(
+            TrackReading(
+                t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(self._command[2] > 0.5)
+            )
+        )
+        if self._tick % CAMERA_TICKS == 0:
+            self._readings.append(self._look(t_s, row, R_WB, truth))
+
+    def _imu_sample(
+        self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]
+    ) -> ImuSample:
+        velocity = row[kernels.QVEL : kernels.QVEL + 3]
+        acceleration = (velocity - self._velocity_W) / TICK_S
+        self._velocity_W = velocity
+        moving = bool(abs(row[kernels.BELTS]) + abs(row[kernels.BELTS + 1]) > 0.01)
+        rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
+        return self._imu.sample(t_s, R_WB, rate_B, acceleration, moving=moving)
+
+    def _look(
+        self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"], truth: Truth
+    ) -> Reading:
+        if self._eye is not None:
+            camera = self._chair.camera_at(self._scenario.sensors.image_height_px)
+            p_WC = row[kernels.QPOS : kernels.QPOS + 3] + R_WB @ np.array(camera.mount_m)
+            return self._eye.frame(t_s, R_WB @ camera.R_BC, p_WC)
+        exact = self._scenario.control.vision == "truth"
+        sigma = TRUTH_HEADING_SIGMA_RAD if exact else STATISTICAL_SIGMA_RAD
+        noise = sigma * float(self._vision_rng.standard_normal())
+        return HeadingMeasurement(t_s=t_s, heading_rad=truth.heading_rad + noise, sigma_rad=sigma, edge_count=6)
+
+    def _truth_of(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Truth:
+        R_SB = self._R_SW @ R_WB
+        p_SB = self._R_SW @ (row[kernels.QPOS : kernels.QPOS + 3] - self.staircase.p_WS)
+        rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
+        angle = float(row[kernels.QPOS + 7])
+        heading = math.atan2(R_SB[1, 0], R_SB[0, 0])
+        pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
+        roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
+        return Truth(
+            t_s=t_s,
+            heading_rad=heading,
+            yaw_rad=math.atan2(R_WB[1, 0], R_WB[0, 0]),
+            heading_rate_rad_s=float(R_SB[2] @ rate_B),
+            pitch_rad=pitch,
+            roll_rad=roll,
+            pitch_rate_rad_s=-float(rate_B[1]),
+            x_m=float(p_SB[0]),
+            y_m=float(p_SB[1]),
+            seat_pitch_rad=math.asin(
+                max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))
+            ),
+            left_m_s=float(row[kernels.BELTS]),
+            right_m_s=float(row[kernels.BELTS + 1]),
+            stability_margin_rad=self._margin(R_WB, angle),
+            friction_use=self._friction_use(heading),
+        )
+
+    def _friction_use(self, heading_rad: float) -> float:
+        along, across = self.staircase.friction
+        tangent = math.tan(self.staircase.slope_rad)
+        return math.hypot(math.cos(heading_rad) * tangent / along, math.sin(heading_rad) * tangent / across)
+
+    def _margin(self, R_WB: Float[np.ndarray, "3 3"], seat_angle_rad: float) -> float:
+        """Return the smallest tipping angle with the nosings at their worst under the tracks."""
+        chassis, mass, hinge, arm, whole = self._com_B
+        c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
+        x = (chassis[0] + mass * (hinge[0] + c * arm[0] + s * arm[2])) / whole
+        y = (chassis[1] + mass * (hinge[1] + arm[1])) / whole
+        z = (chassis[2] + mass * (hinge[2] - s * arm[0] + c * arm[2])) / whole
+        tracks = self._chair.tracks
+        half_x = 0.5 * tracks.flat_run_m - self.staircase.pitch_m
+        half_y = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+        # The weight's direction in B; a plumb line from the centre of mass meets the belts' plane at (px, py).
+        gx, gy, gz = -R_WB[2]
+        if gz >= 0.0:
+            return -0.5 * math.pi
+        px, py = x - z * gx / gz, y - z * gy / gz
+        inside = min(half_x + px, half_x - px, half_y + py, half_y - py)
+        return math.atan2(inside, z)
+
+
+def _view(address: int, rows: int, columns: int, kind: type) -> Float[np.ndarray, "r c"]:
+    import ctypes
+
+    size = rows * columns * np.dtype(kind).itemsize
+    return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
+
+
+def _rotation(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]:
+    w, x, y, z = quaternion.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:
+    """Return a simulated chair on the scenario's stair."""
+    return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair)
