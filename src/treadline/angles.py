@@ -57,16 +57,15 @@ def rotation_of(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]
 
 def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
     """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix."""
-    # The eigenvector of the largest eigenvalue of this symmetric matrix is the quaternion (Bar-Itzhack, 2000).
-    K = np.array(
-        [
-            [R[0, 0] - R[1, 1] - R[2, 2], 0.0, 0.0, 0.0],
-            [R[1, 0] + R[0, 1], R[1, 1] - R[0, 0] - R[2, 2], 0.0, 0.0],
-            [R[2, 0] + R[0, 2], R[2, 1] + R[1, 2], R[2, 2] - R[0, 0] - R[1, 1], 0.0],
-            [R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], np.trace(R)],
-        ]
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    # Four equivalent forms (Shepperd, 1978); the largest divisor loses no digits.
+    forms = (
+        (1.0 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1.0 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1.0 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1.0 - a - e + i),
     )
-    _, vectors = np.linalg.eigh(K)  # reads the lower triangle
-    x, y, z, w = vectors[:, -1]
-    quaternion = np.array([w, x, y, z])
-    return quaternion if w >= 0.0 else -quaternion
+    best = max(range(4), key=lambda k: forms[k][k])
+    quaternion = np.array(forms[best])
+    quaternion /= math.sqrt(float(quaternion @ quaternion))
+    return quaternion if quaternion[0] >= 0.0 else -quaternion

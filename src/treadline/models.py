@@ -105,6 +105,8 @@ class ControllerDesign:
     K: Float[np.ndarray, "m n"]
     observer_gain: Float[np.ndarray, "n p"]
     period_s: float
+    disturbance_gain: Float[np.ndarray, " p"] | None = None
+    """Corrects the constant difference between asked and acting belts, per unit of innovation; None carries none."""
     reconstruct: Literal["observer", "static"] = "observer"
     vehicle: str = "wheelchair"
     provenance: Provenance = field(default_factory=dict)
@@ -112,6 +114,8 @@ class ControllerDesign:
     def __post_init__(self) -> None:
         _check("K", self.K, (self.model.B.shape[1], self.model.order))
         _check("observer_gain", self.observer_gain, (self.model.order, self.model.C.shape[0]))
+        if self.disturbance_gain is not None:
+            _check("disturbance_gain", self.disturbance_gain, (self.model.C.shape[0],))
 
     def save(self, path: Path) -> None:
         """Write the controller as JSON."""
@@ -184,7 +188,7 @@ def _jsonable(value: Any) -> Any:
     return value
 
 
-_ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "K"}
+_ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "disturbance_gain", "K"}
 
 
 def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:

@@ -31,7 +31,7 @@ def tune(
         out: Where the controller is written.
     """
     from treadline.control import closed_loop_poles
-    from treadline.control.tune import tune as design
+    from treadline.control import tune as design
     from treadline.errors import SettingsError
     from treadline.models import LinearModel
 

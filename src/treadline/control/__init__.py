@@ -1,1 +1,7 @@
 """From a linear model to belt speeds that keep the chair square."""
+
+from treadline.control.heading import ControllerConfig, HeadingController
+from treadline.control.lqr import closed_loop_poles, lqr_gain
+from treadline.control.tune import tune
+
+__all__ = ["ControllerConfig", "HeadingController", "closed_loop_poles", "lqr_gain", "tune"]

@@ -27,8 +27,8 @@ TICK_S = 0.01
 # Rows of the drive state.
 LEFT, RIGHT, STROKE, STROKE_RATE = 0, 1, 2, 3
 # Columns of the log, one row per tick.
-QPOS, QVEL, BELTS, SEAT = 0, 8, 15, 17
-COLUMNS = 19
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE = 0, 8, 15, 17, 18, 19
+COLUMNS = 20
 
 
 @njit(cache=True)
@@ -148,4 +148,5 @@ def advance(
         row[BELTS] = state[0] * (1.0 + mismatch[0])
         row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
         row[SEAT] = state[STROKE]
-        row[SEAT + 1] = count[0]
+        row[CONTACTS] = count[0]
+        row[BRAKE] = command[2]

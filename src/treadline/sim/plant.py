@@ -4,6 +4,7 @@ Mission time runs in ticks of 10 ms: belts and actuators change at ticks, sensor
 between. All chance comes from the seed; each sensor has a stream of its own, so that one may change without the others.
 """
 
+import ctypes
 import math
 from collections.abc import Sequence
 
@@ -11,7 +12,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.angles import DEG, rotation_of, rotation_y, rotation_z
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
@@ -67,6 +68,7 @@ class MujocoPlant:
         self._R_SW = self.staircase.R_WS.T
         self._build_physics()
         self._tick = 0
+        self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
         self._readings: list[Reading] = []
         self._truth: list[Truth] = []
         self._command = np.zeros(4)
@@ -82,7 +84,7 @@ class MujocoPlant:
         self._readings.clear()
         self._truth.clear()
         self._velocity_W = self._data.qvel[:3].copy()
-        self._record(self._log_row())
+        self._pending = [(0, self._log_row())]
 
     def advance(self, until_s: float) -> None:
         """Step the physics until ``until_s``.
@@ -96,12 +98,12 @@ class MujocoPlant:
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, self._friction)
         self._check(ticks, log)
-        for row in log:
-            self._tick += 1
-            self._record(row)
+        self._pending.extend(enumerate(log, start=self._tick + 1))
+        self._tick += ticks
 
     def read(self) -> Sequence[Reading]:
         """Return the samples since the last call, in time order."""
+        self._sense()
         readings, self._readings = self._readings, []
         return readings
 
@@ -114,6 +116,7 @@ class MujocoPlant:
 
     def truth(self) -> Sequence[Truth]:
         """Return the truth of every tick since the last call."""
+        self._sense()
         truth, self._truth = self._truth, []
         return truth
 
@@ -167,7 +170,7 @@ class MujocoPlant:
         self._com_B = (
             chair.masses.chassis_kg * np.array(chair.masses.chassis_com_m),
             payload.mass_kg,
-            np.array(chair.seat.hinge_m) + [self._scenario.chair.seat_shift_m, 0.0, 0.0],
+            np.array(chair.seat.hinge_m) + np.array([self._scenario.chair.seat_shift_m, 0.0, 0.0]),
             np.array(payload.com_m),
             chair.masses.chassis_kg + payload.mass_kg,
         )
@@ -268,7 +271,7 @@ class MujocoPlant:
         expected = began + ticks * kernels.SUBSTEPS * TIMESTEP_S
         if abs(self._data.time - expected) > 1e-6 * max(1.0, expected):
             raise SimulationDiverged(f"time went from {began:.3f} s to {self._data.time:.3f} s {where}")
-        if log[:, kernels.SEAT + 1].max() > CONTACTS_MAX:
+        if log[:, kernels.CONTACTS].max() > CONTACTS_MAX:
             raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
 
     def _log_row(self) -> Float[np.ndarray, " c"]:
@@ -278,10 +281,15 @@ class MujocoPlant:
         row[kernels.SEAT] = self._state[kernels.STROKE]
         return row
 
-    def _record(self, row: Float[np.ndarray, " c"]) -> None:
-        """Turn one tick's state into truth and sensor samples."""
-        t_s = self._tick * TICK_S
-        R_WB = _rotation(row[kernels.QPOS + 3 : kernels.QPOS + 7])
+    def _sense(self) -> None:
+        """Turn the states not yet looked at into truth and sensor samples, in time order."""
+        for tick, row in self._pending:
+            self._record(tick, row)
+        self._pending.clear()
+
+    def _record(self, tick: int, row: Float[np.ndarray, " c"]) -> None:
+        t_s = tick * TICK_S
+        R_WB = rotation_of(row[kernels.QPOS + 3 : kernels.QPOS + 7])
         truth = self._truth_of(t_s, row, R_WB)
         self._truth.append(truth)
         self._readings.append(self._imu_sample(t_s, row, R_WB))
@@ -290,10 +298,10 @@ class MujocoPlant:
         belts = row[kernels.BELTS : kernels.BELTS + 2] / (1.0 + self._mismatch)
         self._readings.append(
             TrackReading(
-                t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(self._command[2] > 0.5)
+                t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(row[kernels.BRAKE] > 0.5)
             )
         )
-        if self._tick % CAMERA_TICKS == 0:
+        if tick % CAMERA_TICKS == 0:
             self._readings.append(self._look(t_s, row, R_WB, truth))
 
     def _imu_sample(
@@ -369,22 +377,10 @@ class MujocoPlant:
         return math.atan2(inside, z)
 
 
-def _view(address: int, rows: int, columns: int, kind: type) -> Float[np.ndarray, "r c"]:
-    import ctypes
-
+def _view(address: int, rows: int, columns: int, kind: type) -> np.ndarray:
+    """Return an array laid over memory that MuJoCo owns."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
-
-
-def _rotation(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]:
-    w, x, y, z = quaternion.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:

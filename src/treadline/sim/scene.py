@@ -2,7 +2,7 @@
 
 Belts are boxes and cylinders with native surface motion (``surfacevel``; Pecka et al., IROS 2017, gave Gazebo the same):
 ``v + ω × (x - p)`` in the geom's frame, projected on each contact's tangent plane. Box ends hide in the pulleys, whose
-faces move. A step is two boxes and a capsule, so that its nosing is round and nothing protrudes.
+faces move. A step is a box and a capsule for its rounded nosing, which stands its radius in front of the riser.
 """
 
 import math
@@ -26,7 +26,7 @@ HEADER = """\
 <mujoco model="treadline">
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{timestep}" integrator="implicitfast" solver="Newton" cone="elliptic" jacobian="dense" impratio="10"
-          iterations="50" tolerance="1e-10">
+          iterations="50" tolerance="1e-6">
     <flag multiccd="disable" island="disable"/>
   </option>
   <default>
@@ -92,7 +92,6 @@ def _solid(box: Box, radius: float) -> list[str]:
     fromto = " ".join(repr(value) for value in (*left, *right))
     return [
         _box(at(0.5 * r, 0.0), (hx - 0.5 * r, hy, hz), yaw),
-        _box(at(0.0, -0.5 * r), (hx, hy, hz - 0.5 * r), yaw),
         f'    <geom class="stair" type="capsule" size="{r!r}" fromto="{fromto}"/>',
     ]
 

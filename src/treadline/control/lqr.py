@@ -1,0 +1,91 @@
+"""LQR: the gain that trades heading error against belt speed (Eq. 10, 11a, 13, 14)."""
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from treadline.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
+from treadline.models import ControllerDesign
+
+SYMMETRY = 1e-9
+"""Relative asymmetry of a weight that is still rounding."""
+
+
+def lqr_gain(
+    A: Float[np.ndarray, "n n"],
+    B: Float[np.ndarray, "k m"],
+    Q: Float[np.ndarray, "q q"],
+    R: Float[np.ndarray, "r r"],
+) -> Float[np.ndarray, "m n"]:
+    """Return the gain K whose control law ``u_k = -K x_k`` minimises the cost J.
+
+    Paper: Eq. (10), (11a), (13), (14).
+
+    Solves the Riccati equation for P, the cost still to pay from a state (``J = x' P x``), then
+    ``K = (R + B'PB)^-1 B'PA``.
+
+    Args:
+        A: State transition, one control period per step.
+        B: Effect of the belt speeds (left, right) [m/s] on the next state.
+        Q: Price of the state, positive semi-definite.
+        R: Price of the input [1/(m/s)^2], positive definite.
+
+    Returns:
+        K: Belt speed per unit of state [m/s].
+
+    Raises:
+        ShapeMismatch: If the matrices do not fit each other.
+        NotFinite: If one holds NaN or Inf.
+        NotDefinite: If Q or R is not as definite as it must be.
+        NotStabilisable: If no gain makes ``A - BK`` stable.
+    """
+    n, m = A.shape[0], B.shape[1]
+    for name, matrix, shape in (("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
+        if matrix.shape != shape:
+            raise ShapeMismatch(f"the weight or matrix {name} is {matrix.shape}, A and B ask for {shape}")
+    for name, matrix in (("A", A), ("B", B), ("Q", Q), ("R", R)):
+        if not np.isfinite(matrix).all():
+            raise NotFinite(f"{name} holds NaN or Inf")
+    check_definite("Q", Q, strictly=False)
+    check_definite("R", R, strictly=True)
+    try:
+        P = solve_discrete_are(A, B, Q, R)
+    except (LinAlgError, ValueError) as error:
+        raise NotStabilisable(
+            f"the Riccati equation has no stabilising solution (spectral radius of A is {spectral_radius(A):.3f}); "
+            "identify the model again with inputs that excite both tracks"
+        ) from error
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    radius = spectral_radius(A - B @ K)
+    if not radius < 1.0:
+        raise NotStabilisable(
+            f"no gain stabilises this model (spectral radius of A - BK is {radius:.3f}); "
+            "identify it again with inputs that excite both tracks"
+        )
+    return np.asarray(K)
+
+
+def check_definite(name: str, weight: Float[np.ndarray, "n n"], *, strictly: bool) -> None:
+    """Check that a weight is symmetric and positive (semi-)definite.
+
+    Raises:
+        NotDefinite: With the smallest eigenvalue.
+    """
+    scale = max(float(np.abs(weight).max()), 1e-300)
+    if float(np.abs(weight - weight.T).max()) > SYMMETRY * scale:
+        raise NotDefinite(f"{name} is not symmetric; give ({name} + {name}')/2")
+    smallest = float(np.linalg.eigvalsh(weight).min())
+    if strictly and smallest <= 0.0:
+        raise NotDefinite(f"{name} is not positive definite (smallest eigenvalue {smallest:.3g}); raise its diagonal")
+    if smallest < -SYMMETRY * scale:
+        raise NotDefinite(f"{name} is not positive semi-definite (smallest eigenvalue {smallest:.3g})")
+
+
+def spectral_radius(A: Float[np.ndarray, "n n"]) -> float:
+    """Return the largest magnitude of the eigenvalues."""
+    return float(np.abs(np.linalg.eigvals(A)).max())
+
+
+def closed_loop_poles(design: ControllerDesign) -> Complex[np.ndarray, " n"]:
+    """Return the eigenvalues of ``A - BK``."""
+    return np.asarray(np.linalg.eigvals(design.model.A - design.model.B @ design.K), dtype=complex)

@@ -1,0 +1,83 @@
+"""The observer: the state from all outputs so far, and from what the belts were really told.
+
+It runs on the input after saturation, so that a limit reached never winds anything up. Beside the model's state it
+carries a constant difference between asked and acting inputs (a belt that runs 2 % fast): without it, a proportional
+law leaves the heading off by what the mismatch needs. See docs/decisions/0004-offset-free-heading.md.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import LinAlgError, solve_discrete_are
+
+from treadline.control.lqr import spectral_radius
+from treadline.errors import NotDetectable
+from treadline.models import LinearModel
+
+
+def kalman_gain(
+    A: Float[np.ndarray, "n n"],
+    C: Float[np.ndarray, "p n"],
+    process: Float[np.ndarray, "n n"],
+    measurement: Float[np.ndarray, "p p"],
+) -> Float[np.ndarray, "n p"]:
+    """Return the steady-state predictor gain L of ``x[k+1] = A x[k] + L (y[k] - C x[k])``.
+
+    Args:
+        process: Covariance of what drives the state each period.
+        measurement: Covariance of the outputs' noise.
+
+    Raises:
+        NotDetectable: If no gain makes ``A - LC`` stable.
+    """
+    try:
+        P = solve_discrete_are(A.T, C.T, process, measurement)
+    except (LinAlgError, ValueError) as error:
+        raise NotDetectable(
+            f"no observer follows this model (spectral radius of A is {spectral_radius(A):.3f}); "
+            "add an output that shows the slow state"
+        ) from error
+    L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
+    radius = spectral_radius(A - L @ C)
+    if not radius < 1.0:
+        raise NotDetectable(f"A - LC has spectral radius {radius:.3f}; add an output that shows the slow state")
+    return np.asarray(L)
+
+
+class Observer:
+    """Predictor-form observer around the model's offsets, with a constant input disturbance.
+
+    The disturbance acts along ``direction`` in the input space (for two belts: their difference) and is corrected by
+    ``disturbance_gain`` times the innovation.
+    """
+
+    def __init__(
+        self,
+        model: LinearModel,
+        gain: Float[np.ndarray, "n p"],
+        direction: Float[np.ndarray, " m"],
+        disturbance_gain: Float[np.ndarray, " p"],
+    ) -> None:
+        self._model = model
+        self._gain = gain
+        self._direction = direction
+        self._disturbance_gain = disturbance_gain
+        self.state = np.zeros(model.order)
+        self.disturbance = 0.0
+
+    def start(self, y: Float[np.ndarray, " p"]) -> None:
+        """Take the state that explains an output best, at the model's operating point."""
+        self.state = np.linalg.pinv(self._model.C) @ (y - self._model.output_offset)
+        self.disturbance = 0.0
+
+    def update(self, u: Float[np.ndarray, " m"], y: Float[np.ndarray, " p"], *, learn: bool) -> None:
+        """Go one period on, with the input that really acted.
+
+        Args:
+            learn: Whether the disturbance may change; while an input is at its limit it must not.
+        """
+        model = self._model
+        acting = u - model.input_offset + self.disturbance * self._direction
+        innovation = y - model.output_offset - model.C @ self.state - model.D @ acting
+        self.state = model.A @ self.state + model.B @ acting + self._gain @ innovation
+        if learn:
+            self.disturbance += float(self._disturbance_gain @ innovation)

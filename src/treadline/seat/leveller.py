@@ -1,0 +1,44 @@
+"""The seat's proportional loop.
+
+Paper: Section II.B, Section VI.C.3, Fig. 11. ``SeatReading -> SeatCommand``.
+"""
+
+from dataclasses import dataclass
+
+from treadline.angles import DEG
+from treadline.mechanics.chair import Seat
+from treadline.mechanics.linkage import SeatLinkage
+from treadline.signals import SeatCommand, SeatReading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevellerConfig:
+    """The seat's linkage and the loop's gain."""
+
+    seat: Seat
+    gain_per_s: float = 2.0
+    """Seat rate per unit of pitch error; with the actuator's lag of 0.1 s the loop is well damped (ζ > 1)."""
+    dead_band_rad: float = 0.1 * DEG
+    """Twice the sensor's noise: a level seat does not keep its actuator busy."""
+
+
+class Leveller:
+    """Proportional loop from seat pitch to actuator rate."""
+
+    def __init__(self, config: LevellerConfig) -> None:
+        self._config = config
+        self._linkage = SeatLinkage(config.seat)
+
+    def step(self, reading: SeatReading) -> SeatCommand:
+        """Answer one reading; the same reading always gets the same answer."""
+        config = self._config
+        if not abs(reading.pitch_rad) > config.dead_band_rad:
+            return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
+        low, high = self._linkage.stroke_range
+        stroke = min(max(reading.stroke_m, low), high)
+        # Front up is a positive pitch; a longer stroke leans the seat forward.
+        rate = config.gain_per_s * reading.pitch_rad / self._linkage.rate_ratio(stroke)
+        limit = config.seat.max_rate_m_s
+        rate = min(max(rate, -limit), limit)
+        at_end = (stroke >= high and rate > 0.0) or (stroke <= low and rate < 0.0)
+        return SeatCommand(t_s=reading.t_s, rate_m_s=0.0 if at_end else rate)

@@ -1,0 +1,57 @@
+"""What a verb answers: one JSON object with --json, and the contract's keys."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from treadline.experiments.literal import paper_model
+
+
+def test_help_lists_every_verb_and_loads_nothing_heavy() -> None:
+    script = (
+        "import sys; from treadline.cli import main; main(['--help']); "
+        "heavy = {'mujoco', 'cv2', 'scipy', 'numba', 'matplotlib'} & set(sys.modules); "
+        "sys.exit(1 if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for verb in ("reproduce", "check", "excite", "identify", "tune", "climb", "see", "report", "doctor"):
+        assert verb in done.stdout
+
+
+def test_check_says_go_for_the_papers_stair(run) -> None:
+    outcome = run("check", "paper-28", "--json")
+    assert outcome.code == 0
+    assert outcome.values["verdict"] == "go"
+    assert set(outcome.values["stability_margin_deg"]) == {"uphill", "downhill", "left", "right"}
+    assert outcome.values["friction_needed"] == pytest.approx(0.5317, abs=1e-3)  # tan 28°
+
+
+def test_check_refuses_what_friction_forbids_and_exits_1(run, tmp_path: Path) -> None:
+    path = tmp_path / "slippery.toml"
+    path.write_text('[stair]\nslope_deg = 28\nfriction = [0.5, 0.4]\n[start]\nplace = "flight"\n')
+    outcome = run("check", path, "--json")
+    assert outcome.code == 1
+    assert outcome.values["verdict"] == "refuse"
+    assert any("0.5" in reason for reason in outcome.values["reasons"])
+
+
+def test_tune_writes_a_controller_with_a_stable_loop(run, tmp_path: Path) -> None:
+    model, controller = tmp_path / "model.json", tmp_path / "controller.json"
+    paper_model(0.2).save(model)
+    outcome = run(
+        "tune", model, "--state-weight", "1,1", "--input-weight", "0.05", "--out", controller, "--json"
+    )
+    assert outcome.code == 0, outcome.err
+    assert outcome.values["K"][1][0] == pytest.approx(1.6589, abs=5e-4)  # Eq. (14)
+    assert outcome.values["spectral_radius"] < 1.0
+    assert outcome.values["period_s"] == 1.0
+    assert controller.exists()
+
+
+def test_doctor_finds_what_the_tests_run_with(run) -> None:
+    outcome = run("doctor", "--json")
+    assert outcome.code == 0
+    assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco", "numba", "mcap"}

@@ -1,0 +1,210 @@
+"""Bad input, verb by verb: exit code 2, one line that names what, where and the remedy, nothing half-written."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline import paper
+from treadline.experiments.literal import paper_model
+
+SCENARIOS = {
+    "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m"),
+    "wrong type": ('[stair]\nrise_m = "high"\n', "stair.rise_m"),
+    "out of range": ("[stair]\nrise_m = 0.9\n", "stair.rise_m"),
+    "not a number": ("[stair]\nrise_m = nan\n", "stair.rise_m"),
+    "infinite": ("[drive]\nspeed_m_s = inf\n", "drive.speed_m_s"),
+    "duplicate key": ("[stair]\nrise_m = 0.16\nrise_m = 0.17\n", "not TOML"),
+    "two truths": ("[stair]\nrise_m = 0.16\nslope_deg = 28\n", "not both"),
+    "unknown chair": ('[chair]\nmodel = "throne"\n', "chair.model"),
+    "unknown fault": ('[[fault]]\nkind = "gremlin"\n', "fault.0.kind"),
+}
+
+
+def one_line(text: str) -> bool:
+    return text.count("\n") == 1 and text.startswith("treadline: ") and "Traceback" not in text
+
+
+def assert_refused(outcome: object, *words: str) -> None:
+    assert outcome.code == 2, outcome
+    assert outcome.out == ""
+    assert one_line(outcome.err), outcome.err
+    for word in words:
+        assert word in outcome.err, outcome.err
+
+
+@pytest.mark.parametrize("verb", ["check", "climb", "excite"])
+@pytest.mark.parametrize("case", SCENARIOS)
+def test_a_bad_scenario_names_its_file_and_key(run, tmp_path: Path, verb: str, case: str) -> None:
+    text, key = SCENARIOS[case]
+    path = tmp_path / "scenario.toml"
+    path.write_text(text)
+    out = tmp_path / "run"
+    arguments = [verb, path] if verb == "check" else [verb, path, "--out", out]
+    assert_refused(run(*arguments), key)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("verb", ["check", "climb", "excite"])
+def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> None:
+    rest = [] if verb == "check" else ["--out", tmp_path / "run"]
+    assert_refused(run(verb, tmp_path / "none.toml", *rest), "none.toml", "no such file")
+    assert_refused(run(verb, tmp_path, *rest), "folder")
+    latin = tmp_path / "latin.toml"
+    latin.write_bytes(b'[chair]\nmodel = "caf\xe9"\n')
+    assert_refused(run(verb, latin, *rest), "UTF-8")
+
+
+def test_a_climb_from_the_floor_is_for_a_later_version(run, tmp_path: Path) -> None:
+    path = tmp_path / "floor.toml"
+    path.write_text('[start]\nplace = "floor"\n')
+    assert_refused(run("climb", path, "--out", tmp_path / "run"), "start.place", "flight")
+
+
+@pytest.mark.parametrize(
+    ("verb", "arguments", "word"),
+    [
+        ("climb", ["paper-28"], "--out"),
+        ("excite", ["paper-28", "--out", "run", "--samples", "3"], "--samples"),
+        ("excite", ["paper-28", "--out", "run", "--period", "0.013"], "--period"),
+        ("reproduce", ["--workers", "0"], "--workers"),
+        ("identify", ["--method", "magic", "a.csv"], "--method"),
+        ("identify", ["--inputs", "a,,b", "a.csv"], "--inputs"),
+        ("identify", ["--order", "two", "a.csv"], "--order"),
+        ("see", ["none.png", "none2.png", "--camera", "none.toml"], "none.toml"),
+        ("see", ["no-folder"], "no-folder"),
+        ("see", ["a.png", "b.png"], "--camera"),
+        ("see", ["a.png", "b.png", "--camera", "c.toml", "--method", "magic"], "--method"),
+        ("report", ["no-run"], "no-run"),
+        ("doctor", ["--bogus"], "--bogus"),
+        ("fly", [], "fly"),
+    ],
+)
+def test_bad_arguments_are_named(run, tmp_path: Path, monkeypatch, verb: str, arguments: list[str], word: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert_refused(run(verb, *arguments), word)
+    assert not list(tmp_path.iterdir())
+
+
+RECORD_HEADER = "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
+
+
+def record_text(rows: int = 300) -> list[str]:
+    rng = np.random.default_rng(7)
+    u = 0.2 + 0.1 * rng.uniform(-1, 1, (rows, 2))
+    heading = np.cumsum(u[:, 1] - u[:, 0]) * 0.05
+    return [RECORD_HEADER] + [
+        f"{0.25 * k!r},{u[k, 0]!r},{u[k, 1]!r},{heading[k]!r},{(u[k, 1] - u[k, 0]) * 0.2!r}".replace("np.float64(", "")
+        .replace(")", "")
+        for k in range(rows)
+    ]
+
+
+RECORDS = {
+    "missing file": (None, "no such file"),
+    "empty": ([], "empty"),
+    "header only": ([RECORD_HEADER], "row"),
+    "one row": (record_text()[:2], "row"),
+    "not a number": ([*record_text()[:20], "5.0,x,0.2,0.0,0.0", *record_text()[21:]], ":21"),
+    "time goes back": ([*record_text()[:50], record_text()[10], *record_text()[50:]], "t_s"),
+    "infinite": ([*record_text()[:20], "4.75,inf,0.2,0.0,0.0", *record_text()[21:]], "left_m_s"),
+    "no such column": (["t_s,a,b,c,d", *record_text()[1:]], "left_m_s"),
+    "ragged": ([*record_text()[:20], "4.75,0.2,0.2", *record_text()[21:]], ":21"),
+    "degrees": (
+        [RECORD_HEADER]
+        + [
+            f"{0.25 * k},{0.2 + 0.01 * (k % 7)},{0.2 - 0.01 * (k % 5)},{20.0 * np.sin(k)},{np.cos(k)}"
+            for k in range(300)
+        ],
+        "degrees",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", RECORDS)
+def test_a_bad_record_names_its_file_and_place(run, tmp_path: Path, case: str) -> None:
+    lines, word = RECORDS[case]
+    path = tmp_path / "record.csv"
+    if lines is not None:
+        path.write_text("\n".join(lines) + ("\n" if lines else ""))
+    out = tmp_path / "model.json"
+    assert_refused(run("identify", path, "--out", out), "record.csv", word)
+    assert not out.exists()
+
+
+def test_a_constant_input_excites_nothing(run, tmp_path: Path) -> None:
+    path = tmp_path / "record.csv"
+    lines = [RECORD_HEADER] + [f"{0.25 * k},0.2,0.2,{0.001 * np.sin(k)},{0.001 * np.cos(k)}" for k in range(300)]
+    path.write_text("\n".join(lines) + "\n")
+    assert_refused(run("identify", path, "--out", tmp_path / "model.json"), "left_m_s")
+
+
+@pytest.fixture
+def model_path(tmp_path: Path) -> Path:
+    path = tmp_path / "model.json"
+    paper_model(0.2).save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (["--state-weight", "1,-1"], "semi-definite"),
+        (["--state-weight", "1,1,1"], "weight"),
+        (["--input-weight", "0"], "definite"),
+        (["--input-weight", "x"], "--input-weight"),
+        (["--state-weight", "nan,1"], "finite"),
+        (["--period", "-1"], "period"),
+        (["--reconstruct", "guess"], "--reconstruct"),
+        (["--state-weight", "1,1", "--output-weight", "1,1"], "not both"),
+    ],
+)
+def test_tune_refuses_weights_that_mean_nothing(
+    run, tmp_path: Path, model_path: Path, options: list[str], word: str
+) -> None:
+    out = tmp_path / "controller.json"
+    assert_refused(run("tune", model_path, *options, "--out", out), word)
+    assert not out.exists()
+
+
+def broken(key: str, value: object) -> dict[str, object]:
+    return {
+        "A": paper.A.tolist(),
+        "B": paper.B.tolist(),
+        "C": paper.C.tolist(),
+        "D": paper.D.tolist(),
+        "dt_s": 1.0,
+        "input_offset": [0.2, 0.2],
+        "output_offset": [0.0, 0.0],
+        key: value,
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "not JSON"),
+        ("[]", "not an object"),
+        ("{}", "A"),
+        (json.dumps(broken("colour", "red")), "colour"),
+        (json.dumps(broken("A", [[1.0, float("nan")], [0.0, 1.0]])), "NaN"),
+        (json.dumps(broken("B", [[1.0], [2.0], [3.0]])), "transposed"),
+        (json.dumps(broken("dt_s", 0.0)), "period"),
+    ],
+)
+def test_a_file_that_is_no_model_is_refused(run, tmp_path: Path, text: str, word: str) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    assert_refused(run("tune", path, "--out", tmp_path / "controller.json"), "model.json", word)
+
+
+def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None:
+    outcome = run("climb", "paper-28", "--controller", model_path, "--out", tmp_path / "run")
+    assert_refused(outcome, "not a controller")
+
+
+def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:
+    outcome = run("check", tmp_path / "none.toml", "--debug")
+    assert outcome.code == 2
+    assert "Traceback" in outcome.err
