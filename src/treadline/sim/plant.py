@@ -7,6 +7,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 import ctypes
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -23,13 +24,13 @@ from treadline.signals import (
     HeadingMeasurement,
     ImuSample,
     Reading,
+    RgbdFrame,
     SeatCommand,
     SeatReading,
     TrackCommand,
     TrackReading,
 )
 from treadline.sim import kernels
-from treadline.sim.camera import Camera
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import TIMESTEP_S, payload_of, scene_xml
@@ -49,6 +50,13 @@ STATISTICAL_SIGMA_RAD = 0.2 * DEG
 """Of ``camera = "statistical"``: provisional, until fitted on held-out frames."""
 CONTACTS_MAX = 128
 TABLE_SIZE = 257
+
+
+class Eye(Protocol):
+    """A depth camera on the chair, drawn or modelled."""
+
+    def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
+        """Return what a camera at this pose sees."""
 
 
 class MujocoPlant:
@@ -123,10 +131,12 @@ class MujocoPlant:
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _camera(self, rng: np.random.Generator) -> Camera | None:
+    def _camera(self, rng: np.random.Generator) -> Eye | None:
         sensors, stair = self._scenario.sensors, self._scenario.stair
         if self._scenario.control.vision == "truth" or sensors.camera == "statistical":
             return None
+        from treadline.sim.camera import Camera  # noqa: PLC0415 - most physics runs draw no picture
+
         return Camera(
             self.staircase,
             self._chair.camera_at(sensors.image_height_px),

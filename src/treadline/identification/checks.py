@@ -1,0 +1,73 @@
+"""What a record must be before anything is fitted to it."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, ShapeMismatch
+from treadline.models import InputOutputRecord
+
+GAP_SHARE = 0.2
+"""Largest share of rows with a NaN: beyond it, what is left is not the experiment that was run."""
+
+
+def check_records(records: list[InputOutputRecord]) -> None:
+    """Check that records are numbers, fit each other and move.
+
+    Raises:
+        RecordError: With the record, the column and the number.
+        PeriodMismatch: If records have different periods.
+    """
+    first = records[0]
+    for index, record in enumerate(records):
+        where = f"record {index + 1}: " if len(records) > 1 else ""
+        if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:
+            raise ShapeMismatch(f"{where}has other channels than the first record")
+        if abs(record.dt_s - first.dt_s) > 1e-9 * first.dt_s:
+            raise PeriodMismatch(f"{where}period {record.dt_s:g} s, the first record has {first.dt_s:g} s; resample it")
+        _check_finite(record, where)
+    _check_movement(records)
+
+
+def _check_finite(record: InputOutputRecord, where: str) -> None:
+    names = channel_names(record)
+    for name, column in zip(names, np.hstack([record.u, record.y]).T, strict=True):
+        if np.isinf(column).any():
+            raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
+        if name.endswith("_rad") and np.nanmax(np.abs(column), initial=0.0) > math.pi:
+            raise ShapeMismatch(
+                f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
+                "meant? convert it"
+            )
+    share = float(np.mean(~np.isfinite(np.hstack([record.u, record.y])).all(axis=1)))
+    if share > GAP_SHARE:
+        raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
+
+
+def _check_movement(records: list[InputOutputRecord]) -> None:
+    names = channel_names(records[0])
+    joined = np.vstack([np.hstack([record.u, record.y]) for record in records])
+    for j, name in enumerate(names):
+        deviation = float(np.nanstd(joined[:, j]))
+        if not deviation > 1e-12 * max(1.0, float(np.nanmax(np.abs(joined[:, j])))):
+            kind = "input" if j < records[0].u.shape[1] else "output"
+            raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
+    rank = int(np.linalg.matrix_rank(_centred(np.vstack([record.u for record in records])), tol=1e-9))
+    if rank < records[0].u.shape[1]:
+        raise PoorExcitation(
+            f"the {records[0].u.shape[1]} inputs move together (rank {rank}): {', '.join(names[: records[0].u.shape[1]])}; "
+            "give a record in which each moves by itself"
+        )
+
+
+def _centred(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T2 m"]:
+    whole = u[np.isfinite(u).all(axis=1)]
+    return np.asarray((whole - whole.mean(axis=0)) / whole.std(axis=0) / math.sqrt(len(whole)))
+
+
+def channel_names(record: InputOutputRecord) -> tuple[str, ...]:
+    """Return the names of inputs and outputs, numbered where the record has none."""
+    inputs = record.input_names or tuple(f"u{i + 1}" for i in range(record.u.shape[1]))
+    outputs = record.output_names or tuple(f"y{i + 1}" for i in range(record.y.shape[1]))
+    return inputs + outputs

@@ -1,0 +1,132 @@
+"""How good a model is: on data it has not seen, one step ahead, some steps ahead, and running free."""
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import chi2
+
+from treadline.errors import PoorExcitation
+from treadline.models import InputOutputRecord, LinearModel
+
+WHITENESS_LAGS = 10
+
+
+def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
+    """Return Y_0 = D, Y_k = C A^(k-1) B: the outputs after a unit impulse on each input.
+
+    Paper: Eq. (7), Fig. 8.
+    """
+    response = np.empty((steps, model.C.shape[0], model.B.shape[1]))
+    response[0] = model.D
+    reach = model.B
+    for k in range(1, steps):
+        response[k] = model.C @ reach
+        reach = model.A @ reach
+    return response
+
+
+def simulate(
+    model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "T p"]:
+    """Return the outputs of a free run from a state."""
+    v = u - model.input_offset
+    x = x0
+    y = np.empty((len(u), model.C.shape[0]))
+    for k in range(len(u)):
+        y[k] = model.C @ x + model.D @ v[k]
+        x = model.A @ x + model.B @ v[k]
+    return y + model.output_offset
+
+
+def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
+    """Return the state at the record's start that explains its outputs best in a free run."""
+    steps, n = len(record), model.order
+    response = np.empty((steps, model.C.shape[0], n))
+    reach = np.eye(n)
+    for k in range(steps):
+        response[k] = model.C @ reach
+        reach = model.A @ reach
+    misfit = record.y - simulate(model, np.nan_to_num(record.u), np.zeros(n))
+    whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
+    design, target = response[whole].reshape(-1, n), misfit[whole].ravel()
+    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
+
+
+def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
+    """Return 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) of a free run per output, initial state estimated.
+
+    For an integrator it means little: its free run drifts with the smallest disturbance.
+    """
+    predicted = simulate(model, np.nan_to_num(record.u), initial_state(model, record))
+    error = np.sqrt(np.nansum((record.y - predicted) ** 2, axis=0))
+    spread = np.sqrt(np.nansum((record.y - np.nanmean(record.y, axis=0)) ** 2, axis=0))
+    return np.asarray(100.0 * (1.0 - error / np.maximum(spread, 1e-300)))
+
+
+def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
+    """Return the state of the model's observer before each sample; a missing sample is bridged by the model."""
+    gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
+    x = initial_state(model, head(record, 50))
+    states = np.empty((len(record), model.order))
+    for k in range(len(record)):
+        states[k] = x
+        v = np.nan_to_num(record.u[k]) - model.input_offset
+        innovation = record.y[k] - model.output_offset - model.C @ x - model.D @ v
+        x = model.A @ x + model.B @ v + gain @ np.nan_to_num(innovation)
+    return states
+
+
+def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    """Return what the observer could not predict one step ahead."""
+    states = predictor_states(model, record)
+    v = record.u - model.input_offset
+    return np.asarray(record.y - (states @ model.C.T + v @ model.D.T + model.output_offset))
+
+
+def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
+    """Return the variance accounted for, per output."""
+    return np.asarray(100.0 * (1.0 - np.nanvar(residuals, axis=0) / np.maximum(np.nanvar(y, axis=0), 1e-300)))
+
+
+def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
+    """Return the RMS error of forecasts ``steps`` ahead, from every sample, with the inputs as they came.
+
+    Raises:
+        PoorExcitation: If the record is shorter than the forecast.
+    """
+    if len(record) <= steps + 1:
+        raise PoorExcitation(f"{len(record)} samples are too few to forecast {steps} ahead")
+    x = predictor_states(model, record)[: len(record) - steps]
+    for k in range(steps):
+        v = record.u[k : k + len(x)] - model.input_offset
+        x = x @ model.A.T + v @ model.B.T
+    ahead = x @ model.C.T + (record.u[steps:] - model.input_offset) @ model.D.T + model.output_offset
+    return np.asarray(np.sqrt(np.nanmean((record.y[steps:] - ahead) ** 2, axis=0)))
+
+
+def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS) -> float:
+    """Return the p-value of the residuals being white (Hosking's portmanteau test, 1980)."""
+    e = residuals[np.isfinite(residuals).all(axis=1)]
+    e = e - e.mean(axis=0)
+    count, p = e.shape
+    C0 = np.linalg.pinv(e.T @ e / count)
+    statistic = 0.0
+    for lag in range(1, lags + 1):
+        C = e[lag:].T @ e[:-lag] / count
+        statistic += count * count / (count - lag) * float(np.trace(C.T @ C0 @ C @ C0))
+    return float(chi2.sf(statistic, p * p * lags))
+
+
+def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
+    """Return the first samples of a record."""
+    return part(record, 0, min(samples, len(record)))
+
+
+def part(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
+    """Return the samples ``start … stop - 1``."""
+    return InputOutputRecord(
+        u=record.u[start:stop],
+        y=record.y[start:stop],
+        dt_s=record.dt_s,
+        input_names=record.input_names,
+        output_names=record.output_names,
+    )
