@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -49,7 +49,7 @@ class Stair(Settings):
         return tables
 
     @model_validator(mode="after")
-    def _steps_exist(self) -> Self:
+    def _steps_exist(self) -> "Stair":
         beyond = [index for index in self.missing_steps if index >= self.steps]
         if beyond:
             message = f"missing_steps names step {beyond[0]} of a flight of {self.steps}"
@@ -124,7 +124,7 @@ class Scenario(Settings):
     fault: tuple[Fault, ...] = ()
 
     @model_validator(mode="after")
-    def _starts_on_the_flight(self) -> Self:
+    def _starts_on_the_flight(self) -> "Scenario":
         if self.start.place == "flight" and self.start.step >= self.stair.steps:
             message = f"start.step is {self.start.step}, the flight has {self.stair.steps} steps"
             raise ValueError(message)

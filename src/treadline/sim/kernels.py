@@ -1,9 +1,11 @@
 """The plant's inner loop, compiled: belts, seat actuator, MuJoCo's stages and the turned contact frames.
 
-Functions of MuJoCo are linked by name; ``native.load_library`` must have run before the first call.
+Functions of MuJoCo are linked by name; ``native.load_library`` must have run before the first call. ``no_type_check``
+keeps the tests' shape checker from wrapping what numba compiles.
 """
 
 import math
+from typing import no_type_check
 
 from numba import njit, types
 
@@ -32,6 +34,7 @@ COLUMNS = 20
 
 
 @njit(cache=True)
+@no_type_check
 def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu_along, mu_across):
     """Turn each belt contact's tangents to the belt: along y × n, and across.
 
@@ -71,6 +74,7 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
 
 
 @njit(cache=True)
+@no_type_check
 def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
     """Return a belt's speed a tick later: first-order lag within an acceleration limit; the brake ignores the lag."""
     if brake:
@@ -81,6 +85,7 @@ def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
 
 
 @njit(cache=True)
+@no_type_check
 def table(value, start, spacing, entries):
     """Return a table's value by linear interpolation, held at its ends."""
     place = (value - start) / spacing
@@ -94,6 +99,7 @@ def table(value, start, spacing, entries):
 
 
 @njit(cache=True)
+@no_type_check
 def advance(
     model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, control, qpos, qvel, log,
@@ -111,9 +117,7 @@ def advance(
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     for k in range(ticks):
         for side in range(2):
-            speed = drive_belt(
-                state[side], command[side], command[2] > 0.5, drives[0], drives[1], drives[2], drives[3]
-            )
+            speed = drive_belt(state[side], command[side], command[2] > 0.5, drives[0], drives[1], drives[2], drives[3])
             state[side] = speed
             actual = speed * (1.0 + mismatch[side])
             for j in range(3):
@@ -131,9 +135,7 @@ def advance(
             _factor(model, data)
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
-            turn_contacts(
-                count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1]
-            )
+            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
             _constrain(model, data)
             _transmit(model, data)
             _velocity(model, data)

@@ -7,7 +7,6 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 import ctypes
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -24,13 +23,13 @@ from treadline.signals import (
     HeadingMeasurement,
     ImuSample,
     Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     TrackCommand,
     TrackReading,
 )
 from treadline.sim import kernels
+from treadline.sim.camera import Camera
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import TIMESTEP_S, payload_of, scene_xml
@@ -50,13 +49,6 @@ STATISTICAL_SIGMA_RAD = 0.2 * DEG
 """Of ``camera = "statistical"``: provisional, until fitted on held-out frames."""
 CONTACTS_MAX = 128
 TABLE_SIZE = 257
-
-
-class Eye(Protocol):
-    """A depth camera on the chair, drawn or modelled."""
-
-    def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
-        """Return what a camera at this pose sees."""
 
 
 class MujocoPlant:
@@ -85,6 +77,7 @@ class MujocoPlant:
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
+        self._model.geom_surfacevel[self._belts] = 0.0
         self._pose()
         self._settle()
         self._data.time = 0.0
@@ -131,12 +124,10 @@ class MujocoPlant:
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _camera(self, rng: np.random.Generator) -> Eye | None:
+    def _camera(self, rng: np.random.Generator) -> Camera | None:
         sensors, stair = self._scenario.sensors, self._scenario.stair
         if self._scenario.control.vision == "truth" or sensors.camera == "statistical":
             return None
-        from treadline.sim.camera import Camera  # noqa: PLC0415 - most physics runs draw no picture
-
         return Camera(
             self.staircase,
             self._chair.camera_at(sensors.image_height_px),
@@ -271,7 +262,9 @@ class MujocoPlant:
     def _check(self, ticks: int, log: Float[np.ndarray, "n c"], began_s: float | None = None) -> None:
         where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
         warned = [
-            str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)
+            str(mujoco.mjtWarning(i).name)
+            for i in np.flatnonzero(self._data.warning.number)
+            if i < len(self._data.warning)
         ]
         if warned:
             raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
@@ -314,9 +307,7 @@ class MujocoPlant:
         if tick % CAMERA_TICKS == 0:
             self._readings.append(self._look(t_s, row, R_WB, truth))
 
-    def _imu_sample(
-        self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]
-    ) -> ImuSample:
+    def _imu_sample(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> ImuSample:
         velocity = row[kernels.QVEL : kernels.QVEL + 3]
         acceleration = (velocity - self._velocity_W) / TICK_S
         self._velocity_W = velocity
@@ -324,9 +315,7 @@ class MujocoPlant:
         rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
         return self._imu.sample(t_s, R_WB, rate_B, acceleration, moving=moving)
 
-    def _look(
-        self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"], truth: Truth
-    ) -> Reading:
+    def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"], truth: Truth) -> Reading:
         if self._eye is not None:
             camera = self._chair.camera_at(self._scenario.sensors.image_height_px)
             p_WC = row[kernels.QPOS : kernels.QPOS + 3] + R_WB @ np.array(camera.mount_m)
@@ -354,9 +343,7 @@ class MujocoPlant:
             pitch_rate_rad_s=-float(rate_B[1]),
             x_m=float(p_SB[0]),
             y_m=float(p_SB[1]),
-            seat_pitch_rad=math.asin(
-                max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))
-            ),
+            seat_pitch_rad=math.asin(max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))),
             left_m_s=float(row[kernels.BELTS]),
             right_m_s=float(row[kernels.BELTS + 1]),
             stability_margin_rad=self._margin(R_WB, angle),
