@@ -34,7 +34,8 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
     gravity_C = frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0])
     printed = StairDetector(DetectorConfig(method="paper")).look(frame, gravity_C, stages=True)
     robust = StairDetector(DetectorConfig(method="robust")).look(frame, gravity_C)
-    write_stages(printed, frame, figures)
+    if printed.stages is not None:
+        write_stages(printed.stages, figures)
     return {
         "heading_deg": _degrees(printed.heading_rad),
         "robust_heading_deg": _degrees(robust.heading_rad),

@@ -28,6 +28,8 @@ COLOURS = {
 }
 WALL_COLOUR = (185.0, 182.0, 175.0)
 FLOOR_COLOUR = (120.0, 118.0, 115.0)
+POOL = 1_048_573
+"""Random numbers held: a prime, so that rows of an image do not line up with it."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
 """Light falls from above: risers are darker than treads."""
 
@@ -92,6 +94,9 @@ class Camera:
         self._colours = np.array([colours.get(box.kind, COLOURS[texture]) for box in boxes])
         self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
         self._large = np.array([box.kind in ("wall", "floor", "landing") for box in boxes])
+        # Drawn once; each frame reads its streams from places of its own. Fresh numbers would cost as much as the rest.
+        self._normal = rng.standard_normal(POOL, dtype=np.float32)
+        self._chance = rng.random(POOL, dtype=np.float32)
         self._shades = np.tile(np.array(SHADES), (len(boxes), 1))
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
@@ -118,7 +123,8 @@ class Camera:
             self._colours[near],
             self._pattern,
             self._light,
-            self._rng.standard_normal((height, width), dtype=np.float32),
+            self._normal,
+            int(self._rng.integers(POOL)),
             rgb,
         )
         return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._measured(depth), camera=camera)
@@ -164,8 +170,9 @@ class Camera:
             sensor.lateral_px * scale,
             sensor.near_m,
             sensor.far_m,
-            self._rng.standard_normal((3, *exact.shape), dtype=np.float32),
-            self._rng.random(exact.shape, dtype=np.float32),
+            self._normal,
+            self._chance,
+            self._rng.integers(POOL, size=4),
             measured,
         )
         return measured

@@ -6,18 +6,25 @@ import numpy as np
 from numba import njit
 
 
+NEAR_M = 0.02
+"""Faces are clipped this far in front of the camera."""
+
+
 @njit(cache=True)
 def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
 
-    A pixel without a hit within ``far`` gets NaN and -1. Sides: 0/1 -x/+x, 2/3 -y/+y, 4/5 -z/+z in the box's frame.
+    Each face that looks at the camera is a convex polygon in the image, on which the inverse depth is linear: it is
+    clipped, filled row by row and kept where it is nearer. A pixel without a hit within ``far`` gets NaN and -1.
+    Sides: 0/1 -x/+x, 2/3 -y/+y, 4/5 -z/+z in the box's frame.
     """
     rows, columns = depth.shape
-    depth[:] = np.inf
+    depth[:] = 1.0 / far  # holds inverse depth until the end
     face[:] = -1
     o = np.empty(3)
-    q = np.empty(3)
     M = np.empty((3, 3))
+    corners = np.empty((4, 3))
+    clipped = np.empty((6, 3))
     for b in range(centres.shape[0]):
         c, s = math.cos(yaws[b]), math.sin(yaws[b])
         rx, ry, rz = p_WC[0] - centres[b, 0], p_WC[1] - centres[b, 1], p_WC[2] - centres[b, 2]
@@ -26,57 +33,78 @@ def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
             M[0, j] = c * R_WC[0, j] + s * R_WC[1, j]
             M[1, j] = -s * R_WC[0, j] + c * R_WC[1, j]
             M[2, j] = R_WC[2, j]
-        # The box's outline in the image bounds the pixels that can see it.
-        u0, u1, v0, v1 = columns * 1.0, -1.0, rows * 1.0, -1.0
-        behind = 0
-        for corner in range(8):
-            for i in range(3):
-                q[i] = (halves[b, i] if (corner >> i) & 1 else -halves[b, i]) - o[i]
-            z = M[0, 2] * q[0] + M[1, 2] * q[1] + M[2, 2] * q[2]
-            if z < 0.02:
-                behind += 1
+        for side in range(6):
+            i = side // 2
+            level = halves[b, i] if side % 2 else -halves[b, i]
+            distance = level - o[i]
+            # Looked at from its outside, or not seen at all.
+            if (side % 2 and distance >= 0.0) or (not side % 2 and distance <= 0.0):
                 continue
-            x = M[0, 0] * q[0] + M[1, 0] * q[1] + M[2, 0] * q[2]
-            y = M[0, 1] * q[0] + M[1, 1] * q[1] + M[2, 1] * q[2]
-            u, v = fx * x / z + cx, fy * y / z + cy
-            u0, u1, v0, v1 = min(u0, u), max(u1, u), min(v0, v), max(v1, v)
-        if behind == 8:
-            continue
-        if behind > 0:
-            u0, u1, v0, v1 = 0.0, columns - 1.0, 0.0, rows - 1.0
-        first_u, last_u = max(int(math.floor(u0)), 0), min(int(math.ceil(u1)), columns - 1)
-        first_v, last_v = max(int(math.floor(v0)), 0), min(int(math.ceil(v1)), rows - 1)
-        for v in range(first_v, last_v + 1):
-            y = (v - cy) / fy
-            for u in range(first_u, last_u + 1):
-                x = (u - cx) / fx
-                near, out, side = 0.0, far, -1
-                for i in range(3):
-                    d = M[i, 0] * x + M[i, 1] * y + M[i, 2]
-                    if abs(d) < 1e-12:
-                        if abs(o[i]) > halves[b, i]:
-                            side = -1
-                            near = out
-                            break
-                        continue
-                    inverse = 1.0 / d
-                    if d > 0.0:
-                        enter, leave, hit = (-halves[b, i] - o[i]) * inverse, (halves[b, i] - o[i]) * inverse, 2 * i
-                    else:
-                        enter, leave, hit = (halves[b, i] - o[i]) * inverse, (-halves[b, i] - o[i]) * inverse, 2 * i + 1
-                    if enter > near:
-                        near, side = enter, hit
-                    if leave < out:
-                        out = leave
-                    if near >= out:
-                        break
-                if side >= 0 and near < out and near < depth[v, u]:
-                    depth[v, u] = near
-                    face[v, u] = 6 * b + side
+            j, k = (i + 1) % 3, (i + 2) % 3
+            for corner in range(4):
+                p = halves[b, j] * (1.0 if corner in (1, 2) else -1.0) - o[j]
+                q = halves[b, k] * (1.0 if corner >= 2 else -1.0) - o[k]
+                for axis in range(3):
+                    corners[corner, axis] = distance * M[i, axis] + p * M[j, axis] + q * M[k, axis]
+            count = _clip(corners, clipped)
+            if count < 3:
+                continue
+            # On the plane, 1/Z = (normal · ray) / distance, linear in the pixel.
+            wu, wv = M[i, 0] / distance / fx, M[i, 1] / distance / fy
+            w0 = M[i, 2] / distance - wu * cx - wv * cy
+            _fill(clipped, count, fx, fy, cx, cy, wu, wv, w0, 6 * b + side, depth, face)
     for v in range(rows):
         for u in range(columns):
-            if face[v, u] < 0:
-                depth[v, u] = np.nan
+            depth[v, u] = 1.0 / depth[v, u] if face[v, u] >= 0 else np.nan
+
+
+@njit(cache=True)
+def _clip(corners, clipped):
+    """Write the part of a quadrilateral in front of the camera; return its number of corners."""
+    count = 0
+    for a in range(4):
+        b = (a + 1) % 4
+        za, zb = corners[a, 2], corners[b, 2]
+        if za >= NEAR_M:
+            clipped[count] = corners[a]
+            count += 1
+        if (za >= NEAR_M) != (zb >= NEAR_M):
+            t = (NEAR_M - za) / (zb - za)
+            clipped[count] = corners[a] + t * (corners[b] - corners[a])
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
+    """Fill a convex polygon where its inverse depth is the largest so far."""
+    rows, columns = inverse.shape
+    top, bottom = 1e18, -1e18
+    for a in range(count):
+        v = fy * polygon[a, 1] / polygon[a, 2] + cy
+        top, bottom = min(top, v), max(bottom, v)
+    if bottom < 0.0 or top > rows - 1:
+        return
+    for v in range(max(int(math.ceil(top)), 0), min(int(math.floor(bottom)), rows - 1) + 1):
+        left, right = 1e18, -1e18
+        for a in range(count):
+            b = (a + 1) % count
+            va = fy * polygon[a, 1] / polygon[a, 2] + cy
+            vb = fy * polygon[b, 1] / polygon[b, 2] + cy
+            if (va <= v <= vb or vb <= v <= va) and va != vb:
+                ua = fx * polygon[a, 0] / polygon[a, 2] + cx
+                ub = fx * polygon[b, 0] / polygon[b, 2] + cx
+                u = ua + (v - va) / (vb - va) * (ub - ua)
+                left, right = min(left, u), max(right, u)
+        if right < 0.0 or left > columns - 1:
+            continue
+        start, stop = max(int(math.ceil(left)), 0), min(int(math.floor(right)), columns - 1)
+        w = wv * v + w0
+        for u in range(start, stop + 1):
+            value = w + wu * u
+            if value > inverse[v, u]:
+                inverse[v, u] = value
+                face[v, u] = label
 
 
 @njit(cache=True)
@@ -115,7 +143,7 @@ def _pattern(kind, a, b, seed):
 
 
 @njit(cache=True)
-def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light, noise, rgb):
+def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light, noise, place, rgb):
     """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, gain, sensor noise."""
     rows, columns = depth.shape
     for v in range(rows):
@@ -142,12 +170,12 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
             for channel in range(3):
                 value = gain * (colours[box, channel] if box >= 0 else 90.0)
                 # Shot noise grows with the root of the signal.
-                value += noise[v, u] * (1.5 + 0.25 * math.sqrt(max(value, 0.0)))
+                value += noise[(place + v * columns + u) % noise.shape[0]] * (1.5 + 0.25 * math.sqrt(max(value, 0.0)))
                 rgb[v, u, channel] = np.uint8(min(max(value, 0.0), 255.0))
 
 
 @njit(cache=True)
-def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, measured):
+def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
 
     Args:
@@ -156,11 +184,13 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
         sigma_px: Gaussian noise of the disparity.
         step_px: Its quantisation.
         lateral_px: Standard deviation of the place in the image a depth is taken from.
-        normal: Three standard normal numbers per pixel.
-        chance: One uniform number per pixel: drop-outs.
+        normal: Standard normal numbers to draw from, and ``places`` where the three streams of this frame start.
+        chance: Uniform numbers to draw from.
     """
     rows, columns = exact.shape
     strength = fx_noise * baseline
+    first, second, third, fourth = places[0], places[1], places[2], places[3]
+    pool = normal.shape[0]
     for v in range(rows):
         furthest = -1e9
         for u in range(columns):
@@ -173,10 +203,11 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
                 else:
                     furthest = max(furthest, seen)
             measured[v, u] = np.nan
+            n = v * columns + u
             if not lit:
                 continue
-            su = min(max(u + int(round(lateral_px * normal[0, v, u])), 0), columns - 1)
-            sv = min(max(v + int(round(lateral_px * normal[1, v, u])), 0), rows - 1)
+            su = min(max(u + int(round(lateral_px * normal[(first + n) % pool])), 0), columns - 1)
+            sv = min(max(v + int(round(lateral_px * normal[(second + n) % pool])), 0), rows - 1)
             z = exact[sv, su]
             if not (near <= z <= far):
                 continue
@@ -187,9 +218,9 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
             slope_v = abs(exact[rv, su] - exact[lv, su])
             steep = max(slope_u, slope_v) / (z * 2.0)
             lost = 0.002 + (0.25 if steep > 0.04 else 0.0)
-            if chance[v, u] < lost:
+            if chance[(fourth + n) % pool] < lost:
                 continue
-            disparity = strength / z + sigma_px * normal[2, v, u]
+            disparity = strength / z + sigma_px * normal[(third + n) % pool]
             disparity = round(disparity / step_px) * step_px
             if disparity > 0.0:
                 measured[v, u] = strength / disparity

@@ -1,0 +1,55 @@
+"""The block: a frame in, a heading out, or nothing.
+
+``RgbdFrame -> HeadingMeasurement | None``; ``look`` gives the whole answer, with the reason of a refusal.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.perception.paper import PaperConfig, look_as_printed
+from treadline.perception.robust import look_robust
+from treadline.perception.sight import Sight
+from treadline.signals import HeadingMeasurement, RgbdFrame
+
+PAPER_SIGMA_RAD = 2.0 * DEG
+"""Declared uncertainty of Algorithm 1: the printed method has none, its RMSE on frames it does not fail on is 2.2°."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorConfig:
+    """Which way to look."""
+
+    method: Literal["paper", "robust"] = "robust"
+    paper: PaperConfig = PaperConfig()
+
+
+class StairDetector:
+    """Looks at one frame at a time and remembers nothing."""
+
+    def __init__(self, config: DetectorConfig | None = None) -> None:
+        self._config = config or DetectorConfig()
+
+    def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
+        """Return the heading seen in a frame, or None.
+
+        Args:
+            gravity_C: Unit vector that points down, in the camera's frame; the robust method needs it.
+        """
+        sight = self.look(frame, gravity_C)
+        if sight.heading_rad is None or sight.sigma_rad is None:
+            return None
+        return HeadingMeasurement(
+            t_s=frame.t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count
+        )
+
+    def look(
+        self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False
+    ) -> Sight:
+        """Return all that a frame says; ``stages`` asks the paper's method for its pictures."""
+        if self._config.method == "robust":
+            return look_robust(frame, gravity_C)
+        return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)

@@ -1,0 +1,182 @@
+"""The estimator that drives: one edge direction from all treads and risers in view.
+
+Every tread and every riser contains the direction of the stair's edges: it is the one direction at right angles to all
+their normals. Gravity sorts surfaces into treads and risers, a vote finds the risers' azimuth, surfaces are joined
+across the image (their baseline is the stair's width), and the direction is the weighted null direction of all normals.
+The heading follows from it in the chair's frame. A frame is refused, with the reason, unless two parallel risers a
+step apart are seen: a wall alone is no stair.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from treadline.angles import DEG
+from treadline.perception.planes import Blocks, Surface, joined, surface_blocks
+from treadline.perception.sight import Sight, StairShape, refused
+from treadline.signals import RgbdFrame
+
+UPRIGHT = 18.0 * DEG
+"""How far a block's normal may lie from vertical (tread) or horizontal (riser)."""
+VOTE_LIMIT = 50.0 * DEG
+"""Azimuth beyond which a vertical surface is a side wall."""
+VOTE_BIN = 2.0 * DEG
+RISER_SPREAD = 14.0 * DEG
+"""How far a riser block's azimuth may lie from the vote."""
+RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
+"""Levels further apart are different surfaces: less than half of the smallest run and rise."""
+LEAST_BLOCKS = 4
+STEP_RUN_M, STEP_RISE_M = (0.15, 0.45), (0.08, 0.25)
+HEADING_LIMIT = 45.0 * DEG
+CAUCHY = 25.0
+"""Squared deviations at which a surface's weight is halved."""
+GRAVITY_SIGMA = 0.5 * DEG
+"""Trust in the IMU's idea of down."""
+INFLATION = 2.0
+"""Residuals of neighbouring pixels are not independent: measured ratio of true to formal error."""
+SIGMA_FLOOR = 0.05 * DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Axes:
+    """Directions in C that gravity and the camera give."""
+
+    down: Float[np.ndarray, " 3"]
+    ahead: Float[np.ndarray, " 3"]
+    """Horizontal, as far as possible where the camera looks."""
+    right: Float[np.ndarray, " 3"]
+
+
+def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> Sight:
+    """Return what a frame says of the stair."""
+    if gravity_C is None:
+        return refused("no gravity: an IMU must tell treads from risers")
+    axes = _axes(gravity_C)
+    if axes is None:
+        return refused("the camera looks straight up or down")
+    blocks = surface_blocks(frame.depth_m, frame.camera)
+    if len(blocks.sums) < 3 * LEAST_BLOCKS:
+        return refused(f"only {len(blocks.sums)} blocks with a plane in the depth image")
+    unit = blocks.normals / np.linalg.norm(blocks.normals, axis=1, keepdims=True)
+    rise = unit @ axes.down
+    vertical = np.abs(rise) < np.sin(UPRIGHT)
+    level = np.abs(rise) > np.cos(UPRIGHT)
+    azimuth = np.arctan2(unit @ axes.right, unit @ axes.ahead)
+    voted = _vote(azimuth, vertical)
+    if voted is None:
+        return refused("no riser faces the camera")
+    facing = np.cos(voted) * axes.ahead + np.sin(voted) * axes.right
+    risers = joined(
+        blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS
+    )
+    risers = [surface for surface in risers if _turned_from(surface, facing) < RISER_SPREAD]
+    pairs = _steps([surface.level for surface in risers], STEP_RUN_M)
+    if not pairs:
+        return refused(f"{len(risers)} riser(s) in view, none a step from another")
+    treads = joined(blocks, level, -axes.down, TREAD_GAP_M, LEAST_BLOCKS)
+    treads = [surface for surface in treads if _turned_from(surface, axes.down) < UPRIGHT]
+    edge, heading, sigma = _direction(risers + treads, axes, facing, frame.camera.R_BC)
+    if abs(heading) > HEADING_LIMIT:
+        return refused(f"heading {heading / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°")
+    return Sight(
+        accepted=True,
+        reason=None,
+        heading_rad=heading,
+        sigma_rad=max(INFLATION * sigma, SIGMA_FLOOR),
+        edge_direction_C=edge,
+        edge_count=len(risers),
+        box_px=_box(frame, blocks, risers + treads),
+        shape=_shape(risers, treads),
+        stages=None,
+    )
+
+
+def _axes(gravity_C: Float[np.ndarray, " 3"]) -> _Axes | None:
+    down = gravity_C / np.linalg.norm(gravity_C)
+    ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
+    length = float(np.linalg.norm(ahead))
+    if length < 0.2:
+        return None
+    ahead = ahead / length
+    return _Axes(down=down, ahead=ahead, right=np.cross(down, ahead))
+
+
+def _vote(azimuth: Float[np.ndarray, " b"], vertical: Bool[np.ndarray, " b"]) -> float | None:
+    """Return the azimuth most vertical blocks agree on."""
+    seen = azimuth[vertical & (np.abs(azimuth) < VOTE_LIMIT)]
+    if seen.size < 2 * LEAST_BLOCKS:
+        return None
+    edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
+    counts = np.histogram(seen, edges)[0].astype(float)
+    smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
+    peak = float(edges[int(np.argmax(smooth))] + 0.5 * VOTE_BIN)
+    for width in (10.0 * DEG, 6.0 * DEG):
+        near = seen[np.abs(seen - peak) < width]
+        peak = float(np.median(near)) if near.size else peak
+    return peak
+
+
+def _steps(levels: list[float], limits: tuple[float, float]) -> list[float]:
+    gaps = np.diff(np.sort(np.array(levels)))
+    return [float(gap) for gap in gaps if limits[0] <= gap <= limits[1]]
+
+
+def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
+    unit = surface.normal / np.linalg.norm(surface.normal)
+    return float(np.arccos(min(1.0, abs(float(unit @ direction)))))
+
+
+def _direction(
+    surfaces: list[Surface], axes: _Axes, facing: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]
+) -> tuple[Float[np.ndarray, " 3"], float, float]:
+    """Return the edge direction, the heading and its formal standard deviation.
+
+    ψ = atan2(-e·forward, e·right), e turned so that it points right.
+    """
+    edge = np.cross(axes.down, facing)
+    # Edges are level: gravity is one more normal, as good as the IMU that tells it.
+    normals = np.array([axes.down, *(surface.normal for surface in surfaces)])
+    covariances = np.array([GRAVITY_SIGMA**2 * np.eye(3), *(surface.covariance for surface in surfaces)])
+    for _ in range(4):
+        variance = np.einsum("i,kij,j->k", edge, covariances, edge)
+        # A surface that disagrees by many of its own deviations is no part of the stair (Cauchy weights).
+        strain = (normals @ edge) ** 2 / variance
+        weight = 1.0 / (variance * (1.0 + strain / CAUCHY))
+        information = (normals.T * weight) @ normals
+        edge = np.linalg.eigh(information)[1][:, 0]
+    edge = edge if float((R_BC @ edge)[1]) < 0.0 else -edge
+    e_B = R_BC @ edge
+    heading = float(np.arctan2(-e_B[0], -e_B[1]))
+    # Uncertainty across the edge, in the chair's plane and out of it.
+    in_plane = np.cross(R_BC.T @ np.array([0.0, 0.0, 1.0]), edge)
+    in_plane /= np.linalg.norm(in_plane)
+    basis = np.column_stack([in_plane, np.cross(edge, in_plane)])
+    spread = np.linalg.inv(basis.T @ information @ basis + 1e-9 * np.eye(2))
+    return edge, heading, float(np.sqrt(spread[0, 0]))
+
+
+def _shape(risers: list[Surface], treads: list[Surface]) -> StairShape | None:
+    runs = _steps([surface.level for surface in risers], STEP_RUN_M)
+    rises = _steps([surface.level for surface in treads], STEP_RISE_M)
+    if not runs or not rises:
+        return None
+    run, rise = float(np.median(runs)), float(np.median(rises))
+    return StairShape(
+        rise_m=rise,
+        run_m=run,
+        slope_rad=float(np.arctan2(rise, run)),
+        distance_m=min(surface.level for surface in risers),
+    )
+
+
+def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int]:
+    camera = frame.camera
+    points = blocks.centres[np.concatenate([surface.blocks for surface in surfaces])]
+    u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
+    v = camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px
+    return int(u.min()), int(v.min()), int(u.max()), int(v.max())
+
+
+def _wrapped(angle: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
+    return (angle + np.pi) % (2.0 * np.pi) - np.pi

@@ -1,0 +1,59 @@
+"""What one frame says: a heading with its uncertainty, or a reason why not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StairShape:
+    """The stair's measures as far as one frame shows them."""
+
+    rise_m: float
+    run_m: float
+    slope_rad: float
+    distance_m: float
+    """To the nearest riser in view, along its normal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stages:
+    """The six stages of Fig. 5, each as a picture, and the line segments kept."""
+
+    pictures: tuple[UInt8[np.ndarray, "h w 3"], ...]
+    nosings_px: Float[np.ndarray, "n 4"]
+    """u1, v1, u2, v2 of each merged edge, left end first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """The answer to one frame."""
+
+    accepted: bool
+    reason: str | None
+    """Why there is no heading; None when accepted."""
+    heading_rad: float | None
+    sigma_rad: float | None
+    edge_direction_C: Float[np.ndarray, " 3"] | None
+    """Unit vector along the stair's edges in C, pointing right."""
+    edge_count: int
+    box_px: tuple[int, int, int, int] | None
+    """Smallest and largest column and row of the stair: u0, v0, u1, v1."""
+    shape: StairShape | None
+    stages: Stages | None
+
+
+def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> Sight:
+    """Return a sight without a heading."""
+    return Sight(
+        accepted=False,
+        reason=reason,
+        heading_rad=None,
+        sigma_rad=None,
+        edge_direction_C=None,
+        edge_count=edge_count,
+        box_px=None,
+        shape=None,
+        stages=stages,
+    )
