@@ -3,6 +3,7 @@
 Paper: Section II.B, Section VI.C.3, Fig. 11. ``SeatReading -> SeatCommand``.
 """
 
+import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
@@ -32,7 +33,8 @@ class Leveller:
     def step(self, reading: SeatReading) -> SeatCommand:
         """Answer one reading; the same reading always gets the same answer."""
         config = self._config
-        if not abs(reading.pitch_rad) > config.dead_band_rad:
+        finite = math.isfinite(reading.pitch_rad) and math.isfinite(reading.stroke_m)
+        if not finite or abs(reading.pitch_rad) <= config.dead_band_rad:
             return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
         low, high = self._linkage.stroke_range
         stroke = min(max(reading.stroke_m, low), high)
