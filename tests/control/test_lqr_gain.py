@@ -1,0 +1,35 @@
+"""Eq. (10) to (14): the gain, and the static reconstruction."""
+
+import numpy as np
+import pytest
+
+from treadline import paper
+from treadline.control import lqr_gain
+from treadline.control.reconstruct import static_reconstruction
+from treadline.errors import NotDefinite, NotInvertible, NotStabilisable
+
+
+def test_gain_is_the_one_in_eq_14() -> None:
+    K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)
+    # The paper prints A and B to four decimals, so K is known to about 3e-4.
+    np.testing.assert_allclose(K, paper.K, atol=5e-4)
+
+
+def test_static_reconstruction_inverts_eq_11b() -> None:
+    inverse = static_reconstruction(paper.C, paper.D, paper.K)
+    np.testing.assert_allclose(inverse @ (paper.C - paper.D @ paper.K), np.eye(2), atol=1e-12)
+
+
+def test_a_model_whose_growing_state_no_belt_moves_is_refused() -> None:
+    with pytest.raises(NotStabilisable):
+        lqr_gain(np.diag([1.2, 0.5]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
+
+
+def test_a_free_input_is_refused() -> None:
+    with pytest.raises(NotDefinite):
+        lqr_gain(paper.A, paper.B, paper.Q, np.zeros((2, 2)))
+
+
+def test_fewer_outputs_than_states_cannot_be_inverted() -> None:
+    with pytest.raises(NotInvertible):
+        static_reconstruction(paper.C[:1], paper.D[:1], paper.K)
