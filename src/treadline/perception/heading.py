@@ -1,53 +1,51 @@
-"""Heading from the end points of stair edges: the printed equations, and the one that is exact.
+"""Eq. (1) to (4) as printed, and the form that is right.
 
-Paper: Eq. (1)-(4). Depths are in metres here, so ``a`` is 1 / focal length in pixels.
+Paper: Section III.A, Fig. 6. ``x`` is an image column, ``D`` a depth [m]; a is the paper's adjustment parameter, 1/f for
+a pinhole camera, and 320 its column of the optical axis.
 """
-
-import math
 
 import numpy as np
 from jaxtyping import Float
 
 
-def x_world(column_px: float, depth_m: float, *, a: float, centre_px: float) -> float:
-    """Return the sideways position of a point [m].
+def world_x(x_px: float, depth_m: float, a: float, centre_px: float) -> float:
+    """Return the lateral coordinate of a point [m].
 
-    Paper: Eq. (1), X = a D (X' - 320).
+    Paper: Eq. (1).
     """
-    return a * depth_m * (column_px - centre_px)
+    return a * depth_m * (x_px - centre_px)
 
 
-def delta_x(columns_px: tuple[float, float], depths_m: tuple[float, float], *, a: float, centre_px: float) -> float:
-    """Return the sideways extent of one edge from P1 to P2 [m].
+def heading_as_printed(delta_d_m: float, delta_x_m: float) -> float:
+    """Return θ = arccos(ΔD / ΔX) [rad], as printed.
 
-    Paper: Eq. (3), ΔX = a (X2' D2 - X1' D1 + 320 (D1 - D2)).
+    Paper: Eq. (2). It answers 90° to a chair that stands square, has no sign, and has no answer where |ΔD| > |ΔX|
+    (NaN); ``heading_of_edge`` is what is meant.
     """
-    (x1, x2), (d1, d2) = columns_px, depths_m
-    return a * (x2 * d2 - x1 * d1 + centre_px * (d1 - d2))
+    if delta_x_m == 0.0 or abs(delta_d_m) > abs(delta_x_m):
+        return float("nan")
+    return float(np.arccos(delta_d_m / delta_x_m))
 
 
-def mean_delta_depth(first_m: Float[np.ndarray, " n"], second_m: Float[np.ndarray, " n"]) -> float:
-    """Return the mean depth difference over all edges [m].
+def delta_x(left: Float[np.ndarray, " 2"], right: Float[np.ndarray, " 2"], a: float, centre_px: float) -> float:
+    """Return ΔX = a (X₂'D₂ - X₁'D₁ + 320 (D₁ - D₂)) of a segment [m]; each end is (column, depth).
 
-    Paper: Eq. (4), ΔD = Σ (D2(i) - D1(i)) / N.
+    Paper: Eq. (3).
     """
-    return float(np.mean(second_m - first_m))
+    return float(a * (right[0] * right[1] - left[0] * left[1] + centre_px * (left[1] - right[1])))
 
 
-def printed_angle(delta_depth_m: float, delta_x_m: float) -> float:
-    """Return the printed heading angle [rad]: π/2 when aligned, NaN where the arccos has no value.
+def delta_d(left_m: Float[np.ndarray, " n"], right_m: Float[np.ndarray, " n"]) -> float:
+    """Return ΔD, the mean difference of depth between the right and the left ends of all edges [m].
 
-    Paper: Eq. (2), θ = arccos(ΔD / ΔX). It takes the leg ΔX for the hypotenuse and measures from the
-    optical axis.
+    Paper: Eq. (4).
     """
-    if delta_x_m == 0.0 or abs(delta_depth_m) > abs(delta_x_m):
-        return math.nan
-    return math.acos(delta_depth_m / delta_x_m)
+    return float(np.mean(right_m - left_m))
 
 
-def edge_heading(delta_depth_m: float, delta_x_m: float) -> float:
-    """Return the heading of a level camera that sees an edge [rad], positive anticlockwise from above.
+def heading_of_edge(delta_d_m: float, delta_x_m: float) -> float:
+    """Return the heading of one edge [rad]: ψ = atan2(D₁ - D₂, X₂ - X₁), P₁ left of P₂.
 
-    ``delta_depth_m`` is D2 - D1 with P2 to the right: a chair turned left has the edge's right end nearer.
+    Exact for a level camera; positive when the chair is turned anticlockwise.
     """
-    return math.atan2(-delta_depth_m, delta_x_m)
+    return float(np.arctan2(-delta_d_m, delta_x_m))

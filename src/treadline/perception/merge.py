@@ -1,6 +1,7 @@
-"""Merging of collinear segments, and the most frequent slope.
+"""Stages (e) and (f) of Algorithm 1: merging of collinear segments, the most frequent slope, the bounding box.
 
-Paper: Algorithm 1, step 5; Fig. 5(e): slopes differ by less than 2 px, offsets by less than 10 px.
+Paper: Algorithm 1, steps 5 and 6, Fig. 5(e), (f). The printed rule compares slopes in pixels; it is read as the rise
+over the image's width.
 """
 
 import numpy as np
@@ -8,46 +9,59 @@ from jaxtyping import Float
 
 from treadline.perception.segments import slopes
 
-SLOPE_PX, OFFSET_PX = 2.0, 10.0
-SLOPE_BASE_PX = 100.0
-"""The paper gives slopes in pixels without a base: here the fall over 100 columns."""
+SLOPE_PX = 2.0
+"""Largest difference of slope between merged segments, in rows over the image's width … of one hundred columns."""
+OFFSET_PX = 10.0
+"""Largest difference of the rows at which two merged segments cross the image's middle."""
 SLOPE_BIN = 0.05
+"""Width of a bin when slopes are counted: 2.9°."""
 
 
-def merged(lines: Float[np.ndarray, "n 4"], middle_px: float) -> Float[np.ndarray, "m 4"]:
-    """Return segments after merging pairs until none is left to merge.
+def merged(lines: Float[np.ndarray, "n 4"], width_px: int) -> Float[np.ndarray, "k 4"]:
+    """Return segments with collinear ones made one.
 
-    Args:
-        lines: Segments, left end first.
-        middle_px: Column at which offsets are compared.
+    Paper: Algorithm 1, step 5.
     """
-    kept: list[Float[np.ndarray, " 4"]] = []
-    for line in lines[np.argsort(lines[:, 0] - lines[:, 2], kind="stable")]:
-        current = line
-        while (partner := _partner(current, kept, middle_px)) is not None:
-            current = _union(kept.pop(partner), current)
-        kept.append(current)
-    return np.array(kept).reshape(-1, 4)
+    slope = slopes(lines)
+    offset = lines[:, 1] + slope * (0.5 * width_px - lines[:, 0])
+    order = np.argsort(offset)
+    groups: list[list[int]] = []
+    for i in order:
+        if groups:
+            last = groups[-1][-1]
+            near = abs(offset[i] - offset[last]) < OFFSET_PX and 100.0 * abs(slope[i] - slope[last]) < SLOPE_PX
+            if near:
+                groups[-1].append(int(i))
+                continue
+        groups.append([int(i)])
+    return np.array([_joined(lines[group]) for group in groups]).reshape(-1, 4)
 
 
-def most_frequent_slope(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "m 4"]:
-    """Return the segments whose slope falls in the fullest bin or beside it."""
+def _joined(lines: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " 4"]:
+    """Return the segment through all ends, from the leftmost to the rightmost."""
+    u, v = lines[:, [0, 2]].ravel(), lines[:, [1, 3]].ravel()
+    left, right = float(u.min()), float(u.max())
+    gradient, intercept = np.polyfit(u, v, 1) if right > left else (0.0, float(v.mean()))
+    return np.array([left, gradient * left + intercept, right, gradient * right + intercept])
+
+
+def most_frequent_slope(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "k 4"]:
+    """Return the segments whose slope falls into the fullest bin, or beside it.
+
+    Paper: Algorithm 1, step 5.
+    """
     if len(lines) == 0:
         return lines
     bins = np.round(slopes(lines) / SLOPE_BIN).astype(int)
     values, counts = np.unique(bins, return_counts=True)
-    return lines[np.abs(bins - values[np.argmax(counts)]) <= 1]
+    best = values[int(np.argmax(counts))]
+    return lines[np.abs(bins - best) <= 1]
 
 
-def _partner(line: Float[np.ndarray, " 4"], others: list[Float[np.ndarray, " 4"]], middle_px: float) -> int | None:
-    for index, other in enumerate(others):
-        (first, second) = slopes(np.array([line, other]))
-        rise = (line[1] + first * (middle_px - line[0])) - (other[1] + second * (middle_px - other[0]))
-        if abs(first - second) * SLOPE_BASE_PX < SLOPE_PX and abs(rise) < OFFSET_PX:
-            return index
-    return None
+def bounding_box(lines: Float[np.ndarray, "n 4"]) -> tuple[int, int, int, int]:
+    """Return (u_min, v_min, u_max, v_max) of the segments' ends.
 
-
-def _union(one: Float[np.ndarray, " 4"], other: Float[np.ndarray, " 4"]) -> Float[np.ndarray, " 4"]:
-    ends = np.array([one[:2], one[2:], other[:2], other[2:]])
-    return np.concatenate([ends[np.argmin(ends[:, 0])], ends[np.argmax(ends[:, 0])]])
+    Paper: Algorithm 1, step 6.
+    """
+    u, v = lines[:, [0, 2]], lines[:, [1, 3]]
+    return int(u.min()), int(v.min()), int(u.max()), int(v.max())

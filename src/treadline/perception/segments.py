@@ -1,32 +1,33 @@
-"""Line segments by the probabilistic Hough transform, and those near zero slope.
+"""Stage (d) of Algorithm 1: line segments by the progressive probabilistic Hough transform, the near-level ones kept.
 
-Paper: Algorithm 1, step 4; Fig. 5(d).
+Paper: Algorithm 1, step 4, Fig. 5(d), [14].
 """
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float
 
-NEAR_ZERO = 0.6
-"""|slope| that still counts as near zero: edges seen 30° askew have 0.58."""
-VOTES_AT_320 = 40
-LENGTH_AT_320_PX = 40
-GAP_AT_320_PX = 6
+VOTES = 30
+LENGTH_SHARE = 0.12
+"""Shortest segment, as a share of the image's width."""
+GAP_PX = 6
 
 
-def hough_segments(edges: UInt8[np.ndarray, "h w"]) -> Float[np.ndarray, "n 4"]:
-    """Return segments as u1, v1, u2, v2, the left end first."""
-    scale = edges.shape[1] / 320.0
+def segments(edges: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "n 4"]:
+    """Return line segments u1, v1, u2, v2, left end first.
+
+    Paper: Algorithm 1, step 4.
+    """
     found = cv2.HoughLinesP(
-        edges,
+        edges.astype(np.uint8) * 255,
         1.0,
         np.pi / 180.0,
-        round(VOTES_AT_320 * scale),
-        minLineLength=LENGTH_AT_320_PX * scale,
-        maxLineGap=GAP_AT_320_PX * scale,
+        VOTES,
+        minLineLength=LENGTH_SHARE * edges.shape[1],
+        maxLineGap=GAP_PX,
     )
     if found is None:
-        return np.empty((0, 4))
+        return np.zeros((0, 4))
     lines = np.asarray(found, dtype=float).reshape(-1, 4)
     turned = lines[:, 0] > lines[:, 2]
     lines[turned] = lines[turned][:, [2, 3, 0, 1]]
@@ -34,11 +35,13 @@ def hough_segments(edges: UInt8[np.ndarray, "h w"]) -> Float[np.ndarray, "n 4"]:
 
 
 def slopes(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, " n"]:
-    """Return Δv/Δu of each segment; infinite for an upright one."""
-    du, dv = lines[:, 2] - lines[:, 0], lines[:, 3] - lines[:, 1]
-    return np.where(du > 0.0, dv / np.where(du > 0.0, du, 1.0), np.inf)
+    """Return the slope of each segment, rows per column."""
+    return np.asarray((lines[:, 3] - lines[:, 1]) / np.maximum(lines[:, 2] - lines[:, 0], 1e-9))
 
 
-def near_zero(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "m 4"]:
-    """Return the segments near zero slope."""
-    return lines[np.abs(slopes(lines)) < NEAR_ZERO]
+def near_level(lines: Float[np.ndarray, "n 4"], largest_slope: float) -> Float[np.ndarray, "k 4"]:
+    """Return the segments with a slope near zero.
+
+    Paper: Algorithm 1, step 4.
+    """
+    return lines[np.abs(slopes(lines)) <= largest_slope]
