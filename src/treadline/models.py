@@ -7,7 +7,7 @@ models are JSON on disk: no code, no pickle.
 import json
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -87,13 +87,13 @@ class LinearModel:
         write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "LinearModel":
         """Return the model in a JSON file.
 
         Raises:
             SettingsError: If it is missing, not JSON, or not a model.
         """
-        model: Self = _from_json(cls, read_json(path), str(path))
+        model: LinearModel = _from_json(cls, read_json(path), str(path))
         return model
 
 
@@ -122,7 +122,7 @@ class ControllerDesign:
         write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "ControllerDesign":
         """Return the controller in a JSON file.
 
         Raises:
@@ -132,7 +132,7 @@ class ControllerDesign:
         if not isinstance(tables.get("model"), dict):
             raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
         model = _from_json(LinearModel, tables["model"], f"{path}: model")
-        design: Self = _from_json(cls, tables | {"model": model}, str(path))
+        design: ControllerDesign = _from_json(cls, tables | {"model": model}, str(path))
         return design
 
 

@@ -3,7 +3,6 @@
 import sys
 import time
 from types import TracebackType
-from typing import Self
 
 
 class Progress:
@@ -37,7 +36,7 @@ class Progress:
             )
             self._task = self._bar.add_task(title, total=total)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Progress":
         if self._bar is not None:
             self._bar.start()
         return self
@@ -69,7 +68,7 @@ class SimulatedTime:
         self._progress = Progress(title, max(1, round(duration_s / self.STEP_S)))
         self._next_s = self.STEP_S
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "SimulatedTime":
         self._progress.__enter__()
         return self
 

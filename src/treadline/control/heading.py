@@ -62,9 +62,7 @@ class HeadingController:
 
     def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
         """Answer one estimate; without one, stand still."""
-        if estimate is None or not (
-            math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)
-        ):
+        if estimate is None or not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
             self._last = None
             return TrackCommand.stop(t_s)
         y = np.array([estimate.heading_rad, estimate.heading_rate_rad_s])

@@ -5,6 +5,7 @@ The default weights were chosen on seeds from 100 on, at 25, 28 and 30°; the se
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -61,6 +62,8 @@ def tune(
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
     model = model if period_s is None or abs(period_s - model.dt_s) < 1e-9 else resampled(model, period_s)
+    # Square is zero by definition; the mean heading of the day the data were taken is not where to go.
+    model = replace(model, output_offset=np.zeros(model.C.shape[0]))
     Q = _state_price(model, state_weight, output_weight)
     R = _input_price(model, input_weight)
     K = lqr_gain(model.A, model.B, Q, R)

@@ -70,9 +70,7 @@ def realise(
 
 def era(
     markov: Float[np.ndarray, "n p m"], order: int, *, rows: int | None = None
-) -> tuple[
-    Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"], Float[np.ndarray, "p m"]
-]:
+) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"], Float[np.ndarray, "p m"]]:
     """Return A, B, C, D of an order from the impulse response ``Y_0, Y_1, …``.
 
     Paper: Eq. (7), (8).

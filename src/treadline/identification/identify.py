@@ -141,7 +141,9 @@ def identify(
         dropped=dropped,
         seconds=time.perf_counter() - started,
     )
-    return Identified(model=replace(model, provenance={"method": method, "order": choice.order, "lags": used}), report=report)
+    return Identified(
+        model=replace(model, provenance={"method": method, "order": choice.order, "lags": used}), report=report
+    )
 
 
 def _split(
@@ -212,9 +214,7 @@ def _structure(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple
     """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients."""
     tried_lags = [lags] if lags is not None else range(1, whole.lags + 1)
     tried_d = [feedthrough] if feedthrough is not None else [False, True]
-    costs = {
-        (p, has_d): _schwarz(_leading(whole, p, has_d)) for p in tried_lags for has_d in tried_d
-    }
+    costs = {(p, has_d): _schwarz(_leading(whole, p, has_d)) for p in tried_lags for has_d in tried_d}
     return min(costs, key=lambda key: costs[key])
 
 

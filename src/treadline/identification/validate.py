@@ -24,9 +24,7 @@ def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps
     return response
 
 
-def simulate(
-    model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, "T p"]:
+def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
     """Return the outputs of a free run from a state."""
     v = u - model.input_offset
     x = x0

@@ -44,7 +44,9 @@ def _library() -> str:
         path for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco*.dll") for path in folder.glob(pattern)
     )
     if not names:
-        raise SimulationDiverged(f"MuJoCo {mujoco.__version__} ships no library next to its Python package; reinstall it")
+        raise SimulationDiverged(
+            f"MuJoCo {mujoco.__version__} ships no library next to its Python package; reinstall it"
+        )
     return str(names[0])
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int, Float32
+from jaxtyping import Float, Float32, Int
 
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame

@@ -5,7 +5,6 @@ import math
 import numpy as np
 from numba import njit
 
-
 NEAR_M = 0.02
 """Faces are clipped this far in front of the camera."""
 
@@ -175,7 +174,9 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
 
 
 @njit(cache=True)
-def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
+def kinect(
+    exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured
+):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
 
     Args:
