@@ -1,0 +1,35 @@
+"""Eq. (1)-(4) as printed, and the form that is exact for a level camera."""
+
+import math
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.perception.heading import delta_d, delta_x, heading_as_printed, heading_of_edge, world_x
+
+A, CENTRE = 1.0 / 575.0, 320.0
+
+
+@pytest.mark.parametrize(("heading_deg", "printed_deg"), [(0.0, 90.0), (10.0, 79.8), (30.0, 54.7)])
+def test_the_printed_equation_2_does_not_give_the_heading(heading_deg: float, printed_deg: float) -> None:
+    # ΔD / ΔX is the tangent of the heading; 0.05° is the rounding of the expected values.
+    assert heading_as_printed(math.tan(heading_deg * DEG), 1.0) / DEG == pytest.approx(printed_deg, abs=0.05)
+
+
+@pytest.mark.parametrize("heading_deg", [-35.0, -10.0, 0.0, 10.0, 35.0])
+def test_the_heading_of_an_edge_is_exact_for_a_level_camera(heading_deg: float) -> None:
+    along = np.array([-0.4, 0.4])
+    depth = 2.0 - along * math.sin(heading_deg * DEG)
+    column = CENTRE + along * math.cos(heading_deg * DEG) / (A * depth)
+    left, right = (np.array([column[i], depth[i]]) for i in range(2))
+    width = delta_x(left, right, A, CENTRE)
+    heading = heading_of_edge(delta_d(depth[:1], depth[1:]), width)
+    assert heading == pytest.approx(heading_deg * DEG, abs=1e-12)
+    assert width == pytest.approx(
+        world_x(float(right[0]), float(right[1]), A, CENTRE) - world_x(float(left[0]), float(left[1]), A, CENTRE)
+    )
+
+
+def test_the_printed_equation_2_has_no_answer_where_depth_exceeds_width() -> None:
+    assert math.isnan(heading_as_printed(1.2, 1.0))
