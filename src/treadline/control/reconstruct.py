@@ -20,9 +20,7 @@ def static_reconstruction(
         NotInvertible: If C - DK is not square, or close to singular.
     """
     if C.shape[0] != C.shape[1]:
-        raise NotInvertible(
-            f"C - DK is {C.shape[0]}×{C.shape[1]}: Eq. (11b) needs as many outputs as states; use the observer"
-        )
+        raise NotInvertible(f"C - DK is {C.shape[0]}×{C.shape[1]}: Eq. (11b) needs as many outputs as states; use the observer")
     M = C - D @ K
     condition = float(np.linalg.cond(M))
     if not condition < CONDITION_LIMIT:

@@ -116,9 +116,7 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     )
 
 
-def _state_price(
-    model: LinearModel, state: Sequence[float] | None, output: Sequence[float] | None
-) -> Float[np.ndarray, "n n"]:
+def _state_price(model: LinearModel, state: Sequence[float] | None, output: Sequence[float] | None) -> Float[np.ndarray, "n n"]:
     if state is not None:
         if len(state) != model.order:
             raise ShapeMismatch(f"the state weight has {len(state)} numbers, the model {model.order} states")

@@ -4,12 +4,13 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 R_co = TypeVar("R_co", covariant=True)
 R = TypeVar("R")
 
 
+@runtime_checkable
 class Job(Protocol[R_co]):
     """Something a worker can do alone."""
 

@@ -6,6 +6,7 @@ Paper: Section IV, VI.B. Check → Gram → OKID → ERA → observer gain → v
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -141,9 +142,7 @@ def identify(
         dropped=dropped,
         seconds=time.perf_counter() - started,
     )
-    return Identified(
-        model=replace(model, provenance={"method": method, "order": choice.order, "lags": used}), report=report
-    )
+    return Identified(model=replace(model, provenance={"method": method, "order": choice.order, "lags": used}), report=report)
 
 
 def _split(
@@ -187,7 +186,7 @@ def _parts(records: list[InputOutputRecord], lags: int | None, order: int | None
     for record in records:
         pieces = max(1, round(JACKKNIFE_PARTS * len(record) / total))
         edges = np.linspace(most, len(record), pieces + 1).astype(int)
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        for start, stop in pairwise(edges.tolist()):
             if stop > start:
                 piece = validate.part(record, start - most, stop)
                 made.append(gram(piece, most, feedthrough=True, input_scale=scales[0], output_scale=scales[1]))

@@ -134,7 +134,5 @@ def read_chair(model: str) -> ChairDescription:
         path = SHIPPED / f"{path.name}.toml"
         if not path.exists():
             known = ", ".join(sorted(found.stem for found in SHIPPED.glob("*.toml")))
-            raise SettingsError(
-                f"chair.model: no shipped chair '{model}' (shipped: {known}); or give a path to a .toml"
-            )
+            raise SettingsError(f"chair.model: no shipped chair '{model}' (shipped: {known}); or give a path to a .toml")
     return read_toml(path, ChairDescription)

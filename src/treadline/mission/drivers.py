@@ -1,10 +1,11 @@
 """Who proposes belt speeds: the heading controller, a constant, or an experiment's own signal."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from treadline.signals import HeadingEstimate, TrackCommand
 
 
+@runtime_checkable
 class Driver(Protocol):
     """Turns the heading estimate into a proposal once per ``period_s``."""
 

@@ -112,9 +112,7 @@ class Guard:
             return f"no frame for {t_s - self._frame_s:.1f} s"
         if t_s - self._seen_s > limits.lost_timeout_s:
             return f"no stair in view for {t_s - self._seen_s:.1f} s"
-        if estimate is not None and not (
-            math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)
-        ):
+        if estimate is not None and not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
             return "heading estimate is not finite"
         return None
 

@@ -13,7 +13,7 @@ The mission knows what sensors, the chair's file and the operator tell it, and n
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -42,6 +42,7 @@ Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | Event
 DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
+@runtime_checkable
 class Detector(Protocol):
     """Vision: a frame and the direction of gravity in, a heading out."""
 
@@ -49,6 +50,7 @@ class Detector(Protocol):
         """Return the heading seen in one frame, or None."""
 
 
+@runtime_checkable
 class Estimator(Protocol):
     """Fusion: IMU samples and headings in, the heading now out."""
 
@@ -56,6 +58,7 @@ class Estimator(Protocol):
         """Return the heading after one more signal, or None before the first heading."""
 
 
+@runtime_checkable
 class SeatLeveller(Protocol):
     """The seat's own loop."""
 

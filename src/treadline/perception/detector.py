@@ -3,7 +3,7 @@
 ``RgbdFrame -> HeadingMeasurement | None``; ``look`` gives the whole answer, with the reason of a refusal.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -24,7 +24,7 @@ class DetectorConfig:
     """Which way to look."""
 
     method: Literal["paper", "robust"] = "robust"
-    paper: PaperConfig = PaperConfig()
+    paper: PaperConfig = field(default_factory=PaperConfig)
 
 
 class StairDetector:
@@ -46,9 +46,7 @@ class StairDetector:
             t_s=frame.t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count
         )
 
-    def look(
-        self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False
-    ) -> Sight:
+    def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
         """Return all that a frame says; ``stages`` asks the paper's method for its pictures."""
         if self._config.method == "robust":
             return look_robust(frame, gravity_C)

@@ -1,6 +1,7 @@
 """One pass over a depth image, compiled: sums of each block for plane fits in inverse depth."""
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -10,6 +11,7 @@ SUMS = 10
 
 
 @njit(cache=True)
+@no_type_check
 def block_sums(depth, size, fx, fy, cx, cy, near, far):
     """Return sums over each ``size × size`` block of pixels with a depth.
 
@@ -46,6 +48,7 @@ def block_sums(depth, size, fx, fy, cx, cy, near, far):
 
 
 @njit(cache=True)
+@no_type_check
 def fit_planes(sums, planes, residuals):
     """Fill ``planes`` (α, β, γ) and the RMS residual of w for each row of sums; NaN where there is no plane."""
     for i in range(sums.shape[0]):

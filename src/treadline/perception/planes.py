@@ -97,9 +97,7 @@ def joined(
     return surfaces
 
 
-def _surface(
-    blocks: Blocks, chosen: Int[np.ndarray, " k"], direction: Float[np.ndarray, " 3"], least: int
-) -> Surface | None:
+def _surface(blocks: Blocks, chosen: Int[np.ndarray, " k"], direction: Float[np.ndarray, " 3"], least: int) -> Surface | None:
     """Fit one plane to all pixels of some blocks, leaving out blocks that do not lie on it."""
     kept = chosen
     for _ in range(3):

@@ -67,9 +67,7 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> 
     if voted is None:
         return refused("no riser faces the camera")
     facing = np.cos(voted) * axes.ahead + np.sin(voted) * axes.right
-    risers = joined(
-        blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS
-    )
+    risers = joined(blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS)
     risers = [surface for surface in risers if _turned_from(surface, facing) < RISER_SPREAD]
     pairs = _steps([surface.level for surface in risers], STEP_RUN_M)
     if not pairs:

@@ -40,13 +40,9 @@ class ContactLayout:
 
 def _library() -> str:
     folder = Path(mujoco.__file__).parent
-    names = sorted(
-        path for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco*.dll") for path in folder.glob(pattern)
-    )
+    names = sorted(path for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco*.dll") for path in folder.glob(pattern))
     if not names:
-        raise SimulationDiverged(
-            f"MuJoCo {mujoco.__version__} ships no library next to its Python package; reinstall it"
-        )
+        raise SimulationDiverged(f"MuJoCo {mujoco.__version__} ships no library next to its Python package; reinstall it")
     return str(names[0])
 
 

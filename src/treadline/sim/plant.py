@@ -212,7 +212,7 @@ class MujocoPlant:
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, np.full(2, SETTLE_FRICTION))
-        self._check(ticks, log, began_s=0.0)
+        self._check(ticks, log)
         self._data.qvel[:] = 0.0
         self._command[:] = 0.0
 
@@ -259,18 +259,16 @@ class MujocoPlant:
             log,
         )
 
-    def _check(self, ticks: int, log: Float[np.ndarray, "n c"], began_s: float | None = None) -> None:
+    def _check(self, ticks: int, log: Float[np.ndarray, "n c"]) -> None:
         where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
         warned = [
-            str(mujoco.mjtWarning(i).name)
-            for i in np.flatnonzero(self._data.warning.number)
-            if i < len(self._data.warning)
+            str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)
         ]
         if warned:
             raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
         if not np.isfinite(log).all():
             raise SimulationDiverged(f"the state is not finite {where}")
-        began = self._began_s if began_s is None else self._began_s
+        began = self._began_s
         expected = began + ticks * kernels.SUBSTEPS * TIMESTEP_S
         if abs(self._data.time - expected) > 1e-6 * max(1.0, expected):
             raise SimulationDiverged(f"time went from {began:.3f} s to {self._data.time:.3f} s {where}")
@@ -300,9 +298,7 @@ class MujocoPlant:
         self._readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=float(row[kernels.SEAT])))
         belts = row[kernels.BELTS : kernels.BELTS + 2] / (1.0 + self._mismatch)
         self._readings.append(
-            TrackReading(
-                t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(row[kernels.BRAKE] > 0.5)
-            )
+            TrackReading(t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(row[kernels.BRAKE] > 0.5))
         )
         if tick % CAMERA_TICKS == 0:
             self._readings.append(self._look(t_s, row, R_WB, truth))

@@ -97,9 +97,7 @@ def _solid(box: Box, radius: float) -> list[str]:
 
 
 def _box(centre: tuple[float, float, float], half: tuple[float, float, float], yaw_rad: float) -> str:
-    return (
-        f'    <geom class="stair" type="box" pos="{_row(centre)}" size="{_row(half)}" euler="0 0 {float(yaw_rad)!r}"/>'
-    )
+    return f'    <geom class="stair" type="box" pos="{_row(centre)}" size="{_row(half)}" euler="0 0 {float(yaw_rad)!r}"/>'
 
 
 def _chair(chair: ChairDescription, payload: Payload, seat_shift_m: float) -> str:

@@ -6,7 +6,6 @@ angles. The noise is the sensor's: an image of 320×240 has the same as one of 6
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
@@ -76,7 +75,7 @@ class Camera:
         staircase: Staircase,
         calibration: PinholeCamera,
         *,
-        kind: Literal["kinect1", "kinect2", "ideal"] | str = "kinect1",
+        kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
         rng: np.random.Generator,

@@ -1,6 +1,7 @@
 """Per-pixel loops of the camera, compiled: rays against boxes, surface patterns, the Kinect's geometry."""
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -10,6 +11,7 @@ NEAR_M = 0.02
 
 
 @njit(cache=True)
+@no_type_check
 def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
 
@@ -58,6 +60,7 @@ def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
 
 
 @njit(cache=True)
+@no_type_check
 def _clip(corners, clipped):
     """Write the part of a quadrilateral in front of the camera; return its number of corners."""
     count = 0
@@ -75,6 +78,7 @@ def _clip(corners, clipped):
 
 
 @njit(cache=True)
+@no_type_check
 def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
     """Fill a convex polygon where its inverse depth is the largest so far."""
     rows, columns = inverse.shape
@@ -107,6 +111,7 @@ def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
 
 
 @njit(cache=True)
+@no_type_check
 def _hash(i, j, k):
     """Return a number in [0, 1) that looks random and is the same for the same cell."""
     n = (i * 374761393 + j * 668265263 + k * 2147483647) & 0xFFFFFFFF
@@ -115,6 +120,7 @@ def _hash(i, j, k):
 
 
 @njit(cache=True)
+@no_type_check
 def _smooth(x, y, k):
     """Return value noise: random at whole coordinates, blended between."""
     i, j = int(math.floor(x)), int(math.floor(y))
@@ -126,6 +132,7 @@ def _smooth(x, y, k):
 
 
 @njit(cache=True)
+@no_type_check
 def _pattern(kind, a, b, seed):
     """Return a surface's reflectance around 1; a runs across the stair, b along the run or up the riser."""
     if kind == 0:  # wood: grain along the tread
@@ -142,6 +149,7 @@ def _pattern(kind, a, b, seed):
 
 
 @njit(cache=True)
+@no_type_check
 def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light, noise, place, rgb):
     """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, gain, sensor noise."""
     rows, columns = depth.shape
@@ -174,9 +182,8 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
 
 
 @njit(cache=True)
-def kinect(
-    exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured
-):
+@no_type_check
+def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
 
     Args:
