@@ -16,7 +16,9 @@ from treadline.angles import DEG, rotation_of, rotation_y, rotation_z
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.stability import centre_of_mass, tipping_margins, worst_support
 from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 from treadline.signals import (
@@ -32,7 +34,7 @@ from treadline.sim import kernels
 from treadline.sim.camera import Camera
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
-from treadline.sim.scene import TIMESTEP_S, payload_of, scene_xml
+from treadline.sim.scene import TIMESTEP_S, scene_xml
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
@@ -167,14 +169,7 @@ class MujocoPlant:
         self._seat = np.array([low, high, strokes[1] - strokes[0]])
         self._angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
         self._state = np.zeros(4)
-        payload = payload_of(chair, self._scenario.chair)
-        self._com_B = (
-            chair.masses.chassis_kg * np.array(chair.masses.chassis_com_m),
-            payload.mass_kg,
-            np.array(chair.seat.hinge_m) + np.array([self._scenario.chair.seat_shift_m, 0.0, 0.0]),
-            np.array(payload.com_m),
-            chair.masses.chassis_kg + payload.mass_kg,
-        )
+        self._support = worst_support(chair, self.staircase.pitch_m)
 
     def _pose(self) -> None:
         scenario, tracks = self._scenario, self._chair.tracks
@@ -342,32 +337,13 @@ class MujocoPlant:
             seat_pitch_rad=math.asin(max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))),
             left_m_s=float(row[kernels.BELTS]),
             right_m_s=float(row[kernels.BELTS + 1]),
-            stability_margin_rad=self._margin(R_WB, angle),
-            friction_use=self._friction_use(heading),
+            stability_margin_rad=tipping_margins(
+                centre_of_mass(self._chair, self._scenario.chair, angle),
+                (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
+                self._support,
+            ).worst,
+            friction_use=friction_use(self.staircase.slope_rad, heading, self.staircase.friction),
         )
-
-    def _friction_use(self, heading_rad: float) -> float:
-        along, across = self.staircase.friction
-        tangent = math.tan(self.staircase.slope_rad)
-        return math.hypot(math.cos(heading_rad) * tangent / along, math.sin(heading_rad) * tangent / across)
-
-    def _margin(self, R_WB: Float[np.ndarray, "3 3"], seat_angle_rad: float) -> float:
-        """Return the smallest tipping angle with the nosings at their worst under the tracks."""
-        chassis, mass, hinge, arm, whole = self._com_B
-        c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
-        x = (chassis[0] + mass * (hinge[0] + c * arm[0] + s * arm[2])) / whole
-        y = (chassis[1] + mass * (hinge[1] + arm[1])) / whole
-        z = (chassis[2] + mass * (hinge[2] - s * arm[0] + c * arm[2])) / whole
-        tracks = self._chair.tracks
-        half_x = 0.5 * tracks.flat_run_m - self.staircase.pitch_m
-        half_y = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-        # The weight's direction in B; a plumb line from the centre of mass meets the belts' plane at (px, py).
-        gx, gy, gz = -R_WB[2]
-        if gz >= 0.0:
-            return -0.5 * math.pi
-        px, py = x - z * gx / gz, y - z * gy / gz
-        inside = min(half_x + px, half_x - px, half_y + py, half_y - py)
-        return math.atan2(inside, z)
 
 
 def _view(address: int, rows: int, columns: int, kind: type) -> np.ndarray:

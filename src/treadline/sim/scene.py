@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.stability import payload_com, seat_mass_kg
 from treadline.mechanics.staircase import Box, Staircase
 from treadline.scenario import Chair
 
@@ -19,8 +20,6 @@ FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box: inside the pulleys' diameter."""
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
-EMPTY_SEAT_KG = 0.5
-"""The seat's shell, so that an empty seat has mass."""
 
 HEADER = """\
 <mujoco model="treadline">
@@ -50,9 +49,8 @@ class Payload:
 
 def payload_of(chair: ChairDescription, loading: Chair) -> Payload:
     """Return the mass on the seat: a uniform box for a person, moved by the scenario's offset."""
-    mass = EMPTY_SEAT_KG + loading.payload_kg
-    com = tuple(float(a + b) for a, b in zip(chair.seat.payload_com_m, loading.payload_offset_m, strict=True))
-    return Payload(mass_kg=mass, com_m=(com[0], com[1], com[2]), inertia=_box_inertia(mass, chair.seat.payload_size_m))
+    mass = seat_mass_kg(loading)
+    return Payload(mass_kg=mass, com_m=payload_com(chair, loading), inertia=_box_inertia(mass, chair.seat.payload_size_m))
 
 
 def seat_stiffness(payload: Payload) -> tuple[float, float]:

@@ -1,0 +1,102 @@
+"""Static stability on a stair: how far the chair is from tipping, in four directions, with the payload where it is.
+
+The chair stands on nosings, and which ones changes as it climbs. At the worst phase of that cycle the rearmost nosing
+lies nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is
+shorter than the track by a pitch on either side. The margin is the angle by which gravity may still turn before its
+line through the centre of mass leaves the support.
+"""
+
+import math
+from dataclasses import dataclass
+
+from treadline.mechanics.chair import ChairDescription, Point
+from treadline.scenario import Chair
+
+EMPTY_SEAT_KG = 0.5
+"""The seat's shell, which turns with the payload."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Margins:
+    """Angles to tipping [rad]; negative has tipped."""
+
+    uphill: float
+    downhill: float
+    left: float
+    right: float
+
+    @property
+    def worst(self) -> float:
+        """The smallest of the four."""
+        return min(self.uphill, self.downhill, self.left, self.right)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Support:
+    """Half extents of the ground the chair stands on, at the worst phase, about B's origin."""
+
+    half_length_m: float
+    half_width_m: float
+
+
+def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
+    """Return the support that is there at every phase of the nosing cycle."""
+    tracks = chair.tracks
+    return Support(
+        half_length_m=0.5 * tracks.flat_run_m - pitch_m,
+        half_width_m=0.5 * (tracks.gauge_m + tracks.belt_width_m),
+    )
+
+
+def seat_mass_kg(loading: Chair) -> float:
+    """Return the mass that turns with the seat."""
+    return EMPTY_SEAT_KG + loading.payload_kg
+
+
+def payload_com(chair: ChairDescription, loading: Chair) -> Point:
+    """Return the payload's centre of mass relative to the hinge, in the seat's frame."""
+    x, y, z = (a + b for a, b in zip(chair.seat.payload_com_m, loading.payload_offset_m, strict=True))
+    return (x, y, z)
+
+
+def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:
+    """Return the centre of mass of chair and payload in B, the seat turned forward by an angle."""
+    c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
+    seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
+    x, y, z = payload_com(chair, loading)
+    hx, hy, hz = chair.seat.hinge_m
+    payload = (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
+    chassis = chair.masses.chassis_com_m
+    total = chassis_kg + seat_kg
+    return (
+        (chassis_kg * chassis[0] + seat_kg * payload[0]) / total,
+        (chassis_kg * chassis[1] + seat_kg * payload[1]) / total,
+        (chassis_kg * chassis[2] + seat_kg * payload[2]) / total,
+    )
+
+
+def tipping_margins(com_B: Point, up_B: Point, support: Support) -> Margins:
+    """Return the angles by which gravity may still turn before the chair tips over each edge of its support.
+
+    Args:
+        com_B: Centre of mass in B [m].
+        up_B: Unit vector against gravity, in B.
+    """
+    x, y, z = com_B
+    ux, uy, uz = up_B
+    lengthwise, sidewise = math.atan2(ux, uz), math.atan2(uy, uz)
+    return Margins(
+        # Nose up (ux > 0) leans the plumb line to the rear.
+        uphill=math.atan2(support.half_length_m - x, z) + lengthwise,
+        downhill=math.atan2(support.half_length_m + x, z) - lengthwise,
+        left=math.atan2(support.half_width_m - y, z) + sidewise,
+        right=math.atan2(support.half_width_m + y, z) - sidewise,
+    )
+
+
+def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float) -> Margins:
+    """Return the tipping margins of a chair at rest on a stair, its seat level as far as it pitches."""
+    up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
+    pitch = math.asin(up[0])
+    com = centre_of_mass(chair, loading, pitch)
+    return tipping_margins(com, up, worst_support(chair, pitch_m))
