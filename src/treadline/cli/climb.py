@@ -47,7 +47,7 @@ def climb(
             settings,
             controller=design,
             seed=seed,
-            log_images=log_images,
+            image_every=1 if log_images else 0,
             watch=lambda tick: progress.at(tick.t_s),
         )
     scores = run.scores

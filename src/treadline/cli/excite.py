@@ -43,7 +43,7 @@ def excite(
             samples=samples,
             period_s=period,
             seed=seed,
-            log_images=log_images,
+            image_every=1 if log_images else 0,
             watch=lambda tick: progress.at(tick.t_s),
         )
     heading = excited.record.y[:, 0] / DEG

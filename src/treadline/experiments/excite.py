@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from treadline import paper
-from treadline.experiments.traverse import Sink, Traverse, traverse
+from treadline.experiments.traverse import Sink, Traverse, Watch, traverse
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.models import InputOutputRecord
 from treadline.scenario import Scenario
@@ -61,13 +61,14 @@ def excite(
     period_s: float,
     seed: int,
     sink: Sink | None = None,
+    watch: Watch | None = None,
 ) -> Excited:
     """Return ``samples`` of random driving on a flight made long enough for them."""
     driver = ExcitationDriver(
         Excitation(ExcitationConfig(mean_m_s=scenario.drive.speed_m_s), np.random.default_rng([seed, 5])),
         period_s,
     )
-    run = traverse(long_enough(scenario, (samples + 1) * period_s), seed=seed, driver=driver, sink=sink)
+    run = traverse(long_enough(scenario, (samples + 1) * period_s), seed=seed, driver=driver, sink=sink, watch=watch)
     count = min(samples, len(driver.u))
     record = InputOutputRecord(
         u=np.array(driver.u[:count]),

@@ -29,7 +29,7 @@ def nosings_touched(length_m: float, pitch_m: float, phase_m: float) -> int:
     """
     if not 0.0 <= phase_m <= pitch_m:
         raise MechanicsError(f"a phase of {phase_m} m lies outside one pitch of {pitch_m} m")
-    return int(math.floor((length_m - phase_m) / pitch_m)) + 1 if phase_m <= length_m else 0
+    return math.floor((length_m - phase_m) / pitch_m) + 1 if phase_m <= length_m else 0
 
 
 def pulley_centres(tracks: Tracks) -> Float[np.ndarray, "3 2"]:

@@ -1,0 +1,103 @@
+"""Runs that leave a folder behind: manifest, result, series and, if asked, a log."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.experiments.excite import Excited, excite
+from treadline.experiments.scores import Trace
+from treadline.experiments.traverse import Sink, Traverse, Watch, mission_config, traverse
+from treadline.io.mcap_log import RunLog
+from treadline.io.records import RECORD, write_record
+from treadline.io.runs import LOG, write_manifest, write_result, write_series
+from treadline.mission.config import heading_driver
+from treadline.mission.drivers import Driver
+from treadline.models import ControllerDesign
+from treadline.scenario import Scenario
+
+SERIES = {
+    "heading_deg": "heading_rad",
+    "yaw_deg": "yaw_rad",
+    "pitch_deg": "pitch_rad",
+    "seat_pitch_deg": "seat_pitch_rad",
+    "stability_margin_deg": "stability_margin_rad",
+}
+PLAIN_SERIES = ("left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
+
+
+def recorded_run(
+    folder: Path,
+    scenario: Scenario,
+    *,
+    controller: ControllerDesign | None,
+    seed: int,
+    driver: Driver | None = None,
+    log: bool = True,
+    image_every: int = 0,
+    watch: Watch | None = None,
+) -> Traverse:
+    """Drive a scenario and write its run folder.
+
+    Raises:
+        TreadlineError: Before anything is written, if the scenario or controller cannot be driven.
+    """
+    config = mission_config(scenario, controller)
+    driver = driver or heading_driver(config)
+    run: Traverse = _logged(
+        folder,
+        lambda sink: traverse(scenario, controller=controller, seed=seed, driver=driver, sink=sink, watch=watch),
+        log=log,
+        image_every=image_every,
+    )
+    _write(folder, run)
+    return run
+
+
+def recorded_excitation(
+    folder: Path,
+    scenario: Scenario,
+    *,
+    samples: int,
+    period_s: float,
+    seed: int,
+    log: bool = True,
+    image_every: int = 0,
+    watch: Watch | None = None,
+) -> Excited:
+    """Excite a scenario and write its run folder, ``record.csv`` included."""
+    mission_config(scenario, None)
+    excited: Excited = _logged(
+        folder,
+        lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch),
+        log=log,
+        image_every=image_every,
+    )
+    write_record(folder / RECORD, excited.record, excited.first_t_s)
+    _write(folder, excited.run)
+    return excited
+
+
+def _logged(folder: Path, drive: Callable[[Sink | None], Any], *, log: bool, image_every: int) -> Any:
+    folder.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        sink = stack.enter_context(RunLog(folder / LOG, image_every=image_every)) if log else None
+        return drive(sink)
+
+
+def _write(folder: Path, run: Traverse) -> None:
+    write_series(folder, series(run.trace, run.estimate_rad))
+    write_manifest(folder, run.scenario.model_dump(mode="json"), run.seed)
+    write_result(folder, run.summary())
+
+
+def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
+    """Return the columns of ``series.csv``: angles in degrees, for people."""
+    columns = {"t_s": trace["t_s"], "estimate_deg": estimate_rad[: len(trace["t_s"])] / DEG}
+    columns |= {name: trace[source] / DEG for name, source in SERIES.items()}
+    columns |= {name: trace[name] for name in PLAIN_SERIES}
+    return columns

@@ -1,0 +1,65 @@
+"""CDR, the wire format of ROS 2 messages: little-endian values, aligned to their size.
+
+Only what a log writes; readers of ROS 2 (and the tests' independent decoder) read it back.
+"""
+
+import struct
+
+HEADER = b"\x00\x01\x00\x00"
+"""Encapsulation: CDR, little-endian."""
+
+
+class CdrWriter:
+    """Appends values one after the other; alignment counts from behind the encapsulation."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+
+    def _align(self, size: int) -> None:
+        self._data.extend(b"\x00" * (-len(self._data) % size))
+
+    def uint8(self, value: int) -> None:
+        """Append a byte, or a bool."""
+        self._data.append(value)
+
+    def int32(self, value: int) -> None:
+        """Append a signed 32-bit integer."""
+        self._align(4)
+        self._data += struct.pack("<i", value)
+
+    def uint32(self, value: int) -> None:
+        """Append an unsigned 32-bit integer."""
+        self._align(4)
+        self._data += struct.pack("<I", value)
+
+    def doubles(self, *values: float) -> None:
+        """Append 64-bit floats: an array of fixed length, or fields in a row."""
+        self._align(8)
+        self._data += struct.pack(f"<{len(values)}d", *values)
+
+    def string(self, text: str) -> None:
+        """Append a string with its length and closing zero."""
+        data = text.encode() + b"\x00"
+        self.uint32(len(data))
+        self._data += data
+
+    def raw(self, data: bytes) -> None:
+        """Append a sequence of bytes with its length."""
+        self.uint32(len(data))
+        self._data += data
+
+    def stamp(self, t_s: float, frame_id: str) -> None:
+        """Append a std_msgs/Header."""
+        nanoseconds = nanoseconds_of(t_s)
+        self.int32(nanoseconds // 1_000_000_000)
+        self.uint32(nanoseconds % 1_000_000_000)
+        self.string(frame_id)
+
+    def message(self) -> bytes:
+        """Return the whole message."""
+        return HEADER + bytes(self._data)
+
+
+def nanoseconds_of(t_s: float) -> int:
+    """Return a time on the mission clock in nanoseconds."""
+    return round(t_s * 1e9)

@@ -1,0 +1,68 @@
+"""A run's log: MCAP with ROS 2 messages. Same signals, same bytes: nothing in it knows the wall clock.
+
+It grows under a temporary name and takes its own when closed; an interrupted run is closed too, and stays readable.
+"""
+
+from collections import Counter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from treadline.io.cdr import nanoseconds_of
+from treadline.io.messages import DEFINITIONS, messages_of
+from treadline.signals import RgbdFrame
+
+LIBRARY = "treadline"
+CHUNK_BYTES = 4 * 1024 * 1024
+
+
+class RunLog:
+    """Takes signals and truth; ``image_every`` keeps every n-th frame, 0 keeps none."""
+
+    def __init__(self, path: Path, *, image_every: int = 0) -> None:
+        self._path = path
+        self._temporary = path.with_name(path.name + ".part")
+        self._image_every = image_every
+        self._frames = 0
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = self._temporary.open("wb")
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._counts: Counter[int] = Counter()
+
+    def __enter__(self) -> "RunLog":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def __call__(self, signal: Any) -> None:
+        """Write one signal."""
+        if isinstance(signal, RgbdFrame):
+            self._frames += 1
+            if self._image_every == 0 or (self._frames - 1) % self._image_every:
+                return
+        time_ns = nanoseconds_of(signal.t_s)
+        for topic, kind, data in messages_of(signal):
+            channel = self._channel(topic, kind)
+            self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
+            self._counts[channel] += 1
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        if self._file.closed:
+            return
+        self._writer.finish()
+        self._file.close()
+        self._temporary.replace(self._path)
+
+    def _channel(self, topic: str, kind: str) -> int:
+        if topic not in self._channels:
+            if kind not in self._schemas:
+                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+        return self._channels[topic]

@@ -1,0 +1,50 @@
+"""Where a result came from: versions, commit and the command that repeats it."""
+
+import platform
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco", "opencv-python-headless", "matplotlib", "mcap")
+
+
+def provenance() -> dict[str, Any]:
+    """Return versions, the git commit if there is one, and the command line."""
+    return {"versions": versions(), "git_commit": git_commit(), "command": command()}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of what the results depend on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def git_commit() -> str | None:
+    """Return the commit of the source tree, or None outside one."""
+    git = shutil.which("git")
+    if git is None:
+        return None
+    # The program is git, found on the path; the arguments are constants.
+    done = subprocess.run(  # noqa: S603
+        [git, "rev-parse", "HEAD"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=10,
+    )
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def command() -> str:
+    """Return the command line as a user would type it: programs and files by name, not by this machine's folders."""
+    words = ["treadline", *sys.argv[1:]]
+    return " ".join(Path(word).name if Path(word).is_absolute() else word for word in words)

@@ -1,0 +1,48 @@
+"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap)."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.io.plain import plain
+from treadline.io.provenance import provenance
+from treadline.models import write_whole
+
+LOG = "log.mcap"
+SERIES_EVERY = 10
+"""Every tenth sample of 100 Hz: enough to draw."""
+
+
+def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int) -> None:
+    """Write what is needed to repeat a run."""
+    _write_json(folder / "manifest.json", {"settings": settings, "seed": seed, **provenance()})
+
+
+def write_result(folder: Path, result: Mapping[str, Any]) -> None:
+    """Write what a run came to."""
+    _write_json(folder / "result.json", result)
+
+
+def write_series(folder: Path, columns: Mapping[str, Float[np.ndarray, " T"]]) -> None:
+    """Write columns at 10 Hz as CSV; NaN as an empty cell."""
+    names = list(columns)
+    rows = np.column_stack([columns[name][::SERIES_EVERY] for name in names])
+    lines = [",".join(names)]
+    lines += [",".join("" if value != value else f"{value:.6g}" for value in row) for row in rows.tolist()]  # noqa: PLR0124 - NaN
+    write_whole(folder / "series.csv", "\n".join(lines) + "\n")
+
+
+def read_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
+    """Return the columns that ``write_series`` wrote."""
+    with (folder / "series.csv").open(encoding="utf-8") as file:
+        names = file.readline().strip().split(",")
+        rows = np.genfromtxt(file, delimiter=",", filling_values=np.nan, ndmin=2)
+    return {name: rows[:, i] for i, name in enumerate(names)}
+
+
+def _write_json(path: Path, values: Mapping[str, Any]) -> None:
+    write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
