@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeGuard
 
 from pydantic import Field, model_validator
 
@@ -11,14 +11,20 @@ from treadline.faults import Fault
 from treadline.settings import Settings, parse_toml, settings_of
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
+RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
+"""What a staircase's rise, run and slope may be."""
+RUN_DEFAULT_M = 0.30
 
 
 class Stair(Settings):
-    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``."""
+    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
-    rise_m: Annotated[float, Field(ge=0.05, le=0.30)] = 0.16
-    run_m: Annotated[float, Field(ge=0.15, le=0.60)] = 0.30
-    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)] | None = None
+    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept.
+    """
+
+    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
+    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
+    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1], exclude=True)] | None = None
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
     width_m: Annotated[float, Field(ge=0.8, le=10.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
@@ -39,27 +45,40 @@ class Stair(Settings):
     @classmethod
     def _rise_from_slope(cls, tables: object) -> object:
         """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
-        if isinstance(tables, dict) and tables.get("slope_deg") is not None:
-            if "rise_m" in tables:
-                message = "give rise_m or slope_deg, not both"
-                raise ValueError(message)
-            slope, run = tables["slope_deg"], tables.get("run_m", 0.30)
-            if isinstance(slope, int | float) and isinstance(run, int | float):
-                return tables | {"rise_m": run * math.tan(math.radians(slope))}
-        return tables
+        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
+            return tables
+        if "rise_m" in tables:
+            raise ValueError("give rise_m or slope_deg, not both")
+        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
+        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
+            return tables  # the fields' own checks say what is wrong with them
+        rise = run * math.tan(math.radians(slope))
+        if not _within(RISE_M, rise):
+            raise ValueError(
+                f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
+                f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
+            )
+        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
 
     @model_validator(mode="after")
     def _steps_exist(self) -> "Stair":
-        beyond = [index for index in self.missing_steps if index >= self.steps]
+        beyond = [index for index in self.missing_steps if index >= self.steps - 1]
         if beyond:
-            message = f"missing_steps names step {beyond[0]} of a flight of {self.steps}"
-            raise ValueError(message)
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
+                f"is {self.steps - 2}, for the one above it is the landing"
+            )
         return self
 
     @property
     def slope_rad(self) -> float:
         """Angle of the nosing plane."""
         return math.atan2(self.rise_m, self.run_m)
+
+
+def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and limits[0] <= value <= limits[1]
 
 
 class Chair(Settings):
@@ -126,8 +145,10 @@ class Scenario(Settings):
     @model_validator(mode="after")
     def _starts_on_the_flight(self) -> "Scenario":
         if self.start.place == "flight" and self.start.step >= self.stair.steps:
-            message = f"start.step is {self.start.step}, the flight has {self.stair.steps} steps"
-            raise ValueError(message)
+            raise ValueError(
+                f"start.step is {self.start.step}, the flight has {self.stair.steps} steps; give one from 0 to "
+                f"{self.stair.steps - 1}"
+            )
         return self
 
 
@@ -138,9 +159,10 @@ def read_scenario(name: str | Path) -> Scenario:
         SettingsError: If there is none, or it says something it must not.
     """
     path = Path(name)
-    if not path.exists() and path.suffix == "" and len(path.parts) == 1:
-        path = SHIPPED / f"{name}.toml"
-        if not path.exists():
-            known = ", ".join(sorted(found.stem for found in SHIPPED.glob("*.toml")))
-            raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
+    shipped = {found.stem: found for found in SHIPPED.glob("*.toml")}
+    if not path.is_file() and str(name) in shipped:
+        path = shipped[str(name)]  # even beside a run folder of that name
+    elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
+        known = ", ".join(sorted(shipped))
+        raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
     return settings_of(parse_toml(path), Scenario, where=str(path))

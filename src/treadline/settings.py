@@ -1,21 +1,36 @@
-"""Strict settings from TOML: unknown keys, wrong types and values out of range are errors with file, key and remedy."""
+"""Strict settings from TOML: unknown keys, wrong types and values out of range are errors with file, key and remedy.
+
+Strict means that nothing is guessed: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not a count. A whole number may
+stand for a real one, and TOML's lists for tuples.
+"""
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
 from treadline.errors import SettingsError
 
 
 class Settings(BaseModel):
-    """Base of every settings model: frozen, no unknown keys, no NaN or Inf."""
+    """Base of every settings model: frozen, strict, no unknown keys, no NaN or Inf."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
 
 S = TypeVar("S", bound=Settings)
+Place = tuple[int | str, ...]
+"""Keys and list indices from the file's root down to a value."""
+JsonSchema = dict[str, Any]
+
+ONE_OF = {"number": "a number", "integer": "a whole number", "boolean": "true or false", "string": "text"}
+MANY_OF = {"number": "numbers", "integer": "whole numbers"}
+COUNTS = ("no", "one", "two", "three", "four")
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that a message repeats."""
 
 
 def read_toml(path: Path, model: type[S]) -> S:
@@ -45,30 +60,109 @@ def parse_toml(path: Path) -> dict[str, object]:
         raise SettingsError(f"{path}: {error.strerror}") from None
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        # ValueError: tomllib's own error is one, and so is Python's refusal of an integer of thousands of digits.
         raise SettingsError(f"{path}: not TOML: {error}") from None
 
 
-def settings_of(tables: dict[str, object], model: type[S], *, where: str) -> S:
+def settings_of(tables: Mapping[str, object], model: type[S], *, where: str) -> S:
     """Return checked settings from tables already parsed.
 
     Raises:
         SettingsError: With ``where``, the key, its value and what is allowed.
     """
     try:
-        return model.model_validate(tables)
+        return model.model_validate(_lists_as_tuples(tables))
     except ValidationError as error:
-        raise SettingsError(_first_problem(error, where)) from None
+        raise SettingsError(f"{where}: {_first_problem(error, model)}") from None
 
 
-def _first_problem(error: ValidationError, where: str) -> str:
+def _lists_as_tuples(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _lists_as_tuples(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return tuple(_lists_as_tuples(item) for item in value)
+    return value
+
+
+def _first_problem(error: ValidationError, model: type[Settings]) -> str:
+    """Return the key of the first thing wrong, and what is; how many more there are is told as well."""
     problems = error.errors(include_url=False)
-    first = problems[0]
-    key = ".".join(str(part) for part in first["loc"]) or "file"
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "extra_forbidden":
-        message = "unknown key; remove it or correct its spelling"
-    elif first["type"] != "value_error":
-        message = f"{message} (got {first['input']!r})"
-    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return f"{where}: {key}: {' '.join(message.split())}{more}"
+    first, place = problems[0], _place(problems[0])
+    others = {_place(problem) for problem in problems} - {place}
+    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in place)
+    message = _what_is_wrong(first, key, model)
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{key}: {message}{more}" if key else f"{message}{more}"
+
+
+def _place(problem: ErrorDetails) -> Place:
+    """Return where the value to correct stands: of a list that is too short, the list."""
+    place = problem["loc"]
+    return place[:-1] if problem["type"] == "missing" and isinstance(place[-1], int) else place
+
+
+def _what_is_wrong(problem: ErrorDetails, key: str, model: type[Settings]) -> str:
+    if problem["type"] == "value_error":
+        return problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        return "unknown key; remove it or correct its spelling"
+    place = _place(problem)
+    wanted = _wanted(_schema_at(model, place), key)
+    if problem["type"] == "missing" and place == problem["loc"]:
+        return f"missing; give {wanted}"
+    return f"must be {wanted} (got {_shown(problem['input'])})"
+
+
+def _schema_at(model: type[Settings], place: Place) -> JsonSchema:
+    """Return the JSON schema of the value at a place."""
+    root = model.model_json_schema()
+    here: JsonSchema = root
+    for part in place:
+        if isinstance(part, str):
+            here = here["properties"][part]
+        else:
+            here = here["prefixItems"][part] if "prefixItems" in here else here["items"]
+        # An optional value is "anyOf": itself, or null; a table is a reference to its definition.
+        here = here.get("anyOf", [here])[0]
+        if "$ref" in here:
+            here = root["$defs"][here["$ref"].rpartition("/")[2]]
+    return here
+
+
+def _wanted(schema: JsonSchema, key: str) -> str:
+    """Return what a schema allows, in words: ``a number from 0.05 to 0.3``."""
+    if "enum" in schema:
+        *rest, last = (_shown(choice) for choice in schema["enum"])
+        return f"{', '.join(rest)} or {last}"
+    kind = schema["type"]
+    if kind == "object":
+        return f"a table, [{key}]"
+    if kind != "array":
+        return ONE_OF[kind] + _range(schema)
+    items = schema.get("prefixItems", [schema.get("items")])
+    if "$ref" in items[0]:
+        return f"a list of tables, [[{key}]]"
+    count = COUNTS[len(items)] if "prefixItems" in schema else "a list of"
+    return f"{count} {MANY_OF[items[0]['type']]}{_range(items[0])}"
+
+
+def _range(schema: JsonSchema) -> str:
+    if "minimum" in schema and "maximum" in schema:
+        return f" from {schema['minimum']:g} to {schema['maximum']:g}"
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    bounds = [f"{sign} {schema[name]:g}" for name, sign in signs.items() if name in schema]
+    return f" {' and '.join(bounds)}" if bounds else ""
+
+
+def _shown(value: object) -> str:
+    """Return a value as TOML would write it, on one line and not too long."""
+    if isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, tuple):
+        text = f"[{', '.join(_shown(item) for item in value)}]"
+    elif isinstance(value, dict):
+        text = "a table"
+    else:
+        text = repr(value) if isinstance(value, str | int | float) else str(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"

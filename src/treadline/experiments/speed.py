@@ -29,6 +29,4 @@ def _climb(plant: TruthPlant, from_s: float) -> float:
         t_s = from_s + (k + 1) * 0.01
         plant.write(TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=t_s, rate_m_s=0.0))
         plant.advance(t_s)
-    plant.read()
-    plant.truth()
     return SPAN_S / (time.process_time() - started)

@@ -130,9 +130,10 @@ def read_chair(model: str) -> ChairDescription:
         SettingsError: If there is none, or its file says something it must not.
     """
     path = Path(model)
-    if path.suffix != ".toml":
-        path = SHIPPED / f"{path.name}.toml"
-        if not path.exists():
-            known = ", ".join(sorted(found.stem for found in SHIPPED.glob("*.toml")))
-            raise SettingsError(f"chair.model: no shipped chair '{model}' (shipped: {known}); or give a path to a .toml")
-    return read_toml(path, ChairDescription)
+    if path.suffix == ".toml":
+        return read_toml(path, ChairDescription)
+    shipped = {found.stem: found for found in SHIPPED.glob("*.toml")}
+    if model not in shipped:
+        known = ", ".join(sorted(shipped))
+        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {known}); or give a path to a .toml")
+    return read_toml(shipped[model], ChairDescription)

@@ -44,7 +44,7 @@ class SeatLinkage:
         to_slider = math.hypot(stroke_m, self._drop)
         # Triangle hinge - pin - slider: the angle at the hinge by the law of cosines.
         cosine = (self._arm**2 + to_slider**2 - self._bar**2) / (2.0 * self._arm * to_slider)
-        if abs(cosine) > 1.0:
+        if not abs(cosine) <= 1.0:  # not ">": NaN must fail too
             raise MechanicsError(
                 f"a bar of {self._bar} m does not join a slider at {stroke_m:.3f} m to a pin {self._arm} m from the hinge"
             )

@@ -20,6 +20,10 @@ from treadline.perception import DetectorConfig, StairDetector
 from treadline.seat import Leveller, LevellerConfig
 
 
+PERIODS_MISSED = 3
+"""Control periods without a command after which the guard holds."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
     """The operator's choices and the files the chair carries."""
@@ -61,17 +65,19 @@ def heading_driver(config: MissionConfig) -> Driver:
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
     """Return the blocks of one mission; an experiment may bring its own driver."""
+    driver = driver or heading_driver(config)
     detector: Detector = StairDetector(DetectorConfig(method=config.vision))
     estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()
     return Blocks(
         detector=detector,
         estimator=estimator,
-        driver=driver or heading_driver(config),
+        driver=driver,
         leveller=Leveller(LevellerConfig(seat=config.chair.seat)),
         guard=Guard(
             GuardConfig(
                 belt_limit_m_s=config.chair.drives.max_speed_m_s,
                 needs_heading=config.loop == "closed",
+                driver_timeout_s=PERIODS_MISSED * driver.period_s,
             )
         ),
     )

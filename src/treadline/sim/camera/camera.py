@@ -27,8 +27,8 @@ COLOURS = {
 }
 WALL_COLOUR = (185.0, 182.0, 175.0)
 FLOOR_COLOUR = (120.0, 118.0, 115.0)
-POOL = 1_048_573
-"""Random numbers held: a prime, so that rows of an image do not line up with it."""
+POOL = 1_000_000
+"""Places in the held random numbers at which a frame's streams may start."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
 """Light falls from above: risers are darker than treads."""
 
@@ -94,8 +94,9 @@ class Camera:
         self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
         self._large = np.array([box.kind in ("wall", "floor", "landing") for box in boxes])
         # Drawn once; each frame reads its streams from places of its own. Fresh numbers would cost as much as the rest.
-        self._normal = rng.standard_normal(POOL, dtype=np.float32)
-        self._chance = rng.random(POOL, dtype=np.float32)
+        pixels = calibration.width_px * calibration.height_px
+        self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
+        self._chance = rng.random(POOL + pixels, dtype=np.float32)
         self._shades = np.tile(np.array(SHADES), (len(boxes), 1))
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:

@@ -82,32 +82,34 @@ def _clip(corners, clipped):
 def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
     """Fill a convex polygon where its inverse depth is the largest so far."""
     rows, columns = inverse.shape
-    top, bottom = 1e18, -1e18
+    u_at, v_at = np.empty(6), np.empty(6)
+    top, bottom, first, last = 1e18, -1e18, 1e18, -1e18
     for a in range(count):
-        v = fy * polygon[a, 1] / polygon[a, 2] + cy
-        top, bottom = min(top, v), max(bottom, v)
-    if bottom < 0.0 or top > rows - 1:
+        scale = 1.0 / polygon[a, 2]
+        u_at[a] = fx * polygon[a, 0] * scale + cx
+        v_at[a] = fy * polygon[a, 1] * scale + cy
+        top, bottom = min(top, v_at[a]), max(bottom, v_at[a])
+        first, last = min(first, u_at[a]), max(last, u_at[a])
+    if bottom < 0.0 or top > rows - 1 or last < 0.0 or first > columns - 1:
         return
     for v in range(max(int(math.ceil(top)), 0), min(int(math.floor(bottom)), rows - 1) + 1):
         left, right = 1e18, -1e18
         for a in range(count):
-            b = (a + 1) % count
-            va = fy * polygon[a, 1] / polygon[a, 2] + cy
-            vb = fy * polygon[b, 1] / polygon[b, 2] + cy
+            b = a + 1 if a + 1 < count else 0
+            va, vb = v_at[a], v_at[b]
             if (va <= v <= vb or vb <= v <= va) and va != vb:
-                ua = fx * polygon[a, 0] / polygon[a, 2] + cx
-                ub = fx * polygon[b, 0] / polygon[b, 2] + cx
-                u = ua + (v - va) / (vb - va) * (ub - ua)
+                u = u_at[a] + (v - va) / (vb - va) * (u_at[b] - u_at[a])
                 left, right = min(left, u), max(right, u)
         if right < 0.0 or left > columns - 1:
             continue
         start, stop = max(int(math.ceil(left)), 0), min(int(math.floor(right)), columns - 1)
-        w = wv * v + w0
+        value = wv * v + w0 + wu * start
+        near, names = inverse[v], face[v]
         for u in range(start, stop + 1):
-            value = w + wu * u
-            if value > inverse[v, u]:
-                inverse[v, u] = value
-                face[v, u] = label
+            if value > near[u]:
+                near[u] = value
+                names[u] = label
+            value += wu
 
 
 @njit(cache=True)
@@ -137,7 +139,7 @@ def _pattern(kind, a, b, seed):
     """Return a surface's reflectance around 1; a runs across the stair, b along the run or up the riser."""
     if kind == 0:  # wood: grain along the tread
         grain = _smooth(a * 3.0, b * 60.0, seed)
-        return 0.85 + 0.3 * grain + 0.05 * math.sin(40.0 * b + 6.0 * grain)
+        return 0.85 + 0.3 * grain
     if kind == 1:  # concrete: blotches
         return 0.88 + 0.16 * _smooth(a * 9.0, b * 9.0, seed) + 0.08 * _smooth(a * 70.0, b * 70.0, seed + 1)
     if kind == 2:  # carpet: fine fibre
@@ -174,10 +176,10 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
                     a, b = wy, wx
                 level = shades[box, side] * _pattern(kind, a, b, 31 * side + 7)
             gain = light * level
+            # Shot noise grows with the root of the signal.
+            grain = noise[place + v * columns + u] * (1.5 + 0.25 * math.sqrt(gain * (colours[box, 1] if box >= 0 else 90.0)))
             for channel in range(3):
-                value = gain * (colours[box, channel] if box >= 0 else 90.0)
-                # Shot noise grows with the root of the signal.
-                value += noise[(place + v * columns + u) % noise.shape[0]] * (1.5 + 0.25 * math.sqrt(max(value, 0.0)))
+                value = gain * (colours[box, channel] if box >= 0 else 90.0) + grain
                 rgb[v, u, channel] = np.uint8(min(max(value, 0.0), 255.0))
 
 
@@ -198,7 +200,6 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
     rows, columns = exact.shape
     strength = fx_noise * baseline
     first, second, third, fourth = places[0], places[1], places[2], places[3]
-    pool = normal.shape[0]
     for v in range(rows):
         furthest = -1e9
         for u in range(columns):
@@ -214,8 +215,8 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
             n = v * columns + u
             if not lit:
                 continue
-            su = min(max(u + int(round(lateral_px * normal[(first + n) % pool])), 0), columns - 1)
-            sv = min(max(v + int(round(lateral_px * normal[(second + n) % pool])), 0), rows - 1)
+            su = min(max(u + int(round(lateral_px * normal[first + n])), 0), columns - 1)
+            sv = min(max(v + int(round(lateral_px * normal[second + n])), 0), rows - 1)
             z = exact[sv, su]
             if not (near <= z <= far):
                 continue
@@ -226,9 +227,9 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
             slope_v = abs(exact[rv, su] - exact[lv, su])
             steep = max(slope_u, slope_v) / (z * 2.0)
             lost = 0.002 + (0.25 if steep > 0.04 else 0.0)
-            if chance[(fourth + n) % pool] < lost:
+            if chance[fourth + n] < lost:
                 continue
-            disparity = strength / z + sigma_px * normal[(third + n) % pool]
+            disparity = strength / z + sigma_px * normal[third + n]
             disparity = round(disparity / step_px) * step_px
             if disparity > 0.0:
                 measured[v, u] = strength / disparity
