@@ -47,9 +47,7 @@ class HeadingController:
         self._design = design
         self._config = config
         self._limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
-        self._inverse = (
-            static_reconstruction(design.model.C, design.model.D, design.K) if config.reconstruct == "static" else None
-        )
+        self._inverse = static_reconstruction(design.model.C, design.model.D, design.K) if config.reconstruct == "static" else None
         disturbance_gain = np.zeros(2) if design.disturbance_gain is None else design.disturbance_gain
         self._observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, disturbance_gain)
         self._correction = np.linalg.pinv(design.model.A) @ design.observer_gain

@@ -318,9 +318,7 @@ def _jackknife(
     whole = _sum(parts)
     found = []
     for item in parts:
-        rest = replace(
-            whole, XX=whole.XX - item.XX, XY=whole.XY - item.XY, YY=whole.YY - item.YY, count=whole.count - item.count
-        )
+        rest = replace(whole, XX=whole.XX - item.XX, XY=whole.XY - item.XY, YY=whole.YY - item.YY, count=whole.count - item.count)
         svd = _svd(observer_markov(_leading(rest, lags, feedthrough)), lags, order, scales)
         found.append(_nearest(np.linalg.eigvals(realise(svd, order, *scales)[0]), poles))
     values = np.array(found)

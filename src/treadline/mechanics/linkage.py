@@ -31,9 +31,7 @@ class SeatLinkage:
         for step in range(201):
             stroke = low + (high - low) * step / 200
             if self.rate_ratio(stroke) <= 0.0:
-                raise MechanicsError(
-                    f"the seat's linkage passes a dead point at a stroke of {stroke:.3f} m; shorten the stroke"
-                )
+                raise MechanicsError(f"the seat's linkage passes a dead point at a stroke of {stroke:.3f} m; shorten the stroke")
 
     def angle(self, stroke_m: float) -> float:
         """Return how far the seat leans forward against the chassis [rad] at a stroke.

@@ -54,9 +54,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     reasons = []
     shift = None
     if length_margin <= 0.0:
-        reasons.append(
-            f"the track is {-length_margin:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track"
-        )
+        reasons.append(f"the track is {-length_margin:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track")
     if stair.friction[0] < TRACTION_RESERVE * math.tan(slope):
         reasons.append(
             f"friction {stair.friction[0]:.2f} is below {TRACTION_RESERVE:g} × tan β = "

@@ -19,7 +19,6 @@ from treadline.models import ControllerDesign
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.seat import Leveller, LevellerConfig
 
-
 PERIODS_MISSED = 3
 """Control periods without a command after which the guard holds."""
 

@@ -256,9 +256,7 @@ class MujocoPlant:
 
     def _check(self, ticks: int, log: Float[np.ndarray, "n c"]) -> None:
         where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
-        warned = [
-            str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)
-        ]
+        warned = [str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)]
         if warned:
             raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
         if not np.isfinite(log).all():

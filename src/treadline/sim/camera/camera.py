@@ -48,13 +48,9 @@ class DepthSensor:
 
 
 SENSORS = {
-    "kinect1": DepthSensor(
-        focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0
-    ),
+    "kinect1": DepthSensor(focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0),
     # Time of flight: about 2 mm at 2 m, no steps and no projector's shadow to speak of.
-    "kinect2": DepthSensor(
-        focal_px=575.0, baseline_m=0.075, sigma_px=0.02, step_px=0.001, lateral_px=0.5, near_m=0.5, far_m=4.5
-    ),
+    "kinect2": DepthSensor(focal_px=575.0, baseline_m=0.075, sigma_px=0.02, step_px=0.001, lateral_px=0.5, near_m=0.5, far_m=4.5),
 }
 
 
