@@ -24,7 +24,7 @@ class Stair(Settings):
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
-    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1], exclude=True)] | None = None
+    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
     width_m: Annotated[float, Field(ge=0.8, le=10.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
@@ -77,8 +77,10 @@ class Stair(Settings):
 
 
 def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return number and limits[0] <= value <= limits[1]
+    return isinstance(value, int | float) and not isinstance(value, bool) and limits[0] <= value <= limits[1]
+
+
+Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
 class Chair(Settings):
@@ -86,7 +88,7 @@ class Chair(Settings):
 
     model: str = "wheelchair"
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
-    payload_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
     seat_shift_m: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from treadline.errors import SettingsError
@@ -19,6 +19,11 @@ class Settings(BaseModel):
     """Base of every settings model: frozen, strict, no unknown keys, no NaN or Inf."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists_are_tuples(cls, tables: object) -> object:
+        return {key: _as_tuple(value) for key, value in tables.items()} if isinstance(tables, Mapping) else tables
 
 
 S = TypeVar("S", bound=Settings)
@@ -72,17 +77,13 @@ def settings_of(tables: Mapping[str, object], model: type[S], *, where: str) -> 
         SettingsError: With ``where``, the key, its value and what is allowed.
     """
     try:
-        return model.model_validate(_lists_as_tuples(tables))
+        return model.model_validate(tables)
     except ValidationError as error:
         raise SettingsError(f"{where}: {_first_problem(error, model)}") from None
 
 
-def _lists_as_tuples(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {key: _lists_as_tuples(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return tuple(_lists_as_tuples(item) for item in value)
-    return value
+def _as_tuple(value: object) -> object:
+    return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value
 
 
 def _first_problem(error: ValidationError, model: type[Settings]) -> str:
@@ -137,7 +138,7 @@ def _wanted(schema: JsonSchema, key: str) -> str:
         return f"{', '.join(rest)} or {last}"
     kind = schema["type"]
     if kind == "object":
-        return f"a table, [{key}]"
+        return "a table" if key[-1:].isdigit() else f"a table, [{key}]"
     if kind != "array":
         return ONE_OF[kind] + _range(schema)
     items = schema.get("prefixItems", [schema.get("items")])
