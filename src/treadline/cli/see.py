@@ -1,6 +1,7 @@
 """``treadline see``: the heading of recorded frames."""
 
 from pathlib import Path
+from typing import Any, Literal
 
 from treadline.cli.answer import Answer
 
@@ -33,10 +34,11 @@ def see(
 
     if method not in ("robust", "paper"):
         raise SettingsError(f"--method is '{method}'; allowed: robust, paper")
+    chosen: Literal["paper", "robust"] = "paper" if method == "paper" else "robust"
     if depth is None:
         if not rgb.is_dir():
             raise SettingsError(f"{rgb}: not a folder; give RGB and DEPTH images, or a folder of pairs")
-        seen = [see_frame(frame, method=method, out=out) for frame in frames_of_folder(rgb)]
+        seen = [see_frame(frame, method=chosen, out=out) for frame in frames_of_folder(rgb)]
         accepted = sum(bool(item["accepted"]) for item in seen)
         return Answer(
             values={"frames": seen},
@@ -44,11 +46,11 @@ def see(
         )
     if camera is None:
         raise SettingsError("see needs the camera's calibration: --camera camera.toml")
-    answer = see_frame(single_frame(rgb, depth, camera, gravity), method=method, out=out)
+    answer = see_frame(single_frame(rgb, depth, camera, gravity), method=chosen, out=out)
     return Answer(values=answer, summary=[_line(answer)], code=0 if answer["accepted"] else 1)
 
 
-def _line(seen: dict[str, object]) -> str:
+def _line(seen: dict[str, Any]) -> str:
     if not seen["accepted"]:
         return f"{seen['name']}: no heading: {seen['reason']}"
     return (

@@ -19,7 +19,7 @@ BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#7
 BY_SLOPE = {25: BLUE, 28: GREEN, 30: RED}
 Series = Mapping[str, Float[np.ndarray, " T"]]
 
-STYLE = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "axes.grid": True,

@@ -7,6 +7,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 import ctypes
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -344,7 +345,7 @@ class MujocoPlant:
         )
 
 
-def _view(address: int, rows: int, columns: int, kind: type) -> np.ndarray:
+def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     """Return an array laid over memory that MuJoCo owns."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)

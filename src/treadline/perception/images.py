@@ -1,0 +1,76 @@
+"""Recorded frames: a colour image and a 16-bit depth image, checked against their calibration."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from treadline.errors import ImageError
+from treadline.perception.camera_file import CameraFile
+from treadline.signals import RgbdFrame
+
+NO_RETURN = (0, 65535)
+PLAUSIBLE_M = (0.2, 30.0)
+"""Median depth of an indoor frame: outside it, the unit is wrong."""
+
+
+def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
+    """Return the frame in two image files.
+
+    Raises:
+        ImageError: If a file is missing or no image, sizes differ, or the depth cannot be one.
+    """
+    if not calibration.registered:
+        raise ImageError(f"{depth}: the calibration says registered = false; register depth to colour first")
+    return RgbdFrame(
+        t_s=0.0,
+        rgb=_colour(rgb, calibration),
+        depth_m=_depth(depth, calibration),
+        camera=calibration.camera,
+    )
+
+
+def _colour(path: Path, calibration: CameraFile) -> UInt8[np.ndarray, "h w 3"]:
+    image = _decoded(path, cv2.IMREAD_COLOR)
+    _check_size(path, image, calibration)
+    return np.ascontiguousarray(image[:, :, ::-1])
+
+
+def _depth(path: Path, calibration: CameraFile) -> Float32[np.ndarray, "h w"]:
+    image = _decoded(path, cv2.IMREAD_UNCHANGED)
+    if image.ndim != 2 or image.dtype != np.uint16:
+        kind = f"{image.dtype.itemsize * 8}-bit with {1 if image.ndim == 2 else image.shape[2]} channel(s)"
+        raise ImageError(f"{path}: depth must be 16-bit with one channel, this is {kind}; record the raw depth image")
+    _check_size(path, image, calibration)
+    valid = ~np.isin(image, NO_RETURN)
+    if not valid.any():
+        word = "zero" if not image.any() else "saturated"
+        raise ImageError(f"{path}: every depth is {word}: no return anywhere; was the sensor covered or out of range?")
+    depth = np.where(valid, image * calibration.depth_unit_m, np.nan).astype(np.float32)
+    middle = float(np.nanmedian(depth))
+    if not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
+        raise ImageError(
+            f"{path}: the median depth is {middle:.3g} m with depth_unit_m = {calibration.depth_unit_m:g}; "
+            "wrong unit? millimetres need 0.001"
+        )
+    return depth
+
+
+def _decoded(path: Path, flags: int) -> np.ndarray:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise ImageError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ImageError(f"{path}: is a folder, not an image") from None
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    if image is None:
+        raise ImageError(f"{path}: not an image that can be read (PNG or JPEG)")
+    return np.asarray(image)
+
+
+def _check_size(path: Path, image: np.ndarray, calibration: CameraFile) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != (calibration.width, calibration.height):
+        raise ImageError(f"{path}: {width}×{height} pixels, the calibration is for {calibration.width}×{calibration.height}")
