@@ -14,6 +14,8 @@ SHIPPED = Path(__file__).parent / "data" / "scenarios"
 RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
 """What a staircase's rise, run and slope may be."""
 RUN_DEFAULT_M = 0.30
+SEAT_SHIFT_M = (-0.3, 0.3)
+"""How far the seat may be moved along the chair."""
 
 
 class Stair(Settings):
@@ -26,7 +28,7 @@ class Stair(Settings):
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
-    width_m: Annotated[float, Field(ge=0.8, le=10.0)] = 1.2
+    width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
     open_risers: bool = False
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
@@ -89,7 +91,7 @@ class Chair(Settings):
     model: str = "wheelchair"
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
-    seat_shift_m: Annotated[float, Field(ge=-0.3, le=0.3)] = 0.0
+    seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
 
 

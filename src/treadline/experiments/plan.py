@@ -70,8 +70,10 @@ def straight(slope_deg: int, loop: str, duration_s: float) -> Scenario:
     The open loop looks at nothing, so no frames are rendered for it.
     """
     scenario = _flight(slope_deg, heading_deg=0.0, duration_s=duration_s, mismatch=0.02)
+    # So wide that a drifting chair meets neither a wall nor the flight's side.
+    stair = scenario.stair.model_copy(update={"width_m": 40.0, "walls": "none"})
     control = Control.model_validate({"loop": loop, "vision": "truth" if loop == "open" else "robust"})
-    return scenario.model_copy(update={"control": control})
+    return scenario.model_copy(update={"control": control, "stair": stair})
 
 
 def _flight(slope_deg: int, *, heading_deg: float, duration_s: float, mismatch: float) -> Scenario:

@@ -266,7 +266,9 @@ def _model(
 ) -> LinearModel:
     A, B, C = realise(svd, order, *scales)
     u0 = np.nanmean(np.vstack([record.u for record in records]), axis=0)
-    y_mean = np.nanmean(np.vstack([record.y for record in records]), axis=0)
+    y0 = np.nanmean(np.vstack([record.y for record in records]), axis=0)
+    if observer is not None:
+        u0, y0 = _rest(observer, u0, y0, scales)
     names = channel_names(records[0])
     m = records[0].u.shape[1]
     return LinearModel(
@@ -276,21 +278,27 @@ def _model(
         D=D,
         dt_s=records[0].dt_s,
         input_offset=u0,
-        output_offset=y_mean if observer is None else _output_offset(observer, u0, y_mean),
+        output_offset=y0,
         observer_gain=None if observer is None else _observer_gain(A, C, observer),
         input_names=names[:m],
         output_names=names[m:],
     )
 
 
-def _output_offset(
-    observer: ObserverMarkov, u0: Float[np.ndarray, " m"], y_mean: Float[np.ndarray, " p"]
-) -> Float[np.ndarray, " p"]:
-    """Return the output at rest under u0; where an integrator leaves it open, the mean."""
+def _rest(
+    observer: ObserverMarkov, u_mean: Float[np.ndarray, " m"], y_mean: Float[np.ndarray, " p"], scales: Scales
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " p"]]:
+    """Return the operating point (input, output) nearest to the means at which the observer says nothing changes.
+
+    (I - Σβ) y₀ - (D + Σα) u₀ = bias. Where an integrator leaves y₀ open, it is u₀ that yields: a chair whose right belt
+    runs fast stands still at unequal belts. Distances count in deviations, an input's three times.
+    """
     M = np.eye(y_mean.size) - observer.beta.sum(axis=0)
-    at_rest = observer.bias + (observer.D + observer.alpha.sum(axis=0)) @ u0
-    # Singular values below 5 % belong to poles within 5 % of one: their rest is not in the data.
-    return np.asarray(y_mean + np.linalg.pinv(M, rcond=0.05) @ (at_rest - M @ y_mean))
+    N = observer.D + observer.alpha.sum(axis=0)
+    missing = observer.bias - M @ y_mean + N @ u_mean
+    step_u, step_y = scales[0] / 3.0, scales[1]
+    change = np.linalg.pinv(np.hstack([M * step_y, -N * step_u])) @ missing
+    return u_mean + change[y_mean.size :] * step_u, y_mean + change[: y_mean.size] * step_y
 
 
 def _observer_gain(

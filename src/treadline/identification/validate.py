@@ -65,11 +65,15 @@ def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
     x = initial_state(model, head(record, 50))
     states = np.empty((len(record), model.order))
+    v = np.nan_to_num(record.u, nan=0.0) - model.input_offset
+    # x⁺ = (A - KC) x + (B - KD) v + K y: a sample with a NaN corrects nothing.
+    whole = np.isfinite(record.y).all(axis=1)
+    drive = v @ model.B.T
+    correction = np.where(whole[:, None], record.y - model.output_offset - v @ model.D.T, 0.0) @ gain.T
+    closed = model.A - gain @ model.C
     for k in range(len(record)):
         states[k] = x
-        v = np.nan_to_num(record.u[k]) - model.input_offset
-        innovation = record.y[k] - model.output_offset - model.C @ x - model.D @ v
-        x = model.A @ x + model.B @ v + gain @ np.nan_to_num(innovation)
+        x = (closed if whole[k] else model.A) @ x + drive[k] + correction[k]
     return states
 
 
