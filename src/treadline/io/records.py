@@ -18,6 +18,10 @@ TIME = "t_s"
 RECORD = "record.csv"
 IRREGULAR = 0.05
 """Largest deviation of a sampling interval from the period, as a share of it."""
+MOST_ROWS = 10_000_000
+"""Most rows that resampling makes: four weeks at 4 Hz; one wild time stamp asks for more."""
+MOST_GAPS = 0.2
+"""Largest share of rows with NaN."""
 
 
 def read_record(
@@ -50,6 +54,7 @@ def read_record(
             raise LogFormatError(f"{file}: no column '{name}' (there are: {', '.join(header)})")
     places = [header.index(name) for name in wanted]
     values = _numbers(file, header, lines, cells, places, allow_gaps=allow_gaps)
+    _check_gaps(file, values)
     _check_units(file, wanted, values)
     m = len(inputs)
     u, y = values[:, :m], values[:, m:]
@@ -87,7 +92,10 @@ def _cells(file: Path) -> tuple[list[str], list[int], list[list[str]]]:
         text = file.read_bytes().decode("utf-8")
     except UnicodeDecodeError as error:
         raise LogFormatError(f"{file}: not UTF-8 (byte {error.start}); is it a CSV file?") from None
-    rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), start=1) if row]
+    try:
+        rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), start=1) if row]
+    except csv.Error as error:
+        raise LogFormatError(f"{file}: not CSV: {error}") from None
     if not rows:
         raise LogFormatError(f"{file}: empty; a header and at least two rows are needed")
     header = [name.strip() for name in rows[0][1]]
@@ -124,6 +132,12 @@ def _numbers(
     return values
 
 
+def _check_gaps(file: Path, values: Float[np.ndarray, "n k"]) -> None:
+    share = float(np.isnan(values).any(axis=1).mean())
+    if share > MOST_GAPS:
+        raise NotFinite(f"{file}: {share:.0%} of the rows hold NaN; at most {MOST_GAPS:.0%} may: mend the recording")
+
+
 def _check_units(file: Path, names: list[str], values: Float[np.ndarray, "n k"]) -> None:
     for name, column in zip(names, values.T, strict=True):
         largest = float(np.nanmax(np.abs(column), initial=0.0))
@@ -156,7 +170,10 @@ def _on_a_grid(
             f"{file}:{lines[int(uneven[0]) + 1]}: a step of {steps[uneven[0]]:.4g} s where the period is {period:.4g} s; "
             "pass --resample"
         )
-    grid = t[0] + period * np.arange(int((t[-1] - t[0]) / period) + 1)
+    count = (t[-1] - t[0]) / period + 1.0
+    if not count <= MOST_ROWS:
+        raise RecordError(f"{file}: {count:.3g} rows at {period:.4g} s; at most {MOST_ROWS} are made: give a longer --period")
+    grid = t[0] + period * np.arange(int(count))
     held = np.clip(np.searchsorted(t, grid + 1e-9 * period, side="right") - 1, 0, len(t) - 1)
     between = np.column_stack([np.interp(grid, t, column) for column in y.T])
     return u[held], between, period

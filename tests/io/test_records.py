@@ -1,0 +1,135 @@
+"""Records: rows come back exactly; every fault of a CSV file is one line with its place and remedy."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.io.records import read_record, write_record
+from treadline.models import InputOutputRecord
+
+INPUTS = ("left_m_s", "right_m_s")
+OUTPUTS = ("heading_rad",)
+HEADER = "t_s,left_m_s,right_m_s,heading_rad"
+ROWS = [f"{0.25 * k},0.2,{0.2 + 0.01 * k},{0.1 - 0.01 * k}" for k in range(10)]
+
+
+def written(path: Path, lines: list[str]) -> Path:
+    path.write_text("\n".join(lines) + "\n" if lines else "")
+    return path
+
+
+def replaced(k: int, row: str) -> list[str]:
+    return [HEADER, *ROWS[:k], row, *ROWS[k + 1 :]]
+
+
+def test_a_record_comes_back_bit_by_bit_from_a_file_and_its_folder(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    record = InputOutputRecord(
+        u=rng.normal(size=(40, 2)), y=rng.uniform(-1, 1, (40, 1)), dt_s=0.25, input_names=INPUTS, output_names=OUTPUTS
+    )
+    write_record(tmp_path / "record.csv", record, 0.5)
+    for path in (tmp_path, tmp_path / "record.csv"):
+        back = read_record(path, INPUTS, OUTPUTS)
+        np.testing.assert_array_equal(back.u, record.u)
+        np.testing.assert_array_equal(back.y, record.y)
+        assert back.dt_s == 0.25
+    assert [item.name for item in tmp_path.iterdir()] == ["record.csv"]
+
+
+def test_columns_are_found_by_name_not_by_place(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["heading_rad,note,t_s", "0.1,x,0", "0.2,y,1", "0.3,z,2"])
+    assert read_record(path, (), ("heading_rad",)).y[:, 0].tolist() == [0.1, 0.2, 0.3]
+
+
+FAULTS = {
+    "missing column": (["t_s,left_m_s", "0,1", "1,1"], LogFormatError, "right_m_s.*there are: t_s, left_m_s"),
+    "empty": ([], LogFormatError, "empty"),
+    "header only": ([HEADER], LogFormatError, "two rows"),
+    "one row": ([HEADER, ROWS[0]], LogFormatError, "two rows"),
+    "a word": (replaced(3, "0.75,fast,0.2,0.1"), LogFormatError, ":5: column 'left_m_s' holds 'fast'"),
+    "infinity": (replaced(3, "0.75,inf,0.2,0.1"), NotFinite, ":5: column 'left_m_s' holds Inf"),
+    "a gap": (replaced(3, "0.75,0.2,0.2,nan"), NotFinite, ":5: column 'heading_rad' holds NaN.*--allow-gaps"),
+    "an empty cell": (replaced(3, "0.75,0.2,0.2,"), NotFinite, ":5: column 'heading_rad' holds NaN"),
+    "time stands": (replaced(3, ROWS[2]), RecordError, ":5: column 't_s' does not increase"),
+    "time goes back": (replaced(3, "0.1,0.2,0.2,0.1"), RecordError, ":5: column 't_s' does not increase"),
+    "irregular": (replaced(3, "0.78,0.2,0.2,0.1"), PeriodMismatch, ":5: .*--resample"),
+    "ragged": (replaced(3, "0.75,0.2"), ShapeMismatch, ":5: 2 cells, the header has 4"),
+    "degrees": (replaced(3, "0.75,0.2,0.2,20.0"), RecordError, "heading_rad.*degrees"),
+    "doubled column": ([HEADER + ",left_m_s", *[row + ",0" for row in ROWS]], LogFormatError, ":1: column 'left_m_s'"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_a_fault_is_named_with_its_place_on_one_line(tmp_path: Path, case: str) -> None:
+    lines, kind, words = FAULTS[case]
+    with pytest.raises(kind, match=rf"record\.csv.*{words}") as caught:
+        read_record(written(tmp_path / "record.csv", lines), INPUTS, OUTPUTS)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_text_file_is_refused_by_name(tmp_path: Path) -> None:
+    latin = tmp_path / "latin.csv"
+    latin.write_bytes(HEADER.encode() + b"\n\xff,0,0,0\n")
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for path, words in ((latin, "not UTF-8"), (tmp_path / "none.csv", "no such file"), (folder, "without record.csv")):
+        with pytest.raises(LogFormatError, match=words):
+            read_record(path, INPUTS, OUTPUTS)
+
+
+def test_allowed_gaps_stay_as_rows_of_nan_up_to_a_fifth(tmp_path: Path) -> None:
+    def gaps(count: int) -> Path:
+        rows = [f"{0.25 * k},0.2,0.2," if k < count else ROWS[k] for k in range(10)]
+        return written(tmp_path / "record.csv", [HEADER, *rows])
+
+    record = read_record(gaps(2), INPUTS, OUTPUTS, allow_gaps=True)
+    assert np.isnan(record.y[:, 0]).tolist() == [True] * 2 + [False] * 8
+    with pytest.raises(NotFinite, match="30%"):
+        read_record(gaps(3), INPUTS, OUTPUTS, allow_gaps=True)
+    with pytest.raises(NotFinite, match="Inf"):
+        read_record(written(tmp_path / "b.csv", replaced(3, "0.75,inf,0.2,0.1")), INPUTS, OUTPUTS, allow_gaps=True)
+
+
+def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["t_s,left_m_s,heading_rad", "0,1,0.0", "1,2,0.1", "2,3,0.2", "4,4,0.4", "5,5,0.5"])
+    record = read_record(path, ("left_m_s",), OUTPUTS, resample=True)
+    assert record.u[:, 0].tolist() == [1, 2, 3, 3, 4, 5]
+    # The straight line, but for rounding.
+    np.testing.assert_allclose(record.y[:, 0], 0.1 * np.arange(6), atol=1e-15)
+
+
+def test_one_wild_time_stamp_does_not_ask_for_all_the_memory(tmp_path: Path) -> None:
+    path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
+    with pytest.raises(RecordError, match="--period"):
+        read_record(path, INPUTS, OUTPUTS, resample=True)
+
+
+def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogFormatError, match="not CSV"):
+        read_record(written(tmp_path / "record.csv", [HEADER, "1" * 200_000, ROWS[1]]), INPUTS, OUTPUTS)
+
+
+@pytest.mark.parametrize("period_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_period_that_is_no_time_is_refused(tmp_path: Path, period_s: float) -> None:
+    path = written(tmp_path / "record.csv", [HEADER, *ROWS])
+    with pytest.raises(PeriodMismatch, match="--period"):
+        read_record(path, INPUTS, OUTPUTS, period_s=period_s)
+
+
+def test_without_a_clock_the_period_must_be_given(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["left_m_s,heading_rad", "0.1,0.0", "0.2,0.1"])
+    with pytest.raises(PeriodMismatch, match="--period"):
+        read_record(path, ("left_m_s",), OUTPUTS)
+    assert read_record(path, ("left_m_s",), OUTPUTS, period_s=0.5).dt_s == 0.5
+
+
+def test_a_binary_file_is_never_more_than_a_typed_error(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    path = tmp_path / "noise.csv"
+    for _ in range(40):
+        # Characters that a CSV reader minds: quotes, zeros, carriage returns.
+        path.write_bytes(bytes(rng.choice(list(b'\x00\r\n",;01tn\x7f'), 60).tolist()))
+        with pytest.raises(TreadlineError):
+            read_record(path, INPUTS, OUTPUTS)

@@ -1,0 +1,42 @@
+"""Run folders: whole files of plain JSON and CSV, with what is needed to repeat the run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.io import provenance
+from treadline.io.runs import SERIES_EVERY, read_series, write_manifest, write_result, write_series
+
+
+def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["/somewhere/bin/treadline", "climb", "paper-28", "--out", "/elsewhere/run"])
+    write_manifest(tmp_path, {"stair": {"rise_m": 0.16}}, 7)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert manifest["settings"] == {"stair": {"rise_m": 0.16}}
+    assert manifest["seed"] == 7
+    assert manifest["command"] == "treadline climb paper-28 --out run"
+    assert {"python", "treadline", "numpy", "scipy", "mujoco"} <= set(manifest["versions"])
+
+
+def test_no_git_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
+    assert provenance.provenance()["git_commit"] is None
+
+
+def test_numbers_that_are_not_finite_are_null_in_a_result(tmp_path: Path) -> None:
+    write_result(tmp_path, {"a": float("nan"), "b": np.array([1.0, np.inf]), "c": None})
+    assert json.loads((tmp_path / "result.json").read_text()) == {"a": None, "b": [1.0, None], "c": None}
+
+
+def test_a_series_comes_back_at_ten_hertz_to_six_digits(tmp_path: Path) -> None:
+    columns = {"t_s": 0.01 * np.arange(101), "estimate_deg": np.random.default_rng(2).normal(size=101)}
+    columns["estimate_deg"][0] = np.nan
+    write_series(tmp_path, columns)
+    back = read_series(tmp_path)
+    assert list(back) == list(columns)
+    for name, values in columns.items():
+        # Six significant digits: half a unit of the last is 5e-6 of the value.
+        np.testing.assert_allclose(back[name], values[::SERIES_EVERY], rtol=5e-6)
+    assert [item.name for item in tmp_path.iterdir()] == ["series.csv"]

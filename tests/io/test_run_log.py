@@ -1,0 +1,193 @@
+"""Logs: what goes in comes out, the same in gives the same bytes, and a damaged file is one LogFormatError."""
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
+
+from treadline.errors import LogFormatError
+from treadline.io import mcap_read
+from treadline.io.mcap_log import RunLog
+from treadline.io.mcap_read import read_log
+from treadline.io.messages import TRUTH_NAMES
+from treadline.ports import Truth
+from treadline.signals import (
+    Event,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    PinholeCamera,
+    RgbdFrame,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+
+CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0, cy_px=1.0)
+
+
+def frame(t_s: float, seed: int) -> RgbdFrame:
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(0.5, 3.0, (3, 5)).astype(np.float32)
+    depth[0, 0] = np.nan
+    return RgbdFrame(t_s=t_s, rgb=rng.integers(0, 255, (3, 5, 3), dtype=np.uint8), depth_m=depth, camera=CAMERA)
+
+
+def one_of_each(t_s: float, seed: int) -> list[Any]:
+    a, b, c = np.random.default_rng(seed).normal(size=3).tolist()
+    return [
+        ImuSample(
+            t_s=t_s,
+            orientation=np.array([0.5, -0.5, 0.5, a]),
+            angular_velocity_rad_s=np.array([a, b, c]),
+            linear_acceleration_m_s2=np.array([b, c, 9.81]),
+        ),
+        frame(t_s, seed),
+        HeadingMeasurement(t_s=t_s, heading_rad=a, sigma_rad=abs(b), edge_count=5),
+        HeadingEstimate(t_s=t_s, heading_rad=a, heading_rate_rad_s=b, sigma_rad=abs(c), source="gyro"),
+        SeatReading(t_s=t_s, pitch_rad=a, stroke_m=b),
+        TrackReading(t_s=t_s, left_m_s=a, right_m_s=b, brake_on=True),
+        OperatorInput(t_s=t_s, dead_man=False, stop=True),
+        TrackCommand(t_s=t_s, left_m_s=a, right_m_s=b),
+        SeatCommand(t_s=t_s, rate_m_s=c),
+        Event(t_s=t_s, name="hold", cause="heading 31° beyond 30°"),
+        Truth(t_s=t_s, **{name: a + i for i, name in enumerate(TRUTH_NAMES)}),
+    ]
+
+
+def write(path: Path, signals: list[Any], *, image_every: int = 1) -> Path:
+    with RunLog(path, image_every=image_every) as log:
+        for signal in signals:
+            log(signal)
+    return path
+
+
+def comparable(signal: Any) -> tuple[Any, ...]:
+    values = [getattr(signal, item.name) for item in fields(signal)]
+    return (type(signal), *[value.tobytes() if isinstance(value, np.ndarray) else value for value in values])
+
+
+SIGNALS = [signal for k in range(4) for signal in one_of_each(k * 0.01, k)]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return write(tmp_path / "log.mcap", SIGNALS)
+
+
+def test_every_signal_comes_back_as_it_went_in(log: Path) -> None:
+    assert [comparable(signal) for signal in read_log(log)] == [comparable(signal) for signal in SIGNALS]
+
+
+@pytest.mark.parametrize("t_s", [0.0, 1e-9, 0.123456789, 59.99, 3600.000000001])
+def test_time_comes_back_to_the_nanosecond(tmp_path: Path, t_s: float) -> None:
+    (back,) = read_log(write(tmp_path / "log.mcap", [SeatCommand(t_s=t_s, rate_m_s=0.0)]))
+    assert round(back.t_s * 1e9) == round(t_s * 1e9)
+
+
+def test_another_decoder_of_ros_2_reads_the_same_numbers(log: Path) -> None:
+    first: dict[str, Any] = {}
+    with log.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            first.setdefault(channel.topic, message)
+    imu, image, estimate = SIGNALS[0], SIGNALS[1], SIGNALS[3]
+    assert first["/imu"].orientation.w == imu.orientation[0]
+    assert first["/imu"].orientation.z == imu.orientation[3]
+    assert first["/imu"].linear_acceleration.z == 9.81
+    assert first["/stair/heading/detail"].position[0] == estimate.heading_rad
+    pose = first["/stair/heading"].pose
+    # Twice the half angle of a quaternion: exact but for rounding.
+    assert 2.0 * np.arctan2(pose.pose.orientation.z, pose.pose.orientation.w) == pytest.approx(estimate.heading_rad, abs=1e-12)
+    assert pose.covariance[35] == pytest.approx(estimate.sigma_rad**2, rel=1e-12)
+    assert bytes(first["/camera/color/image_raw"].data) == image.rgb.tobytes()
+    assert first["/camera/depth/image_rect"].encoding == "32FC1"
+    assert list(first["/camera/color/camera_info"].k[:3]) == [CAMERA.fx_px, 0.0, CAMERA.cx_px]
+    assert first["/tracks/state"].position[2] == 1.0
+    assert first["/diagnostics"].status[0].message == "heading 31° beyond 30°"
+    assert dict(zip(first["/truth"].name, first["/truth"].position, strict=True))["y_m"] == SIGNALS[10].y_m
+
+
+def test_the_same_signals_give_the_same_bytes(tmp_path: Path, log: Path) -> None:
+    assert write(tmp_path / "again.mcap", SIGNALS).read_bytes() == log.read_bytes()
+
+
+@pytest.mark.parametrize(("every", "kept"), [(0, 0), (1, 7), (3, 3)])
+def test_every_nth_frame_is_kept(tmp_path: Path, every: int, kept: int) -> None:
+    path = write(tmp_path / "log.mcap", [frame(0.1 * k, k) for k in range(7)], image_every=every)
+    assert len(list(read_log(path))) == kept
+
+
+def test_an_interrupted_run_leaves_a_readable_log(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+
+    def interrupted() -> None:
+        with RunLog(path) as log:
+            log(SeatCommand(t_s=0.01, rate_m_s=0.5))
+            assert not path.exists()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [signal.rate_m_s for signal in read_log(path)] == [0.5]
+    assert [item.name for item in tmp_path.iterdir()] == ["log.mcap"]
+
+
+def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:
+    data = log.read_bytes()
+    cut = tmp_path / "cut.mcap"
+    for size in [0, 1, 7, *range(8, len(data) - 1, len(data) // 60), len(data) - 1]:
+        cut.write_bytes(data[:size])
+        with pytest.raises(LogFormatError, match=r"cut\.mcap"):
+            list(read_log(cut))
+
+
+def test_a_changed_byte_is_noticed_or_changes_nothing(tmp_path: Path, log: Path) -> None:
+    data = log.read_bytes()
+    whole = [comparable(signal) for signal in read_log(log)]
+    rng = np.random.default_rng(11)
+    changed = tmp_path / "changed.mcap"
+    refused = 0
+    for place in rng.integers(0, len(data), 300).tolist():
+        other = bytearray(data)
+        other[place] ^= int(rng.integers(1, 256))
+        changed.write_bytes(other)
+        try:
+            assert [comparable(signal) for signal in read_log(changed)] == whole
+        except LogFormatError:
+            refused += 1
+    assert refused > 0
+
+
+def test_what_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
+    text = tmp_path / "text.mcap"
+    text.write_text("t_s,left_m_s\n0,1\n" * 40)
+    for path in (text, tmp_path / "none.mcap", tmp_path):
+        with pytest.raises(LogFormatError, match=path.name):
+            list(read_log(path))
+
+
+@pytest.mark.parametrize("cap", ["MAX_FILE_BYTES", "MAX_CHUNK_BYTES", "MAX_MESSAGES"])
+def test_a_log_beyond_a_cap_is_refused(log: Path, monkeypatch: pytest.MonkeyPatch, cap: str) -> None:
+    monkeypatch.setattr(mcap_read, cap, 10)
+    with pytest.raises(LogFormatError, match="10"):
+        list(read_log(log))
+
+
+def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bare.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD, enable_crcs=False)
+        writer.start()
+        schema = writer.register_schema("a", "ros2msg", b"")
+        writer.add_message(writer.register_channel("/imu", "cdr", schema), 0, b"", 0)
+        writer.finish()
+    with pytest.raises(LogFormatError, match="checksum"):
+        list(read_log(path))
