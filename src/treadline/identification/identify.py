@@ -27,8 +27,8 @@ LAGS_MOST = 12
 """Largest number of lags tried when none is given."""
 ROWS_PER_PARAMETER = 8
 """Samples wanted per coefficient of one output."""
-BLOCKS_LEAST = 4
-"""Block rows of the Hankel matrix at least: four samples of response show an integrator and a lag."""
+BLOCKS_LEAST = 8
+"""Block rows of the Hankel matrix at least: two seconds at 4 Hz, on which an integrator and a lag part clearly."""
 JACKKNIFE_PARTS = 10
 EXACT = 1e-12
 """Residual variance over the outputs' variance at which data are free of noise."""
