@@ -87,6 +87,7 @@ class _Ending:
 
 def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> MissionConfig:
     """Return what the operator would enter for this scenario: choices, files, and no truth."""
+    chair = read_chair(scenario.chair.model)
     if scenario.start.place != "flight":
         raise SettingsError(
             f"start.place is '{scenario.start.place}'; this version starts on the flight only: set place = \"flight\""
@@ -96,7 +97,7 @@ def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> M
     if scenario.fault:
         raise SettingsError(f"fault.kind '{scenario.fault[0].kind}': this version injects no faults; remove [[fault]]")
     return MissionConfig(
-        chair=read_chair(scenario.chair.model),
+        chair=chair,
         controller=controller,
         climb_speed_m_s=scenario.drive.speed_m_s,
         loop=scenario.control.loop,
