@@ -105,7 +105,7 @@ class Decoder:
         return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=depth, camera=camera)
 
 
-IMAGES = {
+IMAGES: dict[str, tuple[str, np.dtype[Any], tuple[int, ...]]] = {
     "/camera/color/image_raw": ("rgb8", np.dtype(np.uint8), (3,)),
     "/camera/depth/image_rect": ("32FC1", np.dtype("<f4"), ()),
 }

@@ -7,7 +7,7 @@ import mmap
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, cast
 
 import zstandard
 from mcap.exceptions import McapError
@@ -61,7 +61,7 @@ def _signals(data: mmap.mmap) -> Iterator[Any]:
     topics: dict[int, str] = {}
     count = 0
     # A record longer than the file is broken: no memory for it. The map's read() stops at the end by itself.
-    reader = StreamReader(data, validate_crcs=True, emit_chunks=True, record_size_limit=len(data))
+    reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=len(data))
     for record in _unpacked(reader):
         if isinstance(record, Channel):
             topics[record.id] = record.topic

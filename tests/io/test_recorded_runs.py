@@ -1,0 +1,62 @@
+"""A recorded run, whole: its folder holds what the run returned, and bad settings leave no folder."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.experiments.excite import INPUTS, OUTPUTS, Excited
+from treadline.experiments.recorded import recorded_excitation
+from treadline.io.mcap_read import read_log
+from treadline.io.records import read_record
+from treadline.io.runs import read_series
+from treadline.ports import Truth
+from treadline.scenario import read_scenario
+
+SCENARIO = read_scenario("paper-28")
+
+
+@pytest.fixture(scope="module")
+def excited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Excited]:
+    folder = tmp_path_factory.mktemp("runs")
+    runs = [recorded_excitation(folder / name, SCENARIO, samples=20, period_s=0.05, seed=1, image_every=5) for name in "ab"]
+    return folder, runs[0]
+
+
+def test_the_record_on_disk_is_the_record_returned(excited: tuple[Path, Excited]) -> None:
+    folder, run = excited
+    back = read_record(folder / "a", INPUTS, OUTPUTS)
+    np.testing.assert_array_equal(back.u, run.record.u)
+    np.testing.assert_array_equal(back.y, run.record.y)
+
+
+def test_the_log_holds_the_truth_that_was_scored(excited: tuple[Path, Excited]) -> None:
+    folder, run = excited
+    truth = [signal for signal in read_log(folder / "a" / "log.mcap") if isinstance(signal, Truth)]
+    np.testing.assert_array_equal([sample.heading_rad for sample in truth], run.run.trace["heading_rad"])
+
+
+def test_the_series_is_the_trace_in_degrees(excited: tuple[Path, Excited]) -> None:
+    folder, run = excited
+    series = read_series(folder / "a")
+    wanted = np.rad2deg(run.run.trace["heading_rad"][::10])
+    # Six significant digits.
+    np.testing.assert_allclose(series["heading_deg"], wanted, rtol=5e-6)
+
+
+def test_the_same_seed_gives_the_same_bytes(excited: tuple[Path, Excited]) -> None:
+    folder, _ = excited
+    for name in ("log.mcap", "record.csv", "series.csv", "manifest.json"):
+        assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes(), name
+    # The result also tells how fast this machine was; all else repeats.
+    a, b = (json.loads((folder / name / "result.json").read_text()) for name in "ab")
+    assert a | {"real_time_factor": 0} == b | {"real_time_factor": 0}
+
+
+def test_bad_settings_leave_no_folder(tmp_path: Path) -> None:
+    floor = SCENARIO.model_copy(update={"start": SCENARIO.start.model_copy(update={"place": "floor"})})
+    with pytest.raises(SettingsError, match=r"start\.place"):
+        recorded_excitation(tmp_path / "run", floor, samples=20, period_s=0.05, seed=1)
+    assert not list(tmp_path.iterdir())
