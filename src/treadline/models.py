@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import ModelError, NotFinite, SettingsError, ShapeMismatch
+from treadline.errors import ModelError, NotFinite, SettingsError, ShapeMismatch, TreadlineError
 
 Provenance = dict[str, Any]
 """Where a model came from: command, versions, seeds, fit. JSON values only."""
@@ -45,17 +45,18 @@ class LinearModel:
     """x[k+1] = A x[k] + B (u[k] - input_offset),  y[k] - output_offset = C x[k] + D (u[k] - input_offset).
 
     ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). Without ``input_offset`` the law
-    u = -Kx would stop the chair: the climb speed is the offset.
+    u = -Kx would stop the chair: the climb speed is the offset. Shapes are checked here, where the matrix has a name:
+    A (n n), B (n m), C (p n), D (p m).
     """
 
-    A: Float[np.ndarray, "n n"]
-    B: Float[np.ndarray, "n m"]
-    C: Float[np.ndarray, "p n"]
-    D: Float[np.ndarray, "p m"]
+    A: Float[np.ndarray, "_ _"]
+    B: Float[np.ndarray, "_ _"]
+    C: Float[np.ndarray, "_ _"]
+    D: Float[np.ndarray, "_ _"]
     dt_s: float
-    input_offset: Float[np.ndarray, " m"]
-    output_offset: Float[np.ndarray, " p"]
-    observer_gain: Float[np.ndarray, "n p"] | None = None
+    input_offset: Float[np.ndarray, " _"]
+    output_offset: Float[np.ndarray, " _"]
+    observer_gain: Float[np.ndarray, "_ _"] | None = None
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=dict)
@@ -102,10 +103,10 @@ class ControllerDesign:
     """A gain and all that is needed to run it: the file ``treadline tune`` writes and ``treadline climb`` loads."""
 
     model: LinearModel
-    K: Float[np.ndarray, "m n"]
-    observer_gain: Float[np.ndarray, "n p"]
+    K: Float[np.ndarray, "_ _"]
+    observer_gain: Float[np.ndarray, "_ _"]
     period_s: float
-    disturbance_gain: Float[np.ndarray, " p"] | None = None
+    disturbance_gain: Float[np.ndarray, " _"] | None = None
     """Corrects the constant difference between asked and acting belts, per unit of innovation; None carries none."""
     reconstruct: Literal["observer", "static"] = "observer"
     vehicle: str = "wheelchair"
@@ -139,12 +140,15 @@ class ControllerDesign:
 def write_whole(path: Path, text: str) -> None:
     """Write a file so that readers see the old one or the new one, never a part."""
     temporary = path.with_name(path.name + ".part")
-    path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_text(text, encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from treadline.errors import TreadlineError
 from treadline.io import provenance
 from treadline.io.runs import SERIES_EVERY, read_series, write_manifest, write_result, write_series
 
@@ -40,3 +41,13 @@ def test_a_series_comes_back_at_ten_hertz_to_six_digits(tmp_path: Path) -> None:
         # Six significant digits: half a unit of the last is 5e-6 of the value.
         np.testing.assert_allclose(back[name], values[::SERIES_EVERY], rtol=5e-6)
     assert [item.name for item in tmp_path.iterdir()] == ["series.csv"]
+
+
+def test_what_cannot_be_written_is_one_typed_line_and_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "result.json").mkdir()
+    with pytest.raises(TreadlineError, match=r"result\.json: cannot be written"):
+        write_result(tmp_path, {})
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+    (tmp_path / "file").touch()
+    with pytest.raises(TreadlineError, match="cannot be written"):
+        write_result(tmp_path / "file" / "run", {})
