@@ -30,7 +30,7 @@ class SeatLinkage:
         self.angle_range = (self.angle(low), self.angle(high))
         for step in range(201):
             stroke = low + (high - low) * step / 200
-            if self.rate_ratio(stroke) <= 0.0:
+            if min(self._along_and_lever(stroke)) <= 0.0:
                 raise MechanicsError(f"the seat's linkage passes a dead point at a stroke of {stroke:.3f} m; shorten the stroke")
 
     def angle(self, stroke_m: float) -> float:
@@ -65,8 +65,16 @@ class SeatLinkage:
 
     def rate_ratio(self, stroke_m: float) -> float:
         """Return d(angle)/d(stroke) [rad/m] at a stroke."""
+        along, lever = self._along_and_lever(stroke_m)
+        return along / lever
+
+    def _along_and_lever(self, stroke_m: float) -> tuple[float, float]:
+        """Return the bar's part along the rail [m], and the arm times the bar's part across the arm [m²].
+
+        The bar's length is constant: along² + below² = bar², differentiated, gives along d(stroke) = lever d(angle).
+        Either is zero at a dead point: there the slider, or the seat, turns back.
+        """
         angle = self.angle(stroke_m)
         along = stroke_m + self._arm * math.cos(angle)
         below = self._drop - self._arm * math.sin(angle)
-        # The bar's length is constant: along² + below² = bar², differentiated.
-        return along / (self._arm * (along * math.sin(angle) + below * math.cos(angle)))
+        return along, self._arm * (along * math.sin(angle) + below * math.cos(angle))

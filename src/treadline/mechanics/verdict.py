@@ -7,12 +7,12 @@ import math
 from dataclasses import dataclass, field
 
 from treadline.angles import DEG
-from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.stability import Margins, static_margins
 from treadline.mechanics.tracks import minimum_track_length
-from treadline.mechanics.traction import friction_use
-from treadline.scenario import Chair, Scenario
+from treadline.mechanics.traction import friction_use, largest_heading_rad
+from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
 """Friction wanted over tan β: nosings jolt."""
@@ -20,6 +20,7 @@ MARGIN_LIMIT_RAD = 7.0 * DEG
 """The figure of ISO 7176-24; no claim to the standard is made."""
 SEAT_RESERVE_RAD = 3.0 * DEG
 """Range the seat keeps beyond the slope: the chair rocks over nosings."""
+SIDES = ("uphill", "downhill", "left", "right")
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
 
 
@@ -46,52 +47,59 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     stair, loading = scenario.stair, scenario.chair
     slope, heading = stair.slope_rad, scenario.start.heading_deg * DEG
     pitch = math.hypot(stair.rise_m, stair.run_m)
-    margins = static_margins(chair, loading, slope, pitch, heading)
-    linkage_range = SeatLinkage(chair.seat).angle_range
-    length_margin = chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m)
-    use = friction_use(slope, heading, stair.friction)
-
-    reasons = []
-    shift = None
-    if length_margin <= 0.0:
-        reasons.append(f"the track is {-length_margin:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track")
-    if stair.friction[0] < TRACTION_RESERVE * math.tan(slope):
-        reasons.append(
-            f"friction {stair.friction[0]:.2f} is below {TRACTION_RESERVE:g} × tan β = "
-            f"{TRACTION_RESERVE * math.tan(slope):.2f}; roughen the nosings or take a stair below "
-            f"{math.degrees(math.atan(stair.friction[0] / TRACTION_RESERVE)):.1f}°"
-        )
-    elif use >= 1.0:
-        reasons.append(f"at a heading of {heading / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer")
-    if margins.worst < MARGIN_LIMIT_RAD:
-        shift = _shift_that_helps(chair, loading, slope, pitch, heading)
-        reasons.append(_too_unstable(margins, loading, shift))
-    if linkage_range[1] < slope + SEAT_RESERVE_RAD:
-        reasons.append(
-            f"the seat reaches {linkage_range[1] / DEG:.0f}°, the stair needs {(slope + SEAT_RESERVE_RAD) / DEG:.0f}°; "
-            "lengthen its stroke"
-        )
-    gap = _longest_gap(stair.missing_steps) * pitch
-    if gap and chair.tracks.flat_run_m <= 2.0 * pitch + gap:
-        reasons.append(
-            f"missing steps leave {gap + pitch:.2f} m between nosings; the track spans {chair.tracks.flat_run_m:.2f} m, "
-            f"needs {2.0 * pitch + gap:.2f} m"
-        )
+    widest_m = _widest_spacing(stair, 1) * pitch
+    margins = static_margins(chair, loading, slope, widest_m, heading)
+    shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if margins.worst < MARGIN_LIMIT_RAD else None
+    seat_range = SeatLinkage(chair.seat).angle_range
+    reasons = (
+        _too_short(stair, chair.tracks),
+        _too_slippery(stair, heading),
+        _too_unstable(margins, loading, shift),
+        _too_steep_for_the_seat(seat_range[1], slope),
+        _too_wide_a_gap(stair, chair.tracks),
+        _beside_the_flight(scenario, chair.tracks),
+    )
     return CheckReport(
-        verdict="refuse" if reasons else "go",
-        reasons=reasons,
-        track_length_margin_m=length_margin,
+        verdict="refuse" if any(reasons) else "go",
+        reasons=[reason for reason in reasons if reason],
+        track_length_margin_m=chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m),
         friction_needed=math.tan(slope),
         friction_available=stair.friction[0],
-        friction_use_at_start=use,
-        stability_margin_deg={side: getattr(margins, side) / DEG for side in ("uphill", "downhill", "left", "right")},
-        seat_range_deg=(linkage_range[0] / DEG, linkage_range[1] / DEG),
+        friction_use_at_start=friction_use(slope, heading, stair.friction),
+        stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
+        seat_range_deg=(seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
     )
 
 
-def _too_unstable(margins: Margins, loading: Chair, shift_m: float | None) -> str:
-    side = min(("uphill", "downhill", "left", "right"), key=lambda name: float(getattr(margins, name)))
+def _too_short(stair: Stair, tracks: Tracks) -> str | None:
+    lacking_m = minimum_track_length(stair.rise_m, stair.run_m) - tracks.flat_run_m
+    if lacking_m < 0.0:
+        return None
+    pitch = math.hypot(stair.rise_m, stair.run_m)
+    return f"the track is {lacking_m:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track"
+
+
+def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
+    friction, needed = stair.friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
+    if friction < needed:
+        return (
+            f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
+            f"a stair below {math.atan(friction / TRACTION_RESERVE) / DEG:.1f}°"
+        )
+    use = friction_use(stair.slope_rad, heading_rad, stair.friction)
+    if use < 1.0:
+        return None
+    return (
+        f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
+        f"{largest_heading_rad(stair.slope_rad, stair.friction) / DEG:.0f}°"
+    )
+
+
+def _too_unstable(margins: Margins, loading: Chair, shift_m: float | None) -> str | None:
+    if margins.worst >= MARGIN_LIMIT_RAD:
+        return None
+    side = min(SIDES, key=lambda name: float(getattr(margins, name)))
     text = f"the tipping margin {side} is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "
     if shift_m is None:
         return text + "take less payload, or sit lower"
@@ -106,17 +114,48 @@ def _shift_that_helps(
     for k in range(1, round(SHIFT_LIMIT_M / SHIFT_STEP_M) + 1):
         for sign in (1.0, -1.0):
             shift = round(loading.seat_shift_m + sign * k * SHIFT_STEP_M, 4)
+            if not SEAT_SHIFT_M[0] <= shift <= SEAT_SHIFT_M[1]:
+                continue
             moved = loading.model_copy(update={"seat_shift_m": shift})
             if static_margins(chair, moved, slope_rad, pitch_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
                 return shift
     return None
 
 
-def _longest_gap(missing: tuple[int, ...]) -> int:
-    """Return the largest number of neighbouring steps that are missing."""
-    longest = run = 0
-    previous = None
-    for index in sorted(set(missing)):
-        run = run + 1 if previous is not None and index == previous + 1 else 1
-        longest, previous = max(longest, run), index
-    return longest
+def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
+    needed = slope_rad + SEAT_RESERVE_RAD
+    if reach_rad >= needed:
+        return None
+    return f"the seat reaches {reach_rad / DEG:.0f}°, the stair needs {needed / DEG:.0f}°; lengthen its stroke"
+
+
+def _too_wide_a_gap(stair: Stair, tracks: Tracks) -> str | None:
+    """Say where missing steps leave a track on one nosing: it must span any three neighbouring ones to touch two."""
+    needed_m = _widest_spacing(stair, 2) * math.hypot(stair.rise_m, stair.run_m)
+    if not stair.missing_steps or tracks.flat_run_m > needed_m:
+        return None
+    return (
+        f"missing steps leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans "
+        f"{tracks.flat_run_m:.2f} m; mend the steps or use a longer track"
+    )
+
+
+def _widest_spacing(stair: Stair, neighbours: int) -> int:
+    """Return the widest distance from a nosing to the next, or the next but one, in pitches.
+
+    Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last.
+    """
+    there = [index for index in range(-1, stair.steps + 1) if index not in stair.missing_steps]
+    return max(later - index for index, later in zip(there, there[neighbours:], strict=False))
+
+
+def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Say how far the flat run's outermost corner lies beyond the flight's edge."""
+    start, width_m = scenario.start, scenario.stair.width_m
+    heading = abs(start.heading_deg) * DEG
+    half_width = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    reach = half_width * math.cos(heading) + 0.5 * tracks.flat_run_m * math.sin(heading)
+    beside_m = abs(start.lateral_m) + reach - 0.5 * width_m
+    if start.place == "floor" or beside_m <= 0.0:
+        return None
+    return f"a track starts {beside_m:.2f} m beside the flight, which is {width_m:g} m wide; start nearer its middle"
