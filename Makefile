@@ -41,5 +41,8 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+docs: setup
+	$(BIN)/python -m treadline.report.drawings docs/drawings
+
 clean:
 	rm -rf $(VENV) reproduce runs .mypy_cache .ruff_cache .pytest_cache
