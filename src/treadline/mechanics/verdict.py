@@ -101,6 +101,8 @@ def _too_unstable(margins: Margins, loading: Chair, shift_m: float | None) -> st
         return None
     side = min(SIDES, key=lambda name: float(getattr(margins, name)))
     text = f"the tipping margin {side} is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "
+    if shift_m is None and side in ("left", "right"):
+        return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
     if shift_m is None:
         return text + "take less payload, or sit lower"
     change = shift_m - loading.seat_shift_m

@@ -1,0 +1,191 @@
+"""The verdict: every refusal has its number and a remedy, and the remedy works."""
+
+import math
+import re
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from treadline.angles import DEG
+from treadline.errors import SettingsError
+from treadline.mechanics.chair import SHIPPED as CHAIRS
+from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.verdict import MARGIN_LIMIT_RAD, CheckReport, check
+from treadline.scenario import SEAT_SHIFT_M, SHIPPED, Scenario, read_scenario
+
+CHAIR = read_chair("wheelchair")
+
+
+def judge(chair: ChairDescription = CHAIR, /, **tables: dict[str, Any]) -> CheckReport:
+    return check(Scenario.model_validate(tables), chair)
+
+
+def with_piece(piece: str, **values: object) -> ChairDescription:
+    return CHAIR.model_copy(update={piece: getattr(CHAIR, piece).model_copy(update=values)})
+
+
+def assert_refused_only_for(report: CheckReport, *words: str) -> str:
+    """Return the one reason; it holds the words, a number, and after a semicolon what to do."""
+    assert report.verdict == "refuse"
+    (reason,) = report.reasons
+    for word in words:
+        assert word in reason
+    what, _, remedy = reason.rpartition("; ")
+    assert re.search(r"\d", what)
+    assert remedy
+    return reason
+
+
+@pytest.mark.parametrize("chair", [path.stem for path in CHAIRS.glob("*.toml")])
+@pytest.mark.parametrize("scenario", [path.stem for path in SHIPPED.glob("*.toml")])
+def test_every_shipped_chair_may_climb_every_shipped_scenario(scenario: str, chair: str) -> None:
+    report = check(read_scenario(scenario), read_chair(chair))
+    assert (report.verdict, report.reasons, report.proposed_seat_shift_m) == ("go", [], None)
+
+
+@pytest.mark.parametrize("slope_deg", [25, 28, 30])
+def test_the_slopes_of_table_2_are_go_from_30_degrees_of_heading(slope_deg: int) -> None:
+    for heading_deg in (-30, 0, 30):
+        report = judge(stair={"slope_deg": slope_deg, "width_m": 2.4}, start={"heading_deg": heading_deg})
+        assert report.verdict == "go"
+        assert min(report.stability_margin_deg.values()) >= 7.0
+
+
+def test_the_numbers_are_those_of_the_stair() -> None:
+    report = judge(stair={"rise_m": 0.16, "run_m": 0.30})
+    assert report.friction_needed == pytest.approx(0.16 / 0.30)
+    assert report.friction_available == 0.62
+    assert report.friction_use_at_start == pytest.approx(0.16 / 0.30 / 0.62)
+    assert report.track_length_margin_m == pytest.approx(0.95 - 2.0 * 0.34)
+    assert report.seat_range_deg == pytest.approx((-7.0, 44.4), abs=0.05)
+
+
+def test_a_track_shorter_than_two_pitches_is_refused() -> None:
+    # Low and short: only its length is at fault.
+    report = judge(with_piece("tracks", flat_run_m=0.67), stair={"rise_m": 0.16, "run_m": 0.30})
+    assert report.track_length_margin_m == pytest.approx(-0.01)
+    assert report.verdict == "refuse"
+    assert report.reasons[0] == "the track is 0.010 m too short for two nosings of 0.340 m pitch; use a longer track"
+
+
+def test_a_slippery_stair_is_refused_with_the_slope_it_would_do() -> None:
+    report = judge(stair={"slope_deg": 28, "friction": [0.5, 0.5]})
+    reason = assert_refused_only_for(report, "friction 0.50 is below 1.05 × tan β = 0.56", "roughen the nosings")
+    steepest = float(reason.rsplit("below ", 1)[1].rstrip("°"))
+    # The remedy is printed to 0.1°.
+    for change, verdict in ((-0.06, "go"), (0.06, "refuse")):
+        assert judge(stair={"slope_deg": steepest + change, "friction": [0.5, 0.5]}).verdict == verdict
+
+
+def test_a_start_too_far_askew_is_refused_with_the_heading_it_would_hold() -> None:
+    keys = {"slope_deg": 30, "width_m": 2.4}
+    report = judge(stair=keys, start={"heading_deg": 45})
+    reason = assert_refused_only_for(report, "at a heading of 45° the chair slides", "start squarer than 32°")
+    assert "(friction use 1.05)" in reason
+    assert judge(stair=keys, start={"heading_deg": 32}).verdict == "go"
+
+
+@given(
+    payload=st.floats(0.0, 200.0),
+    ahead=st.floats(-0.4, 0.4),
+    higher=st.floats(0.0, 0.4),
+    shift=st.floats(*SEAT_SHIFT_M),
+    slope_deg=st.floats(20.0, 30.0),
+)
+def test_a_proposed_seat_shift_really_reaches_the_margin(
+    payload: float, ahead: float, higher: float, shift: float, slope_deg: float
+) -> None:
+    stair = {"slope_deg": slope_deg}
+    loading = {"payload_kg": payload, "payload_offset_m": [ahead, 0.0, higher], "seat_shift_m": shift}
+    report = judge(stair=stair, chair=loading)
+    proposed = report.proposed_seat_shift_m
+    worst = min(report.stability_margin_deg.values())
+    if worst >= MARGIN_LIMIT_RAD / DEG:
+        assert report.verdict == "go"
+        assert proposed is None
+    elif proposed is None:
+        assert_refused_only_for(report, f"{worst:.1f}°", "take less payload, or sit lower")
+    else:
+        change_mm = abs(proposed - shift) * 1000.0
+        way = "uphill" if proposed > shift else "downhill"
+        assert_refused_only_for(report, f"{worst:.1f}°, below 7°; shift the seat {change_mm:.0f} mm {way}")
+        # A scenario with the proposal can be written, and is go.
+        assert judge(stair=stair, chair=loading | {"seat_shift_m": proposed}).verdict == "go"
+
+
+def test_a_payload_behind_the_hinge_is_refused_with_a_shift_uphill() -> None:
+    report = judge(stair={"slope_deg": 28}, chair={"payload_offset_m": [-0.1, 0.0, 0.0]})
+    assert_refused_only_for(report, "the tipping margin downhill is", "below 7°", "mm uphill")
+
+
+def test_a_payload_far_aside_is_refused_where_no_shift_helps() -> None:
+    for aside, side, other in ((0.5, "left", "right"), (-0.5, "right", "left")):
+        report = judge(stair={"slope_deg": 28}, chair={"payload_offset_m": [0.0, aside, 0.0], "payload_kg": 150})
+        assert_refused_only_for(report, f"the tipping margin {side} is", f"move the payload to the {other}")
+        assert report.proposed_seat_shift_m is None
+
+
+def test_a_seat_that_cannot_reach_level_is_refused() -> None:
+    report = judge(with_piece("seat", stroke_m=(-0.04, 0.10)), stair={"slope_deg": 28})
+    reach = report.seat_range_deg[1]
+    assert 20.0 < reach < 28.0
+    assert_refused_only_for(report, f"the seat reaches {reach:.0f}°, the stair needs 31°", "lengthen its stroke")
+
+
+LOW_STAIR = {"rise_m": 0.08, "run_m": 0.20, "steps": 20}
+
+
+@pytest.mark.parametrize(
+    ("missing", "spans"),
+    [
+        ([5], 3),
+        ([5, 6], 4),
+        ([5, 7], 4),  # two gaps side by side: the nosing between them is the only one for nearly four pitches
+        ([5, 8], 3),
+        ([0], 3),
+        ([18], 3),
+    ],
+)
+def test_missing_steps_are_refused_when_the_track_cannot_span_three_nosings(missing: list[int], spans: int) -> None:
+    needed = spans * math.hypot(0.08, 0.20)
+    stair = LOW_STAIR | {"missing_steps": missing}
+    short = judge(with_piece("tracks", flat_run_m=needed - 0.001), stair=stair)
+    reasons = [reason for reason in short.reasons if "missing steps" in reason]
+    assert len(reasons) == 1
+    assert f"{needed:.2f} m apart" in reasons[0]
+    assert "; mend the steps or use a longer track" in reasons[0]
+    long = judge(with_piece("tracks", flat_run_m=needed + 0.001), stair=stair)
+    assert not any("missing steps" in reason for reason in long.reasons)
+
+
+def test_a_missing_step_costs_margin_even_where_the_track_spans_it() -> None:
+    whole, holed = judge(stair=LOW_STAIR), judge(stair=LOW_STAIR | {"missing_steps": [5]})
+    assert not any("missing" in reason for reason in holed.reasons)
+    assert holed.stability_margin_deg["downhill"] < whole.stability_margin_deg["downhill"] - 5.0
+
+
+@pytest.mark.parametrize("place", ["flight", "landing"])
+def test_a_start_beside_the_flight_is_refused(place: str) -> None:
+    # 1.2 m of flight: a chair 0.75 m wide may stand 0.225 m off its middle.
+    assert judge(start={"place": place, "lateral_m": -0.22}).verdict == "go"
+    report = judge(start={"place": place, "lateral_m": -0.26})
+    assert_refused_only_for(report, "0.04 m beside the flight, which is 1.2 m wide", "start nearer its middle")
+
+
+def test_several_things_wrong_are_all_told() -> None:
+    report = judge(
+        with_piece("tracks", flat_run_m=0.6),
+        stair={"slope_deg": 35, "friction": [0.3, 0.3], "missing_steps": [4]},
+        start={"place": "flight", "lateral_m": 2.0},
+    )
+    for word in ("too short", "friction", "tipping margin", "missing steps", "beside the flight"):
+        assert sum(word in reason for reason in report.reasons) == 1
+    assert all("; " in reason for reason in report.reasons)
+
+
+def test_an_unknown_chair_lists_the_shipped_ones() -> None:
+    for model in ("throne", "../chairs/wheelchair", ""):
+        with pytest.raises(SettingsError, match=r"^chair\.model: no shipped chair .*\(shipped: wheelchair"):
+            read_chair(model)
