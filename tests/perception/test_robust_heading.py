@@ -108,6 +108,13 @@ def test_frames_without_a_stair_yield_no_heading() -> None:
         assert sight.heading_rad is None
 
 
-def test_a_frame_without_gravity_is_refused_with_the_reason() -> None:
+def test_without_gravity_the_treads_tell_down() -> None:
+    frame, down = view(4206, 0.2, Stair(slope_deg=28.0, run_m=0.3))
+    # Both see the same risers, which alone fix the heading but for the tilt of the edge: 0.1° bounds what that costs.
+    assert ROBUST.look(frame, None).heading_rad == pytest.approx(ROBUST.look(frame, down).heading_rad, abs=0.1 * DEG)
+
+
+def test_without_gravity_and_treads_a_frame_is_refused_with_the_reason() -> None:
     frame, _ = view(4206, 0.0, Stair(slope_deg=28.0, run_m=0.3))
-    assert "gravity" in (ROBUST.look(frame, None).reason or "")
+    wall = np.full_like(frame.depth_m, 1.5)
+    assert "gravity" in (ROBUST.look(replace(frame, depth_m=wall), None).reason or "")

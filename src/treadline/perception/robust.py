@@ -4,15 +4,18 @@ Every tread and every riser contains the direction of the stair's edges: it is t
 their normals. Gravity sorts surfaces into treads and risers, a vote finds the risers' azimuth, surfaces are joined
 across the image (their baseline is the stair's width), and the direction is the weighted null direction of all normals.
 The heading follows from it in the chair's frame. A frame is refused, with the reason, unless two parallel risers a
-step apart are seen: a wall alone is no stair.
+step apart are seen: a wall alone is no stair. Without gravity the treads tell down, and more of a stair must be seen.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
+from treadline.perception.direction import fit_edges
+from treadline.perception.down import down_of_treads
 from treadline.perception.planes import Blocks, Surface, joined, surface_blocks
 from treadline.perception.sight import Sight, StairShape, refused
 from treadline.signals import RgbdFrame
@@ -29,13 +32,8 @@ RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 LEAST_BLOCKS = 4
 STEP_RUN_M, STEP_RISE_M = (0.15, 0.45), (0.08, 0.25)
 HEADING_LIMIT = 45.0 * DEG
-CAUCHY = 25.0
-"""Squared deviations at which a surface's weight is halved."""
-GRAVITY_SIGMA = 0.5 * DEG
-"""Trust in the IMU's idea of down."""
-INFLATION = 2.0
-"""Residuals of neighbouring pixels are not independent: measured ratio of true to formal error."""
-SIGMA_FLOOR = 0.05 * DEG
+GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
+"""Trust in the IMU's idea of down, and in one taken from the treads."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,15 +48,16 @@ class _Axes:
 
 def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> Sight:
     """Return what a frame says of the stair."""
-    if gravity_C is None:
-        return refused("no gravity: an IMU must tell treads from risers")
-    axes = _axes(gravity_C)
-    if axes is None:
-        return refused("the camera looks straight up or down")
     blocks = surface_blocks(frame.depth_m, frame.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
         return refused(f"only {len(blocks.sums)} blocks with a plane in the depth image")
     unit = blocks.normals / np.linalg.norm(blocks.normals, axis=1, keepdims=True)
+    down = down_of_treads(unit) if gravity_C is None else _unit(gravity_C)
+    if down is None:
+        return refused("no gravity, and no treads to tell it from" if gravity_C is None else "gravity is not a direction")
+    axes = _axes(down)
+    if axes is None:
+        return refused("the camera looks straight up or down")
     rise = unit @ axes.down
     vertical = np.abs(rise) < np.sin(UPRIGHT)
     level = np.abs(rise) > np.cos(UPRIGHT)
@@ -69,29 +68,41 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> 
     facing = np.cos(voted) * axes.ahead + np.sin(voted) * axes.right
     risers = joined(blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS)
     risers = [surface for surface in risers if _turned_from(surface, facing) < RISER_SPREAD]
+    risers = _flight(risers)
     pairs = _steps([surface.level for surface in risers], STEP_RUN_M)
     if not pairs:
         return refused(f"{len(risers)} riser(s) in view, none a step from another")
     treads = joined(blocks, level, -axes.down, TREAD_GAP_M, LEAST_BLOCKS)
     treads = [surface for surface in treads if _turned_from(surface, axes.down) < UPRIGHT]
-    edge, heading, sigma = _direction(risers + treads, axes, facing, frame.camera.R_BC)
+    R_BC = frame.camera.R_BC
+    down_sigma = TREADS_SIGMA if gravity_C is None else GRAVITY_SIGMA
+    fit = fit_edges(risers, treads, axes.down, down_sigma, np.cross(axes.down, facing))
+    shape = _shape(risers, treads)
+    if gravity_C is None and shape is None and len(pairs) < 2:
+        return refused("no gravity, and neither two treads nor three risers a step apart to make up for it")
+    edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
+    heading = _heading(edge, R_BC)
     if abs(heading) > HEADING_LIMIT:
         return refused(f"heading {heading / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°")
     return Sight(
         accepted=True,
         reason=None,
         heading_rad=heading,
-        sigma_rad=max(INFLATION * sigma, SIGMA_FLOOR),
+        sigma_rad=fit.sigma_about(R_BC.T[:, 2]),
         edge_direction_C=edge,
         edge_count=len(risers),
         box_px=_box(frame, blocks, risers + treads),
-        shape=_shape(risers, treads),
+        shape=shape,
         stages=None,
     )
 
 
-def _axes(gravity_C: Float[np.ndarray, " 3"]) -> _Axes | None:
-    down = gravity_C / np.linalg.norm(gravity_C)
+def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
+    length = float(np.linalg.norm(gravity_C))
+    return gravity_C / length if np.isfinite(length) and length > 0.0 else None
+
+
+def _axes(down: Float[np.ndarray, " 3"]) -> _Axes | None:
     ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
     length = float(np.linalg.norm(ahead))
     if length < 0.2:
@@ -120,38 +131,24 @@ def _steps(levels: list[float], limits: tuple[float, float]) -> list[float]:
     return [float(gap) for gap in gaps if limits[0] <= gap <= limits[1]]
 
 
+def _flight(risers: list[Surface]) -> list[Surface]:
+    """Return the risers that follow each other no more than a step apart, of several such rows the one most seen."""
+    risers = sorted(risers, key=lambda surface: surface.level)
+    levels = np.array([surface.level for surface in risers])
+    ends = [0, *(np.flatnonzero(np.diff(levels) > STEP_RUN_M[1]) + 1), len(risers)]
+    rows = [risers[first:last] for first, last in itertools.pairwise(ends)]
+    return max(rows, key=lambda row: sum(surface.blocks.size for surface in row))
+
+
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
     unit = surface.normal / np.linalg.norm(surface.normal)
     return float(np.arccos(min(1.0, abs(float(unit @ direction)))))
 
 
-def _direction(
-    surfaces: list[Surface], axes: _Axes, facing: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]
-) -> tuple[Float[np.ndarray, " 3"], float, float]:
-    """Return the edge direction, the heading and its formal standard deviation.
-
-    ψ = atan2(-e·forward, e·right), e turned so that it points right.
-    """
-    edge = np.cross(axes.down, facing)
-    # Edges are level: gravity is one more normal, as good as the IMU that tells it.
-    normals = np.array([axes.down, *(surface.normal for surface in surfaces)])
-    covariances = np.array([GRAVITY_SIGMA**2 * np.eye(3), *(surface.covariance for surface in surfaces)])
-    for _ in range(4):
-        variance = np.einsum("i,kij,j->k", edge, covariances, edge)
-        # A surface that disagrees by many of its own deviations is no part of the stair (Cauchy weights).
-        strain = (normals @ edge) ** 2 / variance
-        weight = 1.0 / (variance * (1.0 + strain / CAUCHY))
-        information = (normals.T * weight) @ normals
-        edge = np.linalg.eigh(information)[1][:, 0]
-    edge = edge if float((R_BC @ edge)[1]) < 0.0 else -edge
+def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> float:
+    """Return ψ = atan2(-e·forward, e·right) of an edge that points right."""
     e_B = R_BC @ edge
-    heading = float(np.arctan2(-e_B[0], -e_B[1]))
-    # Uncertainty across the edge, in the chair's plane and out of it.
-    in_plane = np.cross(R_BC.T @ np.array([0.0, 0.0, 1.0]), edge)
-    in_plane /= np.linalg.norm(in_plane)
-    basis = np.column_stack([in_plane, np.cross(edge, in_plane)])
-    spread = np.linalg.inv(basis.T @ information @ basis + 1e-9 * np.eye(2))
-    return edge, heading, float(np.sqrt(spread[0, 0]))
+    return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
 def _shape(risers: list[Surface], treads: list[Surface]) -> StairShape | None:
