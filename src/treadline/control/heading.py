@@ -11,12 +11,16 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control.allocate import BeltLimits, climb_safe, clipped
+from treadline.control.lqr import closed_loop_poles
 from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
-from treadline.control.tune import BELT_DIFFERENCE
-from treadline.errors import PeriodMismatch
+from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT
+from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign
 from treadline.signals import HeadingEstimate, TrackCommand
+
+FASTEST_TURN_RAD_S = 35.0
+"""Full scale of the gyro, 2000 °/s: ten times what the tracks can do (Table I: 3.07 rad/s)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +30,8 @@ class ControllerConfig:
     climb_speed_m_s: float = 0.2
     max_speed_m_s: float = 1.0
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] = "observer"
+    reconstruct: Literal["observer", "static"] | None = None
+    """None: as the design says."""
     period_s: float = 0.25
 
 
@@ -35,22 +40,25 @@ class HeadingController:
 
     Raises:
         PeriodMismatch: If the design was made for another period.
+        ShapeMismatch: If its model does not go from two belts to heading and yaw rate.
+        NotStabilisable: If the loop it closes is too slow, or unstable.
+        NotDetectable: If its observer does not converge.
         NotInvertible: If static reconstruction is asked of a model that does not allow it.
     """
 
     def __init__(self, design: ControllerDesign, config: ControllerConfig) -> None:
-        if abs(design.period_s - config.period_s) > 1e-9 or abs(design.model.dt_s - design.period_s) > 1e-9:
-            raise PeriodMismatch(
-                f"the controller runs at {config.period_s:g} s, its design at {design.period_s:g} s and its model at "
-                f"{design.model.dt_s:g} s; tune it again with --period {config.period_s:g}"
-            )
+        check_design(design, config.period_s)
+        model = design.model
         self._design = design
         self._config = config
         self._limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
-        self._inverse = static_reconstruction(design.model.C, design.model.D, design.K) if config.reconstruct == "static" else None
-        disturbance_gain = np.zeros(2) if design.disturbance_gain is None else design.disturbance_gain
-        self._observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, disturbance_gain)
-        self._correction = np.linalg.pinv(design.model.A) @ design.observer_gain
+        self._observer = Observer(model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+        self._inverse = None
+        if (config.reconstruct or design.reconstruct) == "static":
+            self._inverse = static_reconstruction(model.C, model.D, design.K)
+        else:
+            self._observer.check()
+        self._correction = np.linalg.pinv(model.A) @ design.observer_gain
         self._last: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], bool] | None = None
 
     @property
@@ -59,8 +67,9 @@ class HeadingController:
         return self._config.period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
-        """Answer one estimate; without one, stand still."""
-        if estimate is None or not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
+        """Answer one estimate; without a usable one, stand still."""
+        if estimate is None or not usable(estimate):
+            # The state is seen again in one period; what the belts' mismatch is took many.
             self._last = None
             return TrackCommand.stop(t_s)
         y = np.array([estimate.heading_rad, estimate.heading_rate_rad_s])
@@ -84,3 +93,35 @@ class HeadingController:
         seen = y - model.output_offset - model.C @ self._observer.state
         x = self._observer.state + self._correction @ seen
         return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
+
+
+def usable(estimate: HeadingEstimate) -> bool:
+    """Say whether an estimate is a number that a chair can have; NaN and Inf are not."""
+    return abs(estimate.heading_rad) <= math.pi and abs(estimate.heading_rate_rad_s) <= FASTEST_TURN_RAD_S
+
+
+def check_design(design: ControllerDesign, period_s: float) -> None:
+    """Check that a design, perhaps from a file, fits the chair's loop.
+
+    Raises:
+        PeriodMismatch: If it was made for another period.
+        ShapeMismatch: If its model does not go from two belts to heading and yaw rate.
+        NotStabilisable: If the loop it closes is too slow, or unstable.
+    """
+    model = design.model
+    if abs(design.period_s - period_s) > 1e-9 or abs(model.dt_s - design.period_s) > 1e-9:
+        raise PeriodMismatch(
+            f"the controller runs at {period_s:g} s, its design at {design.period_s:g} s and its model at "
+            f"{model.dt_s:g} s; tune it again with --period {period_s:g}"
+        )
+    if model.D.shape != (2, 2):
+        raise ShapeMismatch(
+            f"the design's model has {model.D.shape[1]} inputs and {model.D.shape[0]} outputs; the chair needs two belts in, "
+            "heading and yaw rate out"
+        )
+    radius = float(np.abs(closed_loop_poles(design)).max())
+    if not radius < RADIUS_LIMIT:
+        raise NotStabilisable(
+            f"the design's closed loop has spectral radius {radius:.3f}, the limit is {RADIUS_LIMIT}: its gain does not belong "
+            "to its model; tune it again"
+        )

@@ -43,11 +43,21 @@ def kalman_gain(
     return np.asarray(L)
 
 
+def with_disturbance(
+    model: LinearModel, direction: Float[np.ndarray, " m"]
+) -> tuple[Float[np.ndarray, "n1 n1"], Float[np.ndarray, "p n1"]]:
+    """Return A and C of the model with a constant input disturbance as its last state."""
+    n = model.order
+    A = np.eye(n + 1)
+    A[:n, :n], A[:n, n] = model.A, model.B @ direction
+    return A, np.column_stack([model.C, model.D @ direction])
+
+
 class Observer:
     """Predictor-form observer around the model's offsets, with a constant input disturbance.
 
     The disturbance acts along ``direction`` in the input space (for two belts: their difference) and is corrected by
-    ``disturbance_gain`` times the innovation.
+    ``disturbance_gain`` times the innovation; None keeps it at zero.
     """
 
     def __init__(
@@ -55,7 +65,7 @@ class Observer:
         model: LinearModel,
         gain: Float[np.ndarray, "n p"],
         direction: Float[np.ndarray, " m"],
-        disturbance_gain: Float[np.ndarray, " p"],
+        disturbance_gain: Float[np.ndarray, " p"] | None,
     ) -> None:
         self._model = model
         self._gain = gain
@@ -64,10 +74,23 @@ class Observer:
         self.state = np.zeros(model.order)
         self.disturbance = 0.0
 
+    def check(self) -> None:
+        """Check that the error dies out.
+
+        Raises:
+            NotDetectable: If it does not.
+        """
+        A, C, gain = self._model.A, self._model.C, self._gain
+        if self._disturbance_gain is not None:
+            A, C = with_disturbance(self._model, self._direction)
+            gain = np.vstack([gain, self._disturbance_gain])
+        radius = spectral_radius(A - gain @ C)
+        if not radius < 1.0:
+            raise NotDetectable(f"the design's observer has spectral radius {radius:.3f} and never converges; tune it again")
+
     def start(self, y: Float[np.ndarray, " p"]) -> None:
-        """Take the state that explains an output best, at the model's operating point."""
+        """Take the state that explains an output best, at the model's operating point; the disturbance stays as learned."""
         self.state = np.linalg.pinv(self._model.C) @ (y - self._model.output_offset)
-        self.disturbance = 0.0
 
     def update(self, u: Float[np.ndarray, " m"], y: Float[np.ndarray, " p"], *, learn: bool) -> None:
         """Go one period on, with the input that really acted.
@@ -79,5 +102,5 @@ class Observer:
         acting = u - model.input_offset + self.disturbance * self._direction
         innovation = y - model.output_offset - model.C @ self.state - model.D @ acting
         self.state = model.A @ self.state + model.B @ acting + self._gain @ innovation
-        if learn:
+        if learn and self._disturbance_gain is not None:
             self.disturbance += float(self._disturbance_gain @ innovation)

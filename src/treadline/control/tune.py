@@ -13,9 +13,9 @@ from jaxtyping import Float
 from scipy.linalg import expm, logm
 
 from treadline.angles import DEG
-from treadline.control.lqr import closed_loop_poles, lqr_gain, spectral_radius
-from treadline.control.observer import kalman_gain
-from treadline.errors import NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
+from treadline.control.lqr import closed_loop_poles, lqr_gain
+from treadline.control.observer import kalman_gain, with_disturbance
+from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.models import ControllerDesign, LinearModel
 
 OUTPUT_WEIGHT = (1.0, 0.0)
@@ -142,14 +142,15 @@ def _observer(model: LinearModel) -> tuple[Float[np.ndarray, "n p"], Float[np.nd
     process = BELT_DISTURBANCE_M_S**2 * model.B @ model.B.T
     floor = 1e-3 * float(np.trace(process)) / n
     measurement = np.diag(np.square(SIGMA_Y)) if p == len(SIGMA_Y) else SIGMA_Y[0] ** 2 * np.eye(p)
+    alone = process + floor * np.eye(n)
     if model.B.shape[1] != BELT_DIFFERENCE.size:
-        return kalman_gain(model.A, model.C, process + floor * np.eye(n), measurement), None
-    A = np.eye(n + 1)
-    A[:n, :n], A[:n, n] = model.A, model.B @ BELT_DIFFERENCE
-    C = np.column_stack([model.C, model.D @ BELT_DIFFERENCE])
+        return kalman_gain(model.A, model.C, alone, measurement), None
+    A, C = with_disturbance(model, BELT_DIFFERENCE)
     noise = np.zeros((n + 1, n + 1))
-    noise[:n, :n], noise[n, n] = process + floor * np.eye(n), MISMATCH_WALK_M_S**2
-    gain = kalman_gain(A, C, noise, measurement)
-    if spectral_radius(A - gain @ C) >= 1.0:
-        return kalman_gain(model.A, model.C, process + floor * np.eye(n), measurement), None
+    noise[:n, :n], noise[n, n] = alone, MISMATCH_WALK_M_S**2
+    try:
+        gain = kalman_gain(A, C, noise, measurement)
+    except NotDetectable:
+        # Outputs that do not show the mismatch in the long run cannot teach it.
+        return kalman_gain(model.A, model.C, alone, measurement), None
     return gain[:n], gain[n]
