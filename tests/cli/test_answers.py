@@ -41,9 +41,7 @@ def test_check_refuses_what_friction_forbids_and_exits_1(run, tmp_path: Path) ->
 def test_tune_writes_a_controller_with_a_stable_loop(run, tmp_path: Path) -> None:
     model, controller = tmp_path / "model.json", tmp_path / "controller.json"
     paper_model(0.2).save(model)
-    outcome = run(
-        "tune", model, "--state-weight", "1,1", "--input-weight", "0.05", "--out", controller, "--json"
-    )
+    outcome = run("tune", model, "--state-weight", "1,1", "--input-weight", "0.05", "--out", controller, "--json")
     assert outcome.code == 0, outcome.err
     assert outcome.values["K"][1][0] == pytest.approx(1.6589, abs=5e-4)  # Eq. (14)
     assert outcome.values["spectral_radius"] < 1.0

@@ -95,8 +95,9 @@ def record_text(rows: int = 300) -> list[str]:
     u = 0.2 + 0.1 * rng.uniform(-1, 1, (rows, 2))
     heading = np.cumsum(u[:, 1] - u[:, 0]) * 0.05
     return [RECORD_HEADER] + [
-        f"{0.25 * k!r},{u[k, 0]!r},{u[k, 1]!r},{heading[k]!r},{(u[k, 1] - u[k, 0]) * 0.2!r}".replace("np.float64(", "")
-        .replace(")", "")
+        f"{0.25 * k!r},{u[k, 0]!r},{u[k, 1]!r},{heading[k]!r},{(u[k, 1] - u[k, 0]) * 0.2!r}".replace("np.float64(", "").replace(
+            ")", ""
+        )
         for k in range(rows)
     ]
 
@@ -113,10 +114,7 @@ RECORDS = {
     "ragged": ([*record_text()[:20], "4.75,0.2,0.2", *record_text()[21:]], ":21"),
     "degrees": (
         [RECORD_HEADER]
-        + [
-            f"{0.25 * k},{0.2 + 0.01 * (k % 7)},{0.2 - 0.01 * (k % 5)},{20.0 * np.sin(k)},{np.cos(k)}"
-            for k in range(300)
-        ],
+        + [f"{0.25 * k},{0.2 + 0.01 * (k % 7)},{0.2 - 0.01 * (k % 5)},{20.0 * np.sin(k)},{np.cos(k)}" for k in range(300)],
         "degrees",
     ),
 }
@@ -160,9 +158,7 @@ def model_path(tmp_path: Path) -> Path:
         (["--state-weight", "1,1", "--output-weight", "1,1"], "not both"),
     ],
 )
-def test_tune_refuses_weights_that_mean_nothing(
-    run, tmp_path: Path, model_path: Path, options: list[str], word: str
-) -> None:
+def test_tune_refuses_weights_that_mean_nothing(run, tmp_path: Path, model_path: Path, options: list[str], word: str) -> None:
     out = tmp_path / "controller.json"
     assert_refused(run("tune", model_path, *options, "--out", out), word)
     assert not out.exists()

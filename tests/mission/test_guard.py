@@ -14,9 +14,7 @@ def command(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackCommand:
 
 
 def estimate(t_s: float, heading_deg: float = 0.0) -> HeadingEstimate:
-    return HeadingEstimate(
-        t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.003, source="vision"
-    )
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.003, source="vision")
 
 
 def healthy(guard: Guard, t_s: float) -> None:
@@ -92,9 +90,7 @@ def test_without_frames_the_chair_slows_before_it_holds(guard: Guard) -> None:
 
 
 @pytest.mark.parametrize(("heading_deg", "mean_m_s"), [(0.0, 0.30), (4.9, 0.30), (-5.1, 0.55), (30.0, 0.55)])
-def test_the_mean_speed_is_limited_more_when_square_than_when_turning(
-    guard: Guard, heading_deg: float, mean_m_s: float
-) -> None:
+def test_the_mean_speed_is_limited_more_when_square_than_when_turning(guard: Guard, heading_deg: float, mean_m_s: float) -> None:
     guard.propose(command(0.01, left=0.6, right=0.8))
     passed = guard.step(0.01, estimate(0.01, heading_deg))
     assert 0.5 * (passed.left_m_s + passed.right_m_s) == pytest.approx(mean_m_s)

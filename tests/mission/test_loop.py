@@ -78,9 +78,7 @@ def stream(seconds: float) -> list[Reading]:
         readings.append(imu(t_s, 0.02 * np.sin(t_s)))
         readings.append(SeatReading(t_s=t_s, pitch_rad=0.01 * np.cos(3 * t_s), stroke_m=0.2))
         if k % 10 == 0:
-            readings.append(
-                HeadingMeasurement(t_s=t_s, heading_rad=0.02 * (1 - np.cos(t_s)), sigma_rad=0.004, edge_count=6)
-            )
+            readings.append(HeadingMeasurement(t_s=t_s, heading_rad=0.02 * (1 - np.cos(t_s)), sigma_rad=0.004, edge_count=6))
     return readings
 
 
@@ -116,8 +114,7 @@ def test_a_tick_acts_on_what_was_read_in_the_same_tick() -> None:
 
 def test_a_nan_from_the_imu_is_silence_and_holds() -> None:
     readings = [
-        imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading
-        for reading in stream(1.0)
+        imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.0)
     ]
     plant = RecordedPlant(readings)
     mission, _, _ = counting_mission(plant)

@@ -1,0 +1,80 @@
+"""The whole way of a user: excite, identify, tune, climb, report; small, but nothing left out."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+SHORT = """
+[stair]
+slope_deg = 25
+run_m = 0.30
+steps = 30
+width_m = 2.4
+[start]
+place = "flight"
+step = 6
+heading_deg = {heading}
+[drive]
+duration_s = {duration}
+[sensors]
+camera = "statistical"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("way")
+    (path / "excite.toml").write_text(SHORT.format(heading=0, duration=60))
+    (path / "climb.toml").write_text(SHORT.format(heading=12, duration=8))
+    return path
+
+
+def test_from_random_speeds_to_a_report(run, folder: Path) -> None:
+    excited = run("excite", folder / "excite.toml", "--samples", 240, "--out", folder / "excited", "--seed", 5, "--json")
+    assert excited.code == 0, excited.err
+    assert excited.values["samples"] == 240
+    header = (folder / "excited" / "record.csv").read_text().splitlines()[0]
+    assert header == "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
+
+    found = run("identify", folder / "excited", "--validate", 0.5, "--out", folder / "model.json", "--json")
+    assert found.code == 0, found.err
+    assert found.values["order"] == 2
+    assert {"lags", "method", "singular_values", "poles", "fit_percent", "one_step_vaf_percent", "whiteness_p"} <= set(found.values)
+
+    tuned = run("tune", folder / "model.json", "--out", folder / "controller.json", "--json")
+    assert tuned.code == 0, tuned.err
+    assert tuned.values["spectral_radius"] < 0.98
+
+    climbed = run("climb", folder / "climb.toml", "--controller", folder / "controller.json", "--out", folder / "run", "--json")
+    assert climbed.code == 0, climbed.err
+    assert climbed.values["verdict"] == "time_up"
+    assert climbed.values["settle_s"] < 5.0
+    assert climbed.values["roll_back_m"] < 0.02
+
+    manifest = json.loads((folder / "run" / "manifest.json").read_text())
+    assert manifest["settings"]["start"]["heading_deg"] == 12
+    page = run("report", folder / "run", "--json")
+    assert page.code == 0, page.err
+    assert "time_up" in Path(page.values["path"]).read_text()
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_does_not(run, tmp_path: Path) -> None:
+    scenario = tmp_path / "scenario.toml"
+    scenario.write_text(SHORT.format(heading=0, duration=60))
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        assert run("excite", scenario, "--samples", 20, "--seed", seed, "--out", tmp_path / name).code == 0
+    for file in ("record.csv", "series.csv", "log.mcap"):
+        same = (tmp_path / "a" / file).read_bytes()
+        assert same == (tmp_path / "b" / file).read_bytes()
+        assert same != (tmp_path / "c" / file).read_bytes()
+
+
+def test_a_slope_that_friction_forbids_is_refused_before_anything_moves(run, tmp_path: Path) -> None:
+    scenario = tmp_path / "steep.toml"
+    scenario.write_text('[stair]\nslope_deg = 33\n[start]\nplace = "flight"\n')
+    outcome = run("climb", scenario, "--out", tmp_path / "run", "--json")
+    assert outcome.code == 1, outcome.err
+    assert outcome.values["verdict"] == "refused"
+    assert outcome.values["reasons"]
+    assert not (tmp_path / "run").exists()

@@ -1,0 +1,67 @@
+"""Scores on traces whose answers are known by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.experiments.scores import Trace, score, settling_time
+from treadline.ports import Truth
+
+
+def trace(heading_deg: np.ndarray, x_m: np.ndarray | None = None, y_m: np.ndarray | None = None) -> Trace:
+    count = len(heading_deg)
+    x = np.linspace(0.0, 1.0, count) if x_m is None else x_m
+    y = np.zeros(count) if y_m is None else y_m
+    return Trace.of(
+        [
+            Truth(
+                t_s=k / 100,
+                heading_rad=float(heading_deg[k]) * DEG,
+                yaw_rad=0.0,
+                heading_rate_rad_s=0.0,
+                pitch_rad=0.5,
+                roll_rad=0.0,
+                pitch_rate_rad_s=-0.1,
+                x_m=float(x[k]),
+                y_m=float(y[k]),
+                seat_pitch_rad=0.01,
+                left_m_s=0.2,
+                right_m_s=0.2,
+                stability_margin_rad=0.2,
+                friction_use=0.8,
+            )
+            for k in range(count)
+        ]
+    )
+
+
+def test_a_ramp_of_t_seconds_has_the_rms_of_its_triangle() -> None:
+    # 30° falling to zero in 4 s of 80: 30 √(4/240), as PHYSICS of a ramp has it; sampling at 100 Hz adds under 0.2 %.
+    t = np.arange(8001) / 100
+    heading = np.clip(30.0 * (1.0 - t / 4.0), 0.0, None)
+    assert score(trace(heading)).rms_heading_deg == pytest.approx(30.0 * math.sqrt(4.0 / 240.0), rel=2e-3)
+
+
+def test_settling_is_the_last_entry_into_the_band() -> None:
+    t = np.arange(1001) / 100
+    heading = np.where(t < 1.0, 10.0, 0.0)
+    heading[500] = 2.5
+    assert settling_time(t, heading * DEG) == pytest.approx(5.01)
+    assert settling_time(t, np.zeros(1001)) == 0.0
+    assert settling_time(t, np.full(1001, 3.0 * DEG)) is None
+
+
+def test_roll_back_is_measured_from_the_furthest_point_before() -> None:
+    x = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.7, 101), np.linspace(0.7, 2.0, 101)])
+    assert score(trace(np.zeros(303), x)).roll_back_m == pytest.approx(0.3)
+
+
+def test_lateral_drift_has_no_sign() -> None:
+    y = np.linspace(0.3, -0.1, 200)
+    assert score(trace(np.zeros(200), y_m=y)).lateral_m == pytest.approx(0.4)
+
+
+def test_a_short_run_has_no_steady_part() -> None:
+    assert score(trace(np.zeros(500))).steady_rms_heading_deg is None

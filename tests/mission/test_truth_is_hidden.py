@@ -1,0 +1,132 @@
+"""The scenario's truth never reaches the mission: not by a call, not by an import, not by any other way."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from treadline.experiments.literal import paper_model
+from treadline.experiments.plan import turn
+from treadline.experiments.traverse import mission_config
+from treadline.mission.config import MissionConfig, build_blocks
+from treadline.mission.loop import Mission
+from treadline.models import ControllerDesign, LinearModel
+from treadline.ports import Plant, TruthPlant
+from treadline.scenario import Scenario
+from treadline.signals import Reading, SeatCommand, TrackCommand
+from treadline.sim import open_plant
+
+
+def controller() -> ControllerDesign:
+    """Heading as an integrator of the belts' difference, a quarter second at a time."""
+    from treadline.control import tune
+
+    model = LinearModel(
+        A=np.array([[1.0, 0.2], [0.0, 0.2]]),
+        B=np.array([[-0.05, 0.05], [-1.0, 1.0]]),
+        C=np.eye(2),
+        D=np.zeros((2, 2)),
+        dt_s=0.25,
+        input_offset=np.full(2, 0.2),
+        output_offset=np.zeros(2),
+    )
+    return tune(model)
+
+
+class Recording:
+    """Passes a plant's samples on and keeps them."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.batches: list[Sequence[Reading]] = []
+        self.written: list[tuple[TrackCommand, SeatCommand]] = []
+        self.start, self.advance, self.close = plant.start, plant.advance, plant.close
+
+    def read(self) -> Sequence[Reading]:
+        self.batches.append(self._plant.read())
+        return self.batches[-1]
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+        self.written.append((tracks, seat))
+        self._plant.write(tracks, seat)
+
+
+class Replay:
+    """Plays batches of samples: a plant that has no truth, no scenario, no physics."""
+
+    def __init__(self, batches: Sequence[Sequence[Reading]]) -> None:
+        self._batches = iter(batches)
+        self.written: list[tuple[TrackCommand, SeatCommand]] = []
+
+    def start(self) -> None: ...
+    def advance(self, until_s: float) -> None: ...
+    def close(self) -> None: ...
+
+    def read(self) -> Sequence[Reading]:
+        return next(self._batches)
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+        self.written.append((tracks, seat))
+
+
+def drive(plant: Plant, config: MissionConfig, ticks: int) -> None:
+    mission = Mission(plant, build_blocks(config))
+    for _ in range(ticks):
+        mission.tick()
+
+
+def test_the_same_samples_without_any_truth_give_the_same_commands_bit_for_bit() -> None:
+    scenario = turn(28, 20, 4.0)
+    config = mission_config(scenario, controller())
+    recording = Recording(open_plant(scenario, seed=7))
+    drive(recording, config, 300)
+    replay = Replay(recording.batches)
+    drive(replay, config, 300)
+    assert replay.written == recording.written
+    assert len({tracks.right_m_s for tracks, _ in replay.written}) > 3  # it did steer
+
+
+def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = turn(25, 10, 1.0)
+    plant = open_plant(scenario, seed=3)
+
+    def explode() -> None:
+        message = "the mission asked for the truth"
+        raise AssertionError(message)
+
+    monkeypatch.setattr(plant, "truth", explode)
+    drive(plant, mission_config(scenario, controller()), 50)
+
+
+def test_what_the_mission_is_told_does_not_depend_on_payload_slope_friction_or_heading() -> None:
+    design = controller()
+    told = mission_config(turn(25, 30, 80.0), design)
+    other = turn(30, -12, 80.0)
+    hidden = other.model_dump()
+    hidden["stair"] |= {"friction": (0.9, 0.8), "rise_jitter_m": 0.002, "texture": "carpet"}
+    hidden["chair"] |= {"payload_kg": 80.0, "payload_offset_m": (0.03, 0.02, 0.1), "belt_mismatch": 0.03}
+    hidden["sensors"] |= {"gravity_error_deg": 1.0}
+    hidden["stair"].pop("slope_deg", None)
+    assert mission_config(Scenario.model_validate(hidden), design) == told
+
+
+def test_a_plant_port_offers_no_truth() -> None:
+    assert not hasattr(Plant, "truth")
+    assert hasattr(TruthPlant, "truth")
+
+
+def test_a_closed_loop_without_a_controller_is_refused() -> None:
+    from treadline.errors import SettingsError
+
+    with pytest.raises(SettingsError, match="needs a controller"):
+        build_blocks(mission_config(turn(28, 0, 1.0), None))
+
+
+def test_a_controller_of_another_vehicle_is_refused() -> None:
+    from treadline.errors import SettingsError
+
+    design = ControllerDesign(
+        model=paper_model(), K=np.zeros((2, 2)), observer_gain=np.zeros((2, 2)), period_s=1.0, vehicle="rescue"
+    )
+    with pytest.raises(SettingsError, match="rescue"):
+        build_blocks(mission_config(turn(28, 0, 1.0), design))
