@@ -20,6 +20,8 @@ def check_records(records: list[InputOutputRecord]) -> None:
         PeriodMismatch: If records have different periods.
     """
     first = records[0]
+    if not all(len(record) for record in records):
+        raise PoorExcitation("a record holds no samples; give a longer one")
     for index, record in enumerate(records):
         where = f"record {index + 1}: " if len(records) > 1 else ""
         if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:

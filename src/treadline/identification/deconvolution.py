@@ -36,8 +36,8 @@ def deconvolve(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> Floa
     """
     samples, m = u.shape
     matrix = input_matrix(u)
-    rank = int(np.linalg.matrix_rank(matrix))
-    if rank < samples * m:
+    if m > 1:
+        rank = int(np.linalg.matrix_rank(matrix))
         raise PoorExcitation(
             f"Eq. (9c) asks for {samples * m} Markov rows of a matrix of rank {rank}: {m} inputs need {m} independent "
             "experiments; use method okid-era"

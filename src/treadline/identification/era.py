@@ -21,6 +21,11 @@ class HankelSvd:
     Vt: Float[np.ndarray, "k b"]
     shifted: Float[np.ndarray, "a b"]
 
+    @property
+    def matrix(self) -> Float[np.ndarray, "a b"]:
+        """H itself."""
+        return np.asarray((self.U * self.s) @ self.Vt)
+
 
 def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: int) -> Float[np.ndarray, "a b"]:
     """Return the block Hankel matrix whose first block is ``Y_{1 + shift}``.

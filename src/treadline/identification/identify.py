@@ -19,7 +19,7 @@ from treadline.identification.deconvolution import deconvolve
 from treadline.identification.era import HankelSvd, hankel_svd, realise
 from treadline.identification.gram import Gram, gram
 from treadline.identification.okid import ObserverMarkov, observer_markov, solve_normal, system_markov
-from treadline.identification.order import OrderChoice, choose_order
+from treadline.identification.order import OrderChoice, choose_order, stands_out
 from treadline.models import InputOutputRecord, LinearModel
 
 METHODS = ("okid-era", "deconvolution")
@@ -118,11 +118,12 @@ def identify(
         observer = observer_markov(_leading(whole, used, has_d))
         svd = _svd(observer, used, order, scales)
         count, dropped = whole.count, whole.dropped
-    choice = _order(svd, order, _structural_order(observer, fitted), warnings)
+    noise = _noise(parts, used, has_d, order, scales) if order is None else 0.0
+    choice = _order(svd, order, _structural_order(observer, fitted), noise, warnings)
     if dropped:
         warnings.append(f"{dropped} windows with a NaN were left out, {count} are used")
     model = _model(svd, choice.order, scales, fitted, observer, markov[0] if observer is None else observer.D)
-    poles = np.linalg.eigvals(model.A)
+    poles = np.linalg.eigvals(model.A).astype(complex)
     radius = float(np.abs(poles).max())
     if radius > 1.0 + 1e-6:
         warnings.append(f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data?")
@@ -241,14 +242,29 @@ def _structural_order(observer: ObserverMarkov | None, records: list[InputOutput
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
-def _order(svd: HankelSvd, order: int | None, structural: int | None, warnings: list[str]) -> OrderChoice:
+def _noise(parts: list[Gram], lags: int, feedthrough: bool, order: int | None, scales: Scales) -> float:
+    """Return the largest singular value that noise alone would show: half of what two halves of the data differ by."""
+    if len(parts) < 2:
+        return 0.0
+    halves = [
+        _svd(observer_markov(_leading(_sum(half), lags, feedthrough)), lags, order, scales) for half in (parts[::2], parts[1::2])
+    ]
+    return 0.5 * float(np.linalg.norm(halves[0].matrix - halves[1].matrix, 2))
+
+
+def _order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
     # An observer of p lags has no more than p states per output: the drop after those says nothing of the system.
-    choice = choose_order(svd.s[:structural])
+    choice = choose_order(svd.s[:structural], noise=noise)
     if order is not None:
         following = float(svd.s[order]) if order < svd.s.size else 0.0
         gap = float(svd.s[min(order, svd.s.size) - 1]) / following if following > 0.0 else float("inf")
         return OrderChoice(order=order, gap=gap, clear=True)
-    if not choice.clear:
+    if not stands_out(svd.s, noise):
+        warnings.append(
+            f"no clear gap in the singular values (the largest is {svd.s[0] / noise:.1f} times what noise alone shows); "
+            "give more data, or inputs that move more"
+        )
+    elif not choice.clear:
         warnings.append(
             f"no clear gap in the singular values (largest ratio {choice.gap:.1f} at order {choice.order}); "
             "give --order, or more data"
@@ -328,7 +344,7 @@ def _jackknife(
     for item in parts:
         rest = replace(whole, XX=whole.XX - item.XX, XY=whole.XY - item.XY, YY=whole.YY - item.YY, count=whole.count - item.count)
         svd = _svd(observer_markov(_leading(rest, lags, feedthrough)), lags, order, scales)
-        found.append(_nearest(np.linalg.eigvals(realise(svd, order, *scales)[0]), poles))
+        found.append(_nearest(np.linalg.eigvals(realise(svd, order, *scales)[0]).astype(complex), poles))
     values = np.array(found)
     k = len(parts)
     variance = (k - 1) / k * np.sum(np.abs(values - values.mean(axis=0)) ** 2, axis=0)

@@ -1,7 +1,8 @@
 """How many states: from the singular values, by a rule that is written down.
 
 The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise floor
-(the median of the lower half). A ratio below ``CLEAR_GAP`` is no gap: the answer is then said to be unclear.
+(the median of the lower half). A ratio below ``CLEAR_GAP`` is no gap, nor is one under a largest value that two halves
+of the data do not agree on: the answer is then said to be unclear.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,8 @@ from jaxtyping import Float
 
 CLEAR_GAP = 4.0
 """Ratio of neighbours that noise alone hardly shows: white noise stays below 2."""
+ABOVE_NOISE = 3.0
+"""Largest singular value over the noise's, at which the data show a system: white noise reaches 2."""
 NUMERICAL_ZERO = 1e-12
 """Relative size at which a singular value is rounding."""
 
@@ -25,10 +28,19 @@ class OrderChoice:
     clear: bool
 
 
-def choose_order(singular_values: Float[np.ndarray, " k"], largest: int | None = None) -> OrderChoice:
-    """Return the order that the largest gap shows."""
+def stands_out(singular_values: Float[np.ndarray, " k"], noise: float) -> bool:
+    """Whether the largest singular value is more than noise alone would show."""
+    return bool(singular_values[0] > ABOVE_NOISE * noise)
+
+
+def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0) -> OrderChoice:
+    """Return the order that the largest gap shows.
+
+    Args:
+        noise: Largest singular value that noise alone would show.
+    """
     s = np.maximum(singular_values, NUMERICAL_ZERO * singular_values[0])
-    candidates = min(len(s) - 1, largest or len(s) - 1)
+    candidates = len(s) - 1
     if candidates < 1:
         return OrderChoice(order=1, gap=float("inf"), clear=False)
     floor = float(np.median(s[len(s) // 2 :]))
@@ -36,4 +48,5 @@ def choose_order(singular_values: Float[np.ndarray, " k"], largest: int | None =
     above = s[:candidates] > floor
     above[0] = True
     best = int(np.argmax(np.where(above, ratios, 0.0)))
-    return OrderChoice(order=best + 1, gap=float(ratios[best]), clear=bool(ratios[best] >= CLEAR_GAP))
+    clear = bool(ratios[best] >= CLEAR_GAP and stands_out(s, noise))
+    return OrderChoice(order=best + 1, gap=float(ratios[best]), clear=clear)

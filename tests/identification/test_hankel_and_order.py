@@ -1,0 +1,143 @@
+"""ERA on impulse responses that are known, and the order that singular values show."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.errors import PoorExcitation
+from treadline.identification import era, identify
+from treadline.identification.era import hankel, hankel_svd
+from treadline.identification.order import CLEAR_GAP, choose_order
+from treadline.identification.validate import impulse_response
+from treadline.models import InputOutputRecord, LinearModel
+
+Draw = Callable[..., InputOutputRecord]
+
+
+def modal(poles: list[float], seed: int) -> LinearModel:
+    """Return a system of two inputs and outputs whose poles are known and whose modes are all of a size."""
+    rng = np.random.default_rng(seed)
+    n = len(poles)
+    angles = rng.uniform(0.0, 2.0 * np.pi, (2, n))
+    weight = np.sqrt(1.0 - np.square(poles))
+    B = (weight * np.array([np.cos(angles[0]), np.sin(angles[0])])).T
+    C = np.array([np.cos(angles[1]), np.sin(angles[1])])
+    return LinearModel(
+        A=np.diag(poles), B=B, C=C, D=np.zeros((2, 2)), dt_s=1.0, input_offset=np.zeros(2), output_offset=np.zeros(2)
+    )
+
+
+def test_blocks_of_the_hankel_matrix_are_the_response_from_one_on() -> None:
+    response = np.arange(6.0).reshape(6, 1, 1)
+    np.testing.assert_array_equal(hankel(response, 2, 3, 0), [[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]])
+    np.testing.assert_array_equal(hankel(response, 2, 3, 1), [[2.0, 3.0, 4.0], [3.0, 4.0, 5.0]])
+
+
+def test_a_geometric_response_is_a_system_of_one_state() -> None:
+    # y_k = 3 · 0.5^(k-1) and a direct part of 7: A = 0.5, CB = 3, D = 7.
+    response = np.array([7.0, *(3.0 * 0.5**k for k in range(8))]).reshape(9, 1, 1)
+    A, B, C, D = era(response, 1)
+    assert float(A[0, 0]) == pytest.approx(0.5, abs=1e-14)
+    assert float((C @ B)[0, 0]) == pytest.approx(3.0, abs=1e-13)
+    assert float(D[0, 0]) == 7.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_response_gives_back_its_system(seed: int) -> None:
+    true = modal([0.9, 0.5, -0.4], seed)
+    response = impulse_response(true, 15)
+    A, B, C, D = era(response, 3)
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(A).real), [-0.4, 0.5, 0.9], atol=1e-9)
+    again = [D, *(C @ np.linalg.matrix_power(A, k) @ B for k in range(14))]
+    np.testing.assert_allclose(again, response, atol=1e-11)
+
+
+def test_a_realisation_is_balanced() -> None:
+    response = impulse_response(modal([0.8, 0.3], 1), 41)
+    svd = hankel_svd(response, 20, 20, np.ones(2), np.ones(2))
+    A, B, C, _ = era(response, 2, rows=20)
+    controllability = sum(np.linalg.matrix_power(A, k) @ B @ B.T @ np.linalg.matrix_power(A, k).T for k in range(60))
+    observability = sum(np.linalg.matrix_power(A, k).T @ C.T @ C @ np.linalg.matrix_power(A, k) for k in range(60))
+    # Both Gramians are diag(σ); what 20 samples of response leave out is 0.8^40 = 1e-4 of it.
+    np.testing.assert_allclose(controllability, np.diag(svd.s[:2]), atol=1e-3)
+    np.testing.assert_allclose(observability, np.diag(svd.s[:2]), atol=1e-3)
+
+
+def test_the_matrix_is_what_its_decomposition_says() -> None:
+    response = impulse_response(modal([0.8, 0.3], 2), 13)
+    svd = hankel_svd(response, 6, 6, np.ones(2), np.ones(2))
+    np.testing.assert_allclose(svd.matrix, hankel(response, 6, 6, 0), atol=1e-14)
+
+
+def test_more_states_than_the_response_has_are_refused() -> None:
+    with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
+        era(impulse_response(modal([0.8, 0.3], 3), 13), 3)
+
+
+@pytest.mark.parametrize(
+    ("values", "order", "clear"),
+    [
+        ([10.0, 5.0, 0.1, 0.09, 0.08, 0.07], 2, True),
+        ([10.0, 0.1, 0.09, 0.08], 1, True),
+        ([10.0, 9.0, 8.0, 1.0, 0.9, 0.8, 0.7, 0.6], 3, True),
+        ([10.0, 8.0, 6.0, 5.0, 4.0, 3.5], 1, False),
+        # A gap among values that are noise is none of the system's.
+        ([10.0, 5.0, 0.1, 0.09, 0.08, 1e-9], 2, True),
+    ],
+)
+def test_the_largest_gap_above_the_noise_is_the_order(values: list[float], order: int, *, clear: bool) -> None:
+    choice = choose_order(np.array(values))
+    assert choice.clear is clear
+    if clear:
+        assert choice.order == order
+        assert choice.gap == pytest.approx(values[order - 1] / values[order])
+    else:
+        assert choice.gap < CLEAR_GAP
+
+
+def test_a_gap_under_the_noise_is_not_clear() -> None:
+    values = np.array([10.0, 0.1, 0.09, 0.08])
+    assert choose_order(values, noise=3.0).clear
+    assert not choose_order(values, noise=4.0).clear
+
+
+@pytest.mark.parametrize("poles", [[0.7], [0.9, 0.4], [0.9, 0.5, -0.5], [0.9, 0.6, 0.1, -0.6]], ids=len)
+def test_records_show_the_order_of_the_system_that_made_them(poles: list[float]) -> None:
+    true, rng = modal(poles, 4), np.random.default_rng(5)
+    u = rng.standard_normal((2000, 2))
+    x, outputs = np.zeros(len(poles)), []
+    for k in range(2000):
+        outputs.append(true.C @ x)
+        x = true.A @ x + true.B @ u[k]
+    y = np.array(outputs)
+    noisy = y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    report = identify(InputOutputRecord(u=u, y=noisy, dt_s=1.0)).report
+    assert (report.order, report.warnings) == (len(poles), [])
+    assert np.sort([real for real, _ in report.poles]) == pytest.approx(sorted(poles), abs=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+def test_eq_12_has_rank_two_as_the_paper_says(draw: Draw, noise: float) -> None:
+    report = identify(draw(11, noise=noise)).report
+    assert (report.order, report.warnings) == (2, [])
+    # A gap is about the signal over the noise of 1000 samples: 1/(0.1 · a few tenths) at 10 %.
+    assert report.gap > 2.0 / noise
+
+
+def coloured(noise: Float[np.ndarray, "T p"], pole: float) -> Float[np.ndarray, "T p"]:
+    """Return noise after a first-order lag."""
+    y = noise.copy()
+    for k in range(1, len(y)):
+        y[k] += pole * y[k - 1]
+    return y
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9], ids=["white", "coloured"])
+@pytest.mark.parametrize("seed", range(6))
+def test_outputs_that_no_input_moves_have_no_clear_gap(pole: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    record = InputOutputRecord(u=rng.standard_normal((1000, 2)), y=coloured(rng.standard_normal((1000, 2)), pole), dt_s=1.0)
+    warnings = identify(record).report.warnings
+    assert any("no clear gap" in warning for warning in warnings)

@@ -1,0 +1,100 @@
+"""Eq. (9c) as printed: where it works, and why something else takes its place."""
+
+import numpy as np
+import pytest
+
+from treadline.errors import PoorExcitation, SettingsError
+from treadline.identification import identify
+from treadline.identification.deconvolution import deconvolve, input_matrix
+from treadline.identification.validate import impulse_response, simulate
+from treadline.models import InputOutputRecord, LinearModel
+
+SAMPLES = 50
+
+
+def one_input(eq_12: LinearModel) -> LinearModel:
+    """Return Eq. (12) with its left belt alone."""
+    return LinearModel(
+        A=eq_12.A,
+        B=eq_12.B[:, :1],
+        C=eq_12.C,
+        D=eq_12.D[:, :1],
+        dt_s=eq_12.dt_s,
+        input_offset=np.zeros(1),
+        output_offset=np.zeros(2),
+    )
+
+
+def knock(model: LinearModel) -> InputOutputRecord:
+    """Return a record whose first input is much larger than the rest."""
+    u = 0.05 * np.random.default_rng(0).standard_normal((SAMPLES, 1))
+    u[0] = 1.0
+    return InputOutputRecord(u=u, y=simulate(model, u, np.zeros(2)), dt_s=model.dt_s)
+
+
+def test_a_knock_on_one_input_is_deconvolved_to_rounding(eq_12: LinearModel) -> None:
+    model = one_input(eq_12)
+    record = knock(model)
+    assert np.linalg.cond(input_matrix(record.u)) < 10.0
+    np.testing.assert_allclose(deconvolve(record.u, record.y), impulse_response(model, SAMPLES), atol=1e-14)
+
+
+def test_identify_gives_the_system_from_a_knock(eq_12: LinearModel) -> None:
+    model = one_input(eq_12)
+    found = identify(knock(model), method="deconvolution")
+    assert (found.report.order, found.report.method) == (2, "deconvolution")
+    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(model, 20), atol=1e-12)
+
+
+def test_row_blocks_of_the_input_matrix_are_the_inputs_delayed() -> None:
+    u = np.array([[1.0, 4.0], [2.0, 5.0], [3.0, 6.0]])
+    expected = np.array([[1, 2, 3], [4, 5, 6], [0, 1, 2], [0, 4, 5], [0, 0, 1], [0, 0, 4]], dtype=float)
+    np.testing.assert_array_equal(input_matrix(u), expected)
+
+
+def test_random_samples_of_one_input_have_no_usable_inverse() -> None:
+    matrices = [input_matrix(np.random.default_rng(seed).standard_normal((SAMPLES, 1))) for seed in range(21)]
+    # Its smallest singular value falls geometrically with the samples (it is a filter's inverse, and half of all
+    # random filters have unstable ones): about 1e17, which is 1/eps, at 50.
+    assert np.median([np.linalg.cond(matrix) for matrix in matrices]) > 1e15
+
+
+def test_random_inputs_are_refused_with_the_condition(eq_12: LinearModel) -> None:
+    model = one_input(eq_12)
+    u = np.random.default_rng(1).standard_normal((SAMPLES, 1))
+    record = InputOutputRecord(u=u, y=simulate(model, u, np.zeros(2)), dt_s=model.dt_s)
+    with pytest.raises(PoorExcitation, match=r"condition \d\.\de\+\d+ at 50 samples; use method okid-era"):
+        identify(record, method="deconvolution")
+
+
+def test_two_inputs_give_half_the_rank_that_is_needed(eq_12: LinearModel) -> None:
+    u = np.random.default_rng(0).standard_normal((SAMPLES, 2))
+    matrix = input_matrix(u)
+    assert matrix.shape == (100, 50)
+    assert np.linalg.matrix_rank(matrix) == 50
+    record = InputOutputRecord(u=u, y=simulate(eq_12, u, np.zeros(2)), dt_s=1.0)
+    with pytest.raises(PoorExcitation, match="asks for 100 Markov rows of a matrix of rank 50"):
+        identify(record, method="deconvolution")
+
+
+def test_two_experiments_are_one_too_many_for_it(eq_12: LinearModel) -> None:
+    record = knock(one_input(eq_12))
+    with pytest.raises(SettingsError, match="knows one experiment"):
+        identify([record, record], method="deconvolution")
+
+
+def test_a_chair_that_already_moves_spoils_it_and_not_the_observer(eq_12: LinearModel) -> None:
+    model = one_input(eq_12)
+    rng = np.random.default_rng(2)
+    u = 0.05 * rng.standard_normal((400, 1))
+    u[0] = 1.0
+    record = InputOutputRecord(u=u, y=simulate(model, u, np.array([1.0, -1.0])), dt_s=1.0)
+    expected = impulse_response(model, 20)
+
+    def error(method: str) -> float:
+        found = identify(record, method=method, order=2).model
+        return float(np.linalg.norm(impulse_response(found, 20) - expected) / np.linalg.norm(expected))
+
+    assert error("okid-era") < 1e-10
+    # The free response is taken for an answer to the knock.
+    assert error("deconvolution") > 0.1
