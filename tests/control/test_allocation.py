@@ -1,0 +1,59 @@
+"""What the belts are given of what the controller asks."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from treadline.control.allocate import BeltLimits, climb_safe, clipped
+
+ROUNDING = 1e-12
+asked_m_s = st.floats(min_value=-1e3, max_value=1e3)
+climb_m_s = st.floats(min_value=0.05, max_value=0.3)
+
+
+def limits(climb: float) -> BeltLimits:
+    return BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0)
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
+def test_the_slower_belt_never_lets_the_chair_slide_nor_the_faster_pass_its_limit(left: float, right: float, climb: float) -> None:
+    given_m_s = climb_safe(np.array([left, right]), limits(climb))
+    assert given_m_s.min() >= 0.5 * climb - ROUNDING
+    assert given_m_s.max() <= 1.0 + ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
+def test_the_mean_stays_below_what_the_guard_lets_pass(left: float, right: float, climb: float) -> None:
+    given_m_s = climb_safe(np.array([left, right]), limits(climb))
+    assert given_m_s.mean() <= 0.55 + ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(mean=asked_m_s, half=st.floats(min_value=-0.4, max_value=0.4), climb=climb_m_s)
+def test_steering_is_kept_whatever_the_common_speed_asked_for(mean: float, half: float, climb: float) -> None:
+    # A half difference of 0.4 m/s is what is left between half the fastest climb speed and the mean's limit of 0.55 m/s.
+    given_m_s = climb_safe(np.array([mean - half, mean + half]), limits(climb))
+    # The sum of two floats of 1e3 m/s rounds at 1e-13.
+    assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < 1e-9
+
+
+@settings(deadline=None, derandomize=True)
+@given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
+def test_saturation_never_turns_the_other_way(half: float, climb: float) -> None:
+    given_m_s = climb_safe(np.array([-half, half]), limits(climb))
+    assert (given_m_s[1] - given_m_s[0]) * half >= 0.0
+
+
+@settings(deadline=None, derandomize=True)
+@given(climb=climb_m_s)
+def test_a_square_chair_climbs_at_the_operators_speed(climb: float) -> None:
+    np.testing.assert_allclose(climb_safe(np.zeros(2), limits(climb)), [climb, climb], atol=ROUNDING)
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s)
+def test_the_papers_allocation_only_clips(left: float, right: float) -> None:
+    given_m_s = clipped(np.array([left, right]), limits(0.2))
+    np.testing.assert_array_equal(given_m_s, [max(-1.0, min(1.0, left)), max(-1.0, min(1.0, right))])

@@ -1,0 +1,277 @@
+"""The heading controller around a chair that answers its belts like a first-order lag."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline import paper
+from treadline.angles import DEG
+from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
+from treadline.control.observer import Observer
+from treadline.control.tune import BELT_DIFFERENCE
+from treadline.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
+from treadline.models import ControllerDesign, LinearModel
+from treadline.signals import HeadingEstimate, TrackCommand
+
+PERIOD_S = 0.25
+YAW_GAIN = 0.8
+"""Yaw rate per belt difference [1/m]: half of 1/gauge goes into slip, as tracked vehicles do."""
+HEADING_TAU_S, RATE_TAU_S = 8.0, 0.3
+"""Gravity turns a heading back slowly; the belts' drives and the yaw inertia lag."""
+
+
+def chair_model() -> LinearModel:
+    """Return ψ' = -ψ/8 s + r, r' = (0.8 Δv - r)/0.3 s, sampled with the belts held."""
+    fine = 1000
+    step = PERIOD_S / fine
+    A1 = np.eye(2) + step * np.array([[-1.0 / HEADING_TAU_S, 1.0], [0.0, -1.0 / RATE_TAU_S]])
+    B1 = step * np.array([[0.0, 0.0], [-YAW_GAIN / RATE_TAU_S, YAW_GAIN / RATE_TAU_S]])
+    A, B = np.eye(2), np.zeros((2, 2))
+    for _ in range(fine):
+        A, B = A1 @ A, A1 @ B + B1
+    return LinearModel(
+        A=A,
+        B=B,
+        C=np.eye(2),
+        D=np.zeros((2, 2)),
+        dt_s=PERIOD_S,
+        input_offset=np.full(2, 0.2),
+        output_offset=np.zeros(2),
+    )
+
+
+@dataclass
+class Chair:
+    """The same equations, with belts that do not quite do what they are told."""
+
+    state: Float[np.ndarray, " 2"]
+    right_scale: float = 1.0
+    stuck_difference_m_s: float | None = None
+
+    def drive(self, command: TrackCommand) -> None:
+        model = chair_model()
+        u = np.array([command.left_m_s, command.right_m_s * self.right_scale])
+        if self.stuck_difference_m_s is not None:
+            u = 0.2 + BELT_DIFFERENCE * self.stuck_difference_m_s
+        self.state = model.A @ self.state + model.B @ (u - model.input_offset)
+
+    def estimate(self, t_s: float) -> HeadingEstimate:
+        return estimate(float(self.state[0]), float(self.state[1]), t_s)
+
+
+def estimate(heading_rad: float, rate_rad_s: float = 0.0, t_s: float = 0.0) -> HeadingEstimate:
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=rate_rad_s, sigma_rad=0.001, source="vision")
+
+
+def controller(design: ControllerDesign | None = None, *, period_s: float = PERIOD_S) -> HeadingController:
+    return HeadingController(design or tune(chair_model()), ControllerConfig(climb_speed_m_s=0.2, period_s=period_s))
+
+
+def run(driver: HeadingController, chair: Chair, seconds: float) -> Float[np.ndarray, " n"]:
+    """Return the heading [deg] at each period."""
+    headings = []
+    for k in range(round(seconds / PERIOD_S)):
+        t_s = k * PERIOD_S
+        headings.append(chair.state[0] / DEG)
+        chair.drive(driver.step(chair.estimate(t_s), t_s))
+    return np.array(headings)
+
+
+def literal(reconstruct: Literal["observer", "static"] = "static") -> ControllerDesign:
+    """Return the paper's controller as printed: Eq. (11b), (12), (14) at 1 s."""
+    model = LinearModel(
+        A=paper.A.copy(),
+        B=paper.B.copy(),
+        C=paper.C.copy(),
+        D=paper.D.copy(),
+        dt_s=1.0,
+        input_offset=np.full(2, 0.2),
+        output_offset=np.zeros(2),
+    )
+    return ControllerDesign(model=model, K=paper.K.copy(), observer_gain=np.zeros((2, 2)), period_s=1.0, reconstruct=reconstruct)
+
+
+@pytest.mark.parametrize("start_deg", [30.0, -30.0, 10.0])
+def test_the_loop_turns_the_chair_square(start_deg: float) -> None:
+    headings = run(controller(), Chair(np.array([start_deg * DEG, 0.0])), 30.0)
+    # Nothing disturbs this chair, so the heading decays to nothing; 0.01° is five closed-loop time constants and more.
+    assert abs(headings[-1]) < 0.01
+    # The belts' difference is bounded, not its sign: the heading must not swing to the other side by more than a degree.
+    assert np.min(np.sign(start_deg) * headings) > -1.0
+
+
+@pytest.mark.parametrize("right_scale", [1.02, 0.98])
+def test_a_belt_that_runs_two_percent_off_leaves_no_heading_error(right_scale: float) -> None:
+    headings = run(controller(), Chair(np.array([5.0 * DEG, 0.0]), right_scale), 60.0)
+    # Asked for: less than 0.1°. This plant is the model itself, so only what is not yet learned may be left: the mismatch
+    # moves the heading by 0.05°, of which 1 % remains after 50 s of a pole at 0.96.
+    assert np.abs(headings[-40:]).max() < 0.005
+
+
+def test_without_the_disturbance_the_same_belt_leaves_an_error() -> None:
+    proportional = replace(tune(chair_model()), disturbance_gain=None)
+    headings = run(controller(proportional), Chair(np.array([0.0, 0.0]), 1.02), 60.0)
+    # The counterpart of the test above: had this no error either, that one would prove nothing.
+    assert abs(headings[-1]) > 0.04
+
+
+def test_observer_finds_the_state_from_a_wrong_start() -> None:
+    model = chair_model()
+    design = tune(model)
+    observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+    rng = np.random.default_rng(7)
+    x = np.array([20.0 * DEG, -3.0 * DEG])
+    observer.start(np.array([-10.0 * DEG, 0.0]))
+    for _ in range(600):
+        u = 0.2 + 0.1 * rng.normal(size=2)
+        observer.update(u, model.C @ x, learn=True)
+        x = model.A @ x + model.B @ (u - model.input_offset)
+    # The slowest error, that of the disturbance, has a pole at 0.965: 0.965^600 = 5e-10 of 30° is left.
+    np.testing.assert_allclose(observer.state, x, atol=1e-6)
+    assert abs(observer.disturbance) < 1e-6
+
+
+def test_observer_learns_a_constant_belt_difference() -> None:
+    model = chair_model()
+    design = tune(model)
+    observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+    x, u = np.zeros(2), np.full(2, 0.2)
+    for _ in range(600):
+        observer.update(u, model.C @ x, learn=True)
+        x = model.A @ x + model.B @ (u + 0.02 * BELT_DIFFERENCE - model.input_offset)
+    # As above: the rest of the start has died out.
+    assert observer.disturbance == pytest.approx(0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize("start_deg", [40.0, -40.0])
+def test_twenty_seconds_at_the_limit_wind_nothing_up(start_deg: float) -> None:
+    driver, chair = controller(), Chair(np.array([start_deg * DEG, 0.0]))
+    # The stair holds the chair at 40°: the belts are at their limit and the innovation never goes away.
+    held = chair.state.copy()
+    for k in range(round(20.0 / PERIOD_S)):
+        driver.step(estimate(float(held[0]), 0.0, k * PERIOD_S), k * PERIOD_S)
+    headings = run(driver, chair, 20.0)
+    # Asked for: recovery without an overshoot of more than 2°.
+    assert np.min(np.sign(start_deg) * headings) > -2.0
+    assert abs(headings[-1]) < 0.1
+
+
+def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> None:
+    driver, chair = controller(), Chair(np.array([0.0, 0.0]), right_scale=1.05)
+    run(driver, chair, 60.0)
+    before = driver._observer.disturbance
+    command = driver.step(estimate(np.nan), 60.0)
+    assert command.brake
+    chair.state = np.zeros(2)
+    headings = run(driver, chair, 5.0)
+    # 5 % of 0.2 m/s is 0.01 m/s of difference; learned anew it took 0.2° of heading to find.
+    assert before == pytest.approx(0.01, rel=0.1)
+    assert np.abs(headings).max() < 0.05
+
+
+@pytest.mark.parametrize("heading", [np.nan, np.inf, -np.inf, 1e300, 0.1])
+@pytest.mark.parametrize("rate", [np.nan, np.inf, -1e300, 34.0, 0.0])
+def test_no_estimate_makes_a_command_that_is_not_a_number(heading: float, rate: float) -> None:
+    driver = controller()
+    driver.step(estimate(0.1), 0.0)
+    for k in range(1, 4):
+        command = driver.step(estimate(heading, rate), k * PERIOD_S)
+        assert np.isfinite([command.left_m_s, command.right_m_s]).all()
+    after = driver.step(estimate(0.1), 1.0)
+    assert np.isfinite([after.left_m_s, after.right_m_s]).all()
+    assert not after.brake
+
+
+def test_without_an_estimate_the_chair_stands() -> None:
+    assert controller().step(None, 1.0) == TrackCommand.stop(1.0)
+
+
+def test_another_period_is_refused() -> None:
+    with pytest.raises(PeriodMismatch, match=r"--period 0\.1"):
+        controller(period_s=0.1)
+
+
+def test_a_model_of_another_period_is_refused() -> None:
+    design = replace(tune(chair_model()), period_s=0.5)
+    with pytest.raises(PeriodMismatch):
+        controller(design, period_s=0.5)
+
+
+@pytest.mark.parametrize("factor", [0.0, -1.0, 20.0])
+def test_a_gain_that_does_not_belong_to_the_model_is_refused(factor: float) -> None:
+    design = tune(chair_model())
+    wrong = replace(design, K=factor * design.K)
+    # 0 is the open loop (0.97 at 8 s and 0.25 s: below the limit), so make the chair's own return slow as well.
+    if factor == 0.0:
+        wrong = replace(wrong, model=replace(design.model, A=design.model.A + np.diag([0.02, 0.0])))
+    assert np.abs(closed_loop_poles(wrong)).max() >= 0.98
+    with pytest.raises(NotStabilisable, match="spectral radius"):
+        controller(wrong)
+
+
+def test_an_observer_that_does_not_converge_is_refused() -> None:
+    design = tune(chair_model())
+    with pytest.raises(NotDetectable, match="observer"):
+        controller(replace(design, observer_gain=-design.observer_gain))
+
+
+def test_a_model_with_other_inputs_than_two_belts_is_refused() -> None:
+    model = chair_model()
+    one = replace(model, B=model.B[:, 1:], D=model.D[:, 1:], input_offset=model.input_offset[1:])
+    with pytest.raises(ShapeMismatch, match="1 inputs"):
+        controller(tune(one))
+
+
+def test_a_mismatch_that_no_output_shows_is_not_learned() -> None:
+    model = chair_model()
+    design = tune(replace(model, B=np.abs(model.B)), input_weight=[0.02])
+    # Both belts turn this one the same way: their difference has no effect, so no output can teach it.
+    assert design.disturbance_gain is None
+
+
+def test_the_papers_own_controller_can_be_built_and_drives_static() -> None:
+    design = literal()
+    driver = HeadingController(design, ControllerConfig(allocation="paper", period_s=1.0))
+    # Eq. (11) at +2° at rest, by hand: u = 0.2 - K (C - DK)^-1 y.
+    y = np.array([2.0 * DEG, 0.0])
+    asked = 0.2 - paper.K @ np.linalg.solve(paper.C - paper.D @ paper.K, y)
+    for k in range(3):
+        command = driver.step(estimate(2.0 * DEG), float(k))
+        # Static: no memory, the same every time; equality up to rounding of the two inversions.
+        np.testing.assert_allclose([command.left_m_s, command.right_m_s], asked, atol=1e-12)
+
+
+def test_the_papers_c_minus_dk_has_condition_2_42() -> None:
+    # Two decimals, as measured from the printed matrices.
+    assert np.linalg.cond(paper.C - paper.D @ paper.K) == pytest.approx(2.42, abs=0.005)
+
+
+def test_configuration_overrides_the_designs_reconstruction() -> None:
+    design = tune(chair_model(), reconstruct="static")
+    static = HeadingController(design, ControllerConfig())
+    forced = HeadingController(design, ControllerConfig(reconstruct="observer"))
+    first = [driver.step(estimate(0.1), 0.0) for driver in (static, forced)]
+    second = [driver.step(estimate(0.1), 0.25) for driver in (static, forced)]
+    # A static law answers the same output with the same command; an observer has learned that the turn did not come.
+    assert first[0].left_m_s == second[0].left_m_s
+    assert first[1].left_m_s != second[1].left_m_s
+
+
+@pytest.mark.parametrize("period_s", [0.1, 0.5, 1.0])
+def test_a_design_for_another_period_closes_a_stable_loop(period_s: float) -> None:
+    design = tune(chair_model(), period_s=period_s)
+    controller(design, period_s=period_s)
+    # resampled: poles are exp(λ T), so they scale as powers of each other.
+    expected = np.sort(np.linalg.eigvals(chair_model().A) ** (period_s / PERIOD_S))
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(design.model.A)), expected, rtol=1e-6)
+
+
+def test_every_refusal_is_a_model_error_that_one_line_explains() -> None:
+    design = tune(chair_model())
+    with pytest.raises(ModelError) as raised:
+        controller(replace(design, K=-design.K))
+    assert "\n" not in str(raised.value)
+    assert "tune it again" in str(raised.value)
