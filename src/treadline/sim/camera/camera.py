@@ -1,7 +1,7 @@
 """An RGB-D camera without GL: exact depth by casting rays on the staircase's boxes, colour and noise on top.
 
 Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, noise of 0.05 px and steps of 1/8 px
-(σ_Z about 1.4 mm at 1 m, 5.7 at 2, 12.8 at 3), 0.8 px of lateral jitter, a shadow beside each edge, drop-outs at grazing
+(σ_Z about 1.4 mm at 1 m, 5.7 at 2, 12.8 at 3), 0.8 px of lateral jitter at edges, a shadow beside each edge, drop-outs at grazing
 angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
 """
 
@@ -60,7 +60,7 @@ class ExactView:
 
     depth_m: Float[np.ndarray, "h w"]
     face: Int[np.ndarray, "h w"]
-    """6 · box + side, -1 where nothing is hit."""
+    """6 · box + side with the place of the box in ``Staircase.boxes()``; -1 where nothing is hit."""
 
 
 class Camera:
@@ -97,8 +97,8 @@ class Camera:
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
         """Return depth and faces as they are."""
-        depth, face, _ = self._cast(R_WC, p_WC)
-        return ExactView(depth_m=depth, face=face)
+        depth, face, near = self._cast(R_WC, p_WC)
+        return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
     def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
         """Return a frame as the sensor delivers it."""
@@ -123,7 +123,7 @@ class Camera:
             int(self._rng.integers(POOL)),
             rgb,
         )
-        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._measured(depth), camera=camera)
+        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._measured(depth, face), camera=camera)
 
     def _cast(
         self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
@@ -150,7 +150,7 @@ class Camera:
         )
         return depth, face, near
 
-    def _measured(self, exact: Float[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    def _measured(self, exact: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
         sensor = self._sensor
         if sensor is None:
             return exact.astype(np.float32)
@@ -158,6 +158,7 @@ class Camera:
         measured = np.empty(exact.shape, dtype=np.float32)
         kernels.kinect(
             exact,
+            face,
             sensor.focal_px,
             sensor.baseline_m,
             self.calibration.fx_px * sensor.baseline_m,

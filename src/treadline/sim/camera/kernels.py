@@ -185,10 +185,12 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
 
 @njit(cache=True)
 @no_type_check
-def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
+def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
 
     Args:
+        face: Names of the surfaces. At an edge a pixel may get its depth from beyond; within a face that is a part of
+            the noise of the disparity, not one more.
         fx_noise: Focal length of the sensor's own disparity [px].
         shadow_px: ``f·B`` in this image's pixels: the projector's view is shifted by it over depth.
         sigma_px: Gaussian noise of the disparity.
@@ -217,6 +219,8 @@ def kinect(exact, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, 
                 continue
             su = min(max(u + int(round(lateral_px * normal[first + n])), 0), columns - 1)
             sv = min(max(v + int(round(lateral_px * normal[second + n])), 0), rows - 1)
+            if face[sv, su] == face[v, u]:
+                su, sv = u, v
             z = exact[sv, su]
             if not (near <= z <= far):
                 continue
