@@ -1,0 +1,49 @@
+"""The drawings of docs/drawings: complete, small, the same bytes every time, and drawn from the chair that runs."""
+
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from treadline.report.drawings import DRAWINGS, write_drawings
+from treadline.report.figures import svg_of
+from treadline.report.pen import turned
+
+SHIPPED = Path(__file__).parents[2] / "docs" / "drawings"
+LARGEST_BYTES = 80_000
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("drawings")
+    write_drawings(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_is_a_small_picture_that_needs_nothing_else(folder: Path, name: str) -> None:
+    path = folder / f"{name}.svg"
+    text = path.read_text(encoding="utf-8")
+    assert path.stat().st_size < LARGEST_BYTES
+    assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"  # noqa: S314 - our own file
+    assert "<script" not in text
+    assert "<image" not in text
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_is_the_same_twice(name: str) -> None:
+    assert svg_of(DRAWINGS[name]()) == svg_of(DRAWINGS[name]())
+
+
+def test_docs_hold_every_drawing_and_no_other() -> None:
+    assert sorted(path.stem for path in SHIPPED.glob("fig*.svg")) == sorted(DRAWINGS)
+
+
+def test_every_figure_that_is_not_measured_is_drawn() -> None:
+    assert [name[:5] for name in DRAWINGS] == ["fig01", "fig02", "fig03", "fig04", "fig06", "fig07"]
+
+
+def test_a_quarter_turn_takes_forward_to_up() -> None:
+    np.testing.assert_allclose(turned([(1.0, 0.0)], np.pi / 2), [[0.0, 1.0]], atol=1e-15)
+    np.testing.assert_allclose(turned([(1.0, 0.0)], np.pi, about=(2.0, 0.0)), [[3.0, 0.0]], atol=1e-12)
