@@ -46,6 +46,12 @@ def excite(
             image_every=1 if log_images else 0,
             watch=lambda tick: progress.at(tick.t_s),
         )
+    if len(excited.record) == 0:
+        return Answer(
+            values={"samples": 0, "heading_range_deg": None, "record": None, "verdict": excited.run.verdict},
+            summary=[f"no sample: {excited.run.verdict} ({excited.run.cause}); see {out}"],
+            code=1,
+        )
     heading = excited.record.y[:, 0] / DEG
     whole = len(excited.record) == samples
     ended = "" if whole else f" ({excited.run.verdict}: {excited.run.cause})"

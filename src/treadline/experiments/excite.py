@@ -71,8 +71,8 @@ def excite(
     run = traverse(long_enough(scenario, (samples + 1) * period_s), seed=seed, driver=driver, sink=sink, watch=watch)
     count = min(samples, len(driver.u))
     record = InputOutputRecord(
-        u=np.array(driver.u[:count]),
-        y=np.array(driver.y[:count]),
+        u=np.array(driver.u[:count]).reshape(-1, len(INPUTS)),
+        y=np.array(driver.y[:count]).reshape(-1, len(OUTPUTS)),
         dt_s=period_s,
         input_names=INPUTS,
         output_names=OUTPUTS,

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.experiments.excite import Excited, excite
+from treadline.experiments.excite import Excited, excite, long_enough
 from treadline.experiments.scores import Trace
 from treadline.experiments.traverse import Sink, Traverse, Watch, mission_config, traverse
 from treadline.io.mcap_log import RunLog
@@ -48,6 +48,7 @@ def recorded_run(
     """
     config = mission_config(scenario, controller)
     driver = driver or heading_driver(config)
+    _begin(folder, scenario, seed)
     run: Traverse = _logged(
         folder,
         lambda sink: traverse(scenario, controller=controller, seed=seed, driver=driver, sink=sink, watch=watch),
@@ -71,6 +72,7 @@ def recorded_excitation(
 ) -> Excited:
     """Excite a scenario and write its run folder, ``record.csv`` included."""
     mission_config(scenario, None)
+    _begin(folder, long_enough(scenario, (samples + 1) * period_s), seed)
     excited: Excited = _logged(
         folder,
         lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch),
@@ -83,15 +85,19 @@ def recorded_excitation(
 
 
 def _logged(folder: Path, drive: Callable[[Sink | None], Any], *, log: bool, image_every: int) -> Any:
-    folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
         sink = stack.enter_context(RunLog(folder / LOG, image_every=image_every)) if log else None
         return drive(sink)
 
 
+def _begin(folder: Path, scenario: Scenario, seed: int) -> None:
+    """Say first what is being run: an interrupted run can then still be told apart, and repeated."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_manifest(folder, scenario.model_dump(mode="json"), seed)
+
+
 def _write(folder: Path, run: Traverse) -> None:
     write_series(folder, series(run.trace, run.estimate_rad))
-    write_manifest(folder, run.scenario.model_dump(mode="json"), run.seed)
     write_result(folder, run.summary())
 
 

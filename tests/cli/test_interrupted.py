@@ -1,0 +1,50 @@
+"""Ctrl-C: exit code 130, one line, and what was finished is readable."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from treadline.io.mcap_read import read_log
+from treadline.ports import Truth
+
+LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'
+
+
+def interrupted(arguments: list[str], ready: Path, *, after_s: float) -> subprocess.CompletedProcess[str]:
+    """Start a command, wait until a file is there, and interrupt it."""
+    started = subprocess.Popen(
+        [sys.executable, "-m", "treadline", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    limit = time.monotonic() + 60.0
+    while not ready.exists() and time.monotonic() < limit:
+        time.sleep(0.05)
+    time.sleep(after_s)
+    os.kill(started.pid, signal.SIGINT)
+    out, err = started.communicate(timeout=60.0)
+    return subprocess.CompletedProcess(arguments, started.returncode, out, err)
+
+
+def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path) -> None:
+    scenario, out = tmp_path / "long.toml", tmp_path / "run"
+    scenario.write_text(LONG)
+    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=2.0)
+    assert done.returncode == 130, done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("treadline: interrupted")
+    assert json.loads((out / "manifest.json").read_text())["seed"] == 0
+    truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
+    assert truth
+    assert not (out / "result.json").exists()
+
+
+def test_an_interrupted_reproduction_ends_its_workers_and_says_one_line(tmp_path: Path) -> None:
+    out = tmp_path / "paper"
+    done = interrupted(["reproduce", "--quick", "--workers", "2", "--out", str(out)], out / "runs", after_s=1.0)
+    assert done.returncode == 130, done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (out / "results.json").exists()

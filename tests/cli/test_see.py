@@ -1,0 +1,280 @@
+"""``treadline see``: recorded frames in, a heading or a reason out; bad files are named."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_z
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import build_staircase
+from treadline.scenario import Stair
+from treadline.signals import RgbdFrame
+from treadline.sim.camera import Camera
+
+HEADING_DEG = 12.0
+KEYS = {"accepted", "reason", "heading_deg", "sigma_deg", "edge_direction", "edges", "box_px", "stair", "ms"}
+CAMERA = """
+width = 320
+height = 240
+fx_px = 287.5
+fy_px = 287.5
+cx_px = 159.5
+cy_px = 119.5
+mount_pitch_deg = 40.0
+"""
+KINECT2 = Path(__file__).parents[3] / "shared" / "data" / "vision" / "kinect2"
+
+
+def rendered(seed: int) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    """Return a frame seen from a flight of 28°, and down in C."""
+    rng = np.random.default_rng(seed)
+    staircase = build_staircase(Stair(slope_deg=28.0), rng)
+    calibration = read_chair("wheelchair").camera_at(240)
+    R_WB = staircase.R_WS @ rotation_z(HEADING_DEG * DEG)
+    p_WB = staircase.p_WS + staircase.R_WS @ np.array([1.0, 0.0, 0.0])
+    R_WC = R_WB @ calibration.R_BC
+    frame = Camera(staircase, calibration, rng=rng).frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
+    return frame, R_WC.T @ np.array([0.0, 0.0, -1.0])
+
+
+def write_pair(folder: Path, name: str, frame: RgbdFrame) -> tuple[Path, Path]:
+    rgb, depth = folder / f"{name}_rgb.png", folder / f"{name}_depth.png"
+    cv2.imwrite(str(rgb), cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR))
+    write_depth(depth, np.round(np.nan_to_num(frame.depth_m, nan=0.0) * 1000.0))
+    return rgb, depth
+
+
+def write_depth(path: Path, counts: Float[np.ndarray, "h w"]) -> None:
+    cv2.imwrite(str(path), counts.astype(np.uint16))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with one good pair, a, its calibration and gravity."""
+    frame, down = rendered(1)
+    write_pair(tmp_path, "a", frame)
+    (tmp_path / "camera.toml").write_text(CAMERA)
+    (tmp_path / "gravity.csv").write_text("name,x,y,z\na," + ",".join(f"{part:.6f}" for part in down) + "\n")
+    return tmp_path
+
+
+def pair(folder: Path) -> list[object]:
+    return [folder / "a_rgb.png", folder / "a_depth.png", "--camera", folder / "camera.toml"]
+
+
+def gravity(folder: Path) -> str:
+    return (folder / "gravity.csv").read_text().splitlines()[1].removeprefix("a,")
+
+
+def assert_refused(outcome: object, *words: str) -> None:
+    assert outcome.code == 2, outcome
+    assert outcome.out == ""
+    assert outcome.err.startswith("treadline: ")
+    assert outcome.err.count("\n") == 1, outcome.err
+    for word in words:
+        assert word in outcome.err, outcome.err
+
+
+def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> None:
+    outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json")
+    assert outcome.code == 0
+    assert outcome.err == ""
+    seen = outcome.values
+    assert set(seen) >= KEYS
+    assert seen["accepted"] is True
+    assert seen["reason"] is None
+    # Three of the declared deviations, and depth rounded to millimetres costs next to nothing.
+    assert abs(seen["heading_deg"] - HEADING_DEG) < 3.0 * seen["sigma_deg"] < 1.0
+    assert np.linalg.norm(seen["edge_direction"]) == pytest.approx(1.0)
+    assert seen["edge_direction"][0] > 0.0
+    assert seen["edges"] >= 2
+    u0, v0, u1, v1 = seen["box_px"]
+    assert 0 <= u0 < u1 < 320
+    assert 0 <= v0 < v1 < 240
+    # 1 cm on a rise of 0.16 m and a run of 0.30 m: levels are medians of noisy blocks.
+    assert seen["stair"]["rise_m"] == pytest.approx(0.30 * np.tan(28.0 * DEG), abs=0.01)
+    assert seen["stair"]["run_m"] == pytest.approx(0.30, abs=0.01)
+    assert seen["stair"]["slope_deg"] == pytest.approx(28.0, abs=2.0)
+    assert seen["stair"]["distance_m"] > 0.0
+    assert seen["ms"] > 0.0
+
+
+def test_the_summary_for_people_says_the_same(run, folder: Path) -> None:
+    outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}")
+    assert outcome.code == 0
+    assert "heading +1" in outcome.out
+    assert "°" in outcome.out
+
+
+def test_a_frame_without_gravity_is_read_too(run, folder: Path) -> None:
+    seen = run("see", *pair(folder), "--json").values
+    assert seen["heading_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
+
+
+def test_the_length_of_gravity_does_not_matter(run, folder: Path) -> None:
+    scaled = ",".join(str(9.81 * float(part)) for part in gravity(folder).split(","))
+    once = run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json").values
+    again = run("see", *pair(folder), f"--gravity={scaled}", "--json").values
+    assert again["heading_deg"] == pytest.approx(once["heading_deg"], abs=1e-6)
+
+
+def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA + "mount_yaw_deg = 5.0\n")
+    seen = run("see", *pair(folder), "--json").values
+    assert seen["heading_deg"] == pytest.approx(HEADING_DEG - 5.0, abs=0.5)
+
+
+def test_the_papers_method_answers_or_says_why_not(run, folder: Path) -> None:
+    outcome = run("see", *pair(folder), "--method", "paper", "--json")
+    seen = outcome.values
+    assert set(seen) >= KEYS
+    assert outcome.code == (0 if seen["accepted"] else 1)
+    assert (seen["heading_deg"] is None) == bool(seen["reason"])
+
+
+def test_a_wall_is_an_answer_of_no(run, folder: Path) -> None:
+    write_depth(folder / "a_depth.png", np.full((240, 320), 1500.0))
+    outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}", "--json")
+    assert outcome.code == 1
+    seen = outcome.values
+    assert seen["accepted"] is False
+    assert seen["reason"]
+    assert seen["heading_deg"] is seen["sigma_deg"] is seen["edge_direction"] is seen["stair"] is None
+
+
+def test_the_six_stages_are_written(run, folder: Path) -> None:
+    out = folder / "stages"
+    assert run("see", *pair(folder), "--out", out).code == 0
+    pictures = sorted(path.name for path in out.iterdir())
+    assert len(pictures) == 6
+    for name in pictures:
+        assert cv2.imread(str(out / name)).shape == (240, 320, 3)
+
+
+def test_a_folder_is_read_frame_by_frame(run, folder: Path) -> None:
+    frame, _ = rendered(2)
+    write_pair(folder, "b", frame)
+    (folder / "notes.txt").write_text("not a frame")
+    outcome = run("see", folder, "--json")
+    assert outcome.code == 0
+    frames = outcome.values["frames"]
+    assert [item["name"] for item in frames] == ["a", "b"]
+    for item in frames:
+        assert set(item) >= KEYS
+        assert item["heading_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
+
+
+def test_a_folder_with_stages_keeps_the_frames_apart(run, folder: Path) -> None:
+    write_pair(folder, "b", rendered(2)[0])
+    out = folder / "stages"
+    assert run("see", folder, "--out", out).code == 0
+    assert len(list(out.iterdir())) == 12
+
+
+def test_a_folder_is_done_even_if_a_frame_shows_no_stair(run, folder: Path) -> None:
+    write_depth(folder / "a_depth.png", np.full((240, 320), 1500.0))
+    outcome = run("see", folder, "--json")
+    assert outcome.code == 0
+    assert outcome.values["frames"][0]["reason"]
+
+
+def test_images_of_another_size_are_named(run, folder: Path) -> None:
+    write_depth(folder / "a_depth.png", np.full((480, 640), 1500.0))
+    assert_refused(run("see", *pair(folder)), "a_depth.png", "640×480", "320×240")
+    cv2.imwrite(str(folder / "a_rgb.png"), np.zeros((100, 100, 3), np.uint8))
+    assert_refused(run("see", *pair(folder)), "a_rgb.png", "100×100")
+
+
+def test_depth_of_eight_bits_or_in_colour_is_refused(run, folder: Path) -> None:
+    cv2.imwrite(str(folder / "a_depth.png"), np.full((240, 320), 90, np.uint8))
+    assert_refused(run("see", *pair(folder)), "a_depth.png", "16-bit", "8-bit")
+    cv2.imwrite(str(folder / "a_depth.png"), np.full((240, 320, 3), 90, np.uint8))
+    assert_refused(run("see", *pair(folder)), "a_depth.png", "3 channel")
+
+
+@pytest.mark.parametrize(("count", "word"), [(0.0, "zero"), (65535.0, "saturated")])
+def test_depth_without_any_return_is_refused(run, folder: Path, count: float, word: str) -> None:
+    write_depth(folder / "a_depth.png", np.full((240, 320), count))
+    assert_refused(run("see", *pair(folder)), "a_depth.png", word)
+
+
+@pytest.mark.parametrize("unit", ["1.0", "0.00001"])
+def test_a_wrong_unit_of_depth_is_refused(run, folder: Path, unit: str) -> None:
+    (folder / "camera.toml").write_text(CAMERA + f"depth_unit_m = {unit}\n")
+    assert_refused(run("see", *pair(folder)), "a_depth.png", "depth_unit_m", "0.001")
+
+
+def test_what_is_no_image_is_refused(run, folder: Path) -> None:
+    (folder / "a_rgb.png").write_text("hello")
+    assert_refused(run("see", *pair(folder)), "a_rgb.png", "not an image")
+    (folder / "a_rgb.png").write_bytes(b"")
+    assert_refused(run("see", *pair(folder)), "a_rgb.png", "not an image")
+    (folder / "a_rgb.png").unlink()
+    assert_refused(run("see", *pair(folder)), "a_rgb.png", "no such file")
+    (folder / "a_rgb.png").mkdir()
+    assert_refused(run("see", *pair(folder)), "a_rgb.png", "folder")
+
+
+def test_half_a_picture_is_refused(run, folder: Path) -> None:
+    whole = (folder / "a_depth.png").read_bytes()
+    (folder / "a_depth.png").write_bytes(whole[: len(whole) // 2])
+    assert_refused(run("see", *pair(folder)), "a_depth.png")
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (CAMERA + "focus = 1\n", "focus"),
+        (CAMERA.replace("287.5", "-1.0", 1), "fx_px"),
+        (CAMERA.replace("width = 320", 'width = "wide"'), "width"),
+        (CAMERA.replace("cx_px = 159.5", ""), "cx_px"),
+        (CAMERA.replace("cx_px = 159.5", "cx_px = nan"), "cx_px"),
+        (CAMERA + "depth_unit_m = 0.0\n", "depth_unit_m"),
+        (CAMERA + "registered = false\n", "registered"),
+    ],
+)
+def test_a_bad_calibration_names_its_key(run, folder: Path, text: str, key: str) -> None:
+    (folder / "camera.toml").write_text(text)
+    assert_refused(run("see", *pair(folder)), key)
+    assert_refused(run("see", folder), key)
+
+
+@pytest.mark.parametrize("text", ["0,0,0", "1,2", "down", "nan,0,1", "0,inf,0", "1,2,3,4", ""])
+def test_a_bad_direction_of_gravity_is_refused(run, folder: Path, text: str) -> None:
+    assert_refused(run("see", *pair(folder), f"--gravity={text}"), "--gravity", "x,y,z")
+    (folder / "gravity.csv").write_text(f"name,x,y,z\na,{text}\n" if text.count(",") != 3 else "name,x,y\na,0,1\n")
+    assert_refused(run("see", folder), "gravity.csv:2")
+
+
+def test_a_folder_without_pairs_is_refused(run, folder: Path) -> None:
+    (folder / "a_rgb.png").unlink()
+    assert_refused(run("see", folder), "a_depth.png", "a_rgb.png")
+    (folder / "a_depth.png").unlink()
+    assert_refused(run("see", folder), "NAME_rgb.png")
+    (folder / "camera.toml").unlink()
+    assert_refused(run("see", folder), "camera.toml")
+
+
+@pytest.mark.skipif(not KINECT2.is_dir(), reason="the recorded Kinect 2 frames are not beside this checkout")
+def test_recorded_kinect_2_frames(run, tmp_path: Path) -> None:
+    reference = json.loads((KINECT2 / "reference.json").read_text())
+    answers = {}
+    for name, known in reference.items():
+        calibration = tmp_path / f"{name}.toml"
+        calibration.write_text(
+            f"width = 512\nheight = 424\nfx_px = {known['fx']}\nfy_px = {known['fy']}\ncx_px = {known['cx']}\n"
+            f"cy_px = {known['cy']}\ndepth_unit_m = {known['depth_unit_m']}\n"
+        )
+        images = [KINECT2 / f"{name}_color_registered.png", KINECT2 / f"{name}_depth.png"]
+        answers[name] = run("see", *images, "--camera", calibration, "--json").values
+    # 0000 looks straight down at two treads, its risers are edge-on: refused rather than guessed.
+    assert not answers["0000"]["accepted"]
+    assert answers["0000"]["reason"]
+    # 0001 shows five risers; the reference's own pairs scatter by 0.28°.
+    known = np.array(reference["0001"]["edge_direction_camera"])
+    apart = np.arccos(min(1.0, float(np.array(answers["0001"]["edge_direction"]) @ known))) / DEG
+    assert apart < 0.3
