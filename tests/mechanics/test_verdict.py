@@ -185,6 +185,39 @@ def test_several_things_wrong_are_all_told() -> None:
     assert all("; " in reason for reason in report.reasons)
 
 
+stairs = st.fixed_dictionaries(
+    {
+        "slope_deg": st.floats(19.0, 26.0),  # of which any run here is a rise that may be
+        "run_m": st.floats(0.15, 0.60),
+        "friction": st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)),
+        "steps": st.integers(20, 40),
+        "missing_steps": st.lists(st.integers(0, 18), max_size=19).map(tuple),
+    }
+)
+loadings = st.fixed_dictionaries(
+    {
+        "payload_kg": st.floats(0.0, 200.0),
+        "payload_offset_m": st.tuples(*[st.floats(-0.5, 0.5)] * 3),
+        "seat_shift_m": st.floats(*SEAT_SHIFT_M),
+    }
+)
+starts = st.fixed_dictionaries({"heading_deg": st.floats(-90.0, 90.0), "lateral_m": st.floats(-5.0, 5.0)})
+
+
+@given(stair=stairs, loading=loadings, start=starts)
+def test_any_scenario_gets_a_verdict_whose_reasons_have_number_and_remedy(
+    stair: dict[str, Any], loading: dict[str, Any], start: dict[str, Any]
+) -> None:
+    report = judge(stair=stair, chair=loading, start=start | {"place": "flight"})
+    assert report.verdict == ("refuse" if report.reasons else "go")
+    for reason in report.reasons:
+        what, _, remedy = reason.rpartition("; ")
+        assert re.search(r"\d", what)
+        assert remedy
+        assert "nan" not in reason
+    assert all(math.isfinite(margin) for margin in report.stability_margin_deg.values())
+
+
 def test_an_unknown_chair_lists_the_shipped_ones() -> None:
     for model in ("throne", "../chairs/wheelchair", ""):
         with pytest.raises(SettingsError, match=r"^chair\.model: no shipped chair .*\(shipped: wheelchair"):

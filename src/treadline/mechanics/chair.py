@@ -17,6 +17,7 @@ from treadline.signals import PinholeCamera
 SHIPPED = Path(__file__).parents[1] / "data" / "chairs"
 Positive = Annotated[float, Field(gt=0.0)]
 Point = tuple[float, float, float]
+Size = tuple[Positive, Positive, Positive]
 
 
 class Tracks(Settings):
@@ -39,7 +40,7 @@ class Masses(Settings):
 
     chassis_kg: Positive
     chassis_com_m: Point
-    chassis_size_m: Point
+    chassis_size_m: Size
     """Edges of the uniform box whose inertia the chassis has."""
 
 
@@ -49,7 +50,7 @@ class Seat(Settings):
     hinge_m: Point
     payload_com_m: Point
     """Centre of the payload relative to the hinge, seat level with the chassis."""
-    payload_size_m: Point
+    payload_size_m: Size
     bar_m: Positive
     """Bar from slider to seat."""
     arm_m: Positive

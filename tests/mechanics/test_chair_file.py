@@ -1,0 +1,65 @@
+"""Chair files: what a maker must say, and what cannot be."""
+
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.mechanics.chair import SHIPPED, read_chair
+from treadline.mechanics.tracks import pulley_centres
+
+
+def changed_file(tmp_path: Path, old: str, new: str) -> str:
+    text = (SHIPPED / "wheelchair.toml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return str(path)
+
+
+def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
+    own = shutil.copy(SHIPPED / "wheelchair.toml", tmp_path / "own.toml")
+    assert read_chair(str(own)) == read_chair("wheelchair")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gauge_m = 0.65", "", "tracks.gauge_m: missing; give a number > 0"),
+        ("gauge_m = 0.65", "gauge_m = 0", "tracks.gauge_m: must be a number > 0 (got 0)"),
+        ("angle_deg = 40.0", "angle_deg = 90", "tracks.approach_angle_deg: must be a number from 0 to 80 (got 90)"),
+        ("0.90, 0.55, 0.25", "0.90, -0.55, 0.25", "masses.chassis_size_m.1: must be a number > 0 (got -0.55)"),
+        ("[-0.04, 0.20]", "[-0.04]", "seat.stroke_m: must be two numbers (got [-0.04])"),
+        ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; remove it or correct its spelling"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = changed_file(tmp_path, old, new)
+    with pytest.raises(SettingsError) as refused:
+        read_chair(path)
+    assert str(refused.value) == f"{path}: {message}"
+
+
+def test_the_masses_and_speeds_are_those_of_table_1() -> None:
+    chair = read_chair("wheelchair")
+    assert chair.masses.chassis_kg == 23.4
+    assert chair.drives.max_speed_m_s == 1.0
+    # Table I turns at 3.07 rad/s with the belts at ±1 m/s; the gauge is given to the centimetre.
+    assert 2.0 * chair.drives.max_speed_m_s / chair.tracks.gauge_m == pytest.approx(3.07, rel=0.005)
+
+
+def test_the_nose_is_the_third_pulley() -> None:
+    chair = read_chair("wheelchair")
+    x, y, z = chair.nose_m
+    assert (x, z) == pytest.approx(tuple(pulley_centres(chair.tracks)[2].tolist()))
+    assert y == 0.0
+
+
+@pytest.mark.parametrize("height_px", [240, 480])
+def test_both_cameras_see_the_same_field(height_px: int) -> None:
+    camera = read_chair("wheelchair").camera_at(height_px)
+    # 640 columns at a focal length of 575 px.
+    assert 2.0 * math.atan(0.5 * camera.width_px / camera.fx_px) == pytest.approx(2.0 * math.atan(320.0 / 575.0))
+    assert (camera.cx_px, camera.cy_px) == ((camera.width_px - 1) / 2, (camera.height_px - 1) / 2)
