@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_z
+from treadline.cli import main
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
@@ -68,6 +70,12 @@ def pair(folder: Path) -> list[object]:
 
 def gravity(folder: Path) -> str:
     return (folder / "gravity.csv").read_text().splitlines()[1].removeprefix("a,")
+
+
+class Refusal(NamedTuple):
+    code: int
+    out: str
+    err: str
 
 
 def assert_refused(outcome: object, *words: str) -> None:
@@ -219,10 +227,24 @@ def test_what_is_no_image_is_refused(run, folder: Path) -> None:
     assert_refused(run("see", *pair(folder)), "a_rgb.png", "folder")
 
 
-def test_half_a_picture_is_refused(run, folder: Path) -> None:
-    whole = (folder / "a_depth.png").read_bytes()
-    (folder / "a_depth.png").write_bytes(whole[: len(whole) // 2])
-    assert_refused(run("see", *pair(folder)), "a_depth.png")
+@pytest.mark.parametrize("name", ["a_rgb.png", "a_depth.png"])
+def test_a_damaged_picture_is_refused_in_one_line(capfd, folder: Path, name: str) -> None:
+    whole = (folder / name).read_bytes()
+    turned = bytearray(whole)
+    turned[len(whole) // 2] ^= 0x10
+    _, encoded = cv2.imencode(".jpg", np.full((240, 320, 3), 90, np.uint8))
+    jpeg = encoded.tobytes()[: len(encoded) // 2]
+    for damaged in (whole[: len(whole) // 2], whole[:-12], bytes(turned), whole[:8] + b"x" * 50, jpeg):
+        (folder / name).write_bytes(damaged)
+        code = main(["see", *(str(argument) for argument in pair(folder))])
+        # Of the file descriptor, for decoders write past Python, straight to the terminal.
+        assert_refused(Refusal(code, *capfd.readouterr()), name, "damaged")
+
+
+def test_a_whole_jpeg_is_colour_enough(run, folder: Path) -> None:
+    _, encoded = cv2.imencode(".jpg", cv2.imread(str(folder / "a_rgb.png")))
+    (folder / "a_rgb.png").write_bytes(encoded.tobytes())
+    assert run("see", *pair(folder)).code == 0
 
 
 @pytest.mark.parametrize(

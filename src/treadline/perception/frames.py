@@ -55,8 +55,10 @@ def frames_of_folder(folder: Path) -> Iterator[NamedFrame]:
 
 def see_frame(named: NamedFrame, *, method: Literal["paper", "robust"], out: Path | None) -> dict[str, Any]:
     """Return what a frame shows, under the contract's keys; with ``out``, write the six stages of Fig. 5."""
+    detector = StairDetector(DetectorConfig(method=method))
+    detector.look(named.frame, named.gravity_C)  # loads what is compiled, so that the time told is that of a frame
     started = time.perf_counter()
-    sight = StairDetector(DetectorConfig(method=method)).look(named.frame, named.gravity_C)
+    sight = detector.look(named.frame, named.gravity_C)
     spent_ms = (time.perf_counter() - started) * 1e3
     if out is not None:
         shown = StairDetector(DetectorConfig(method="paper")).look(named.frame, named.gravity_C, stages=True)

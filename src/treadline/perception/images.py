@@ -1,5 +1,7 @@
 """Recorded frames: a colour image and a 16-bit depth image, checked against their calibration."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -10,6 +12,8 @@ from treadline.errors import ImageError
 from treadline.perception.camera_file import CameraFile
 from treadline.signals import RgbdFrame
 
+PNG_START = b"\x89PNG\r\n\x1a\n"
+JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 NO_RETURN = (0, 65535)
 PLAUSIBLE_M = (0.2, 30.0)
 """Median depth of an indoor frame: outside it, the unit is wrong."""
@@ -64,10 +68,29 @@ def _decoded(path: Path, flags: int) -> np.ndarray:
         raise ImageError(f"{path}: no such file") from None
     except IsADirectoryError:
         raise ImageError(f"{path}: is a folder, not an image") from None
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags) if data else None
+    if not data.startswith((PNG_START, JPEG_START)):
+        raise ImageError(f"{path}: not an image that can be read; give PNG or JPEG")
+    # A decoder fills up what is cut off with grey and says so to a terminal at best.
+    if not (_is_whole_png(data) if data.startswith(PNG_START) else JPEG_END in data[-64:]):
+        raise ImageError(f"{path}: not a whole image, cut off or damaged; copy or record it again")
+    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
     if image is None:
-        raise ImageError(f"{path}: not an image that can be read (PNG or JPEG)")
+        raise ImageError(f"{path}: not an image that can be read; save it again as PNG")
     return np.asarray(image)
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """Return whether every chunk up to the last, IEND, is there and fits its checksum."""
+    place = len(PNG_START)
+    while place + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, place)
+        body, end = data[place + 4 : place + 8 + length], place + 12 + length
+        if end > len(data) or zlib.crc32(body) != struct.unpack_from(">I", data, end - 4)[0]:
+            return False
+        if body[:4] == b"IEND":
+            return True
+        place = end
+    return False
 
 
 def _check_size(path: Path, image: np.ndarray, calibration: CameraFile) -> None:
