@@ -79,7 +79,8 @@ class HeadingFilter:
         return HeadingEstimate(
             t_s=self._t_s,
             heading_rad=self._heading,
-            heading_rate_rad_s=self._rate - self._bias,
+            # Without a gyro the rate is nobody's to tell.
+            heading_rate_rad_s=self._rate - self._bias if self._t_s == self._imu_s else 0.0,
             sigma_rad=float(np.sqrt(self._P[0, 0])),
             source="vision" if fresh else "gyro",
         )
@@ -166,12 +167,11 @@ class HeadingFilter:
         return self._imu_s is None or abs(seen.t_s - self._imu_s) <= self._config.memory_s
 
     def _carry_without_gyro(self, t_s: float) -> None:
-        """Go on to a frame that comes after the gyro has fallen silent; the rate is nobody's to tell then."""
+        """Go on to a frame that comes after the gyro has fallen silent."""
         if self._t_s is None:
             self._t_s = t_s
         elif t_s - self._t_s > self._config.gap_s:
             self._move_unseen(t_s - self._t_s)
-            self._rate = self._bias
             self._t_s = t_s
 
     def _take(self, heading: float, variance: float, seen_s: float) -> None:

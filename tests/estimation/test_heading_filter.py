@@ -1,0 +1,327 @@
+"""The heading filter on synthetic truth, and with sensors that fail."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rms, wrap
+from treadline.estimation import HeadingFilter
+from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample
+
+IMU_S, FRAME_S = 0.01, 0.1
+TICKS_PER_FRAME = 10
+VISION_SIGMA_RAD = 0.3 * DEG
+GYRO_SIGMA_RAD_S = 0.35 * DEG
+BIAS_SIGMA_RAD_S, BIAS_TAU_S = 0.005 * DEG, 100.0
+SEEDS = range(1000, 1020)
+GAP_FROM_S = 90.0
+
+Frame = tuple[float, float]
+"""Stamp [s] and heading [rad] of a frame as the vision delivers it."""
+
+
+def gyro(t_s: float, rate_rad_s: float) -> ImuSample:
+    return ImuSample(
+        t_s=t_s,
+        orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+        angular_velocity_rad_s=np.array([0.0, 0.0, rate_rad_s]),
+        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
+    )
+
+
+def seen(t_s: float, heading_rad: float, sigma_rad: float = VISION_SIGMA_RAD) -> HeadingMeasurement:
+    return HeadingMeasurement(t_s=t_s, heading_rad=heading_rad, sigma_rad=sigma_rad, edge_count=6)
+
+
+@dataclass
+class Climb:
+    """A chair that starts 30° off, turns square and keeps swaying, and what its sensors say about it."""
+
+    seed: int
+    seconds: float = 120.0
+    bias_rad_s: float = 0.03 * DEG
+    frames: Callable[[float, float], Frame | None] = lambda t_s, heading: (t_s, heading)
+    imu: Callable[[float, float], float | None] = lambda _t_s, rate: rate
+    truth: Float[np.ndarray, " n"] = field(init=False)
+    estimates: list[HeadingEstimate | None] = field(init=False)
+    filter: HeadingFilter = field(default_factory=HeadingFilter)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        ticks = round(self.seconds / IMU_S)
+        t = IMU_S * np.arange(ticks)
+        phase = rng.uniform(0.0, 2.0 * np.pi, size=2)
+        # 30° turned off with a time constant of 2 s (up to 15 °/s), nosings every second, a slow drift across the stair.
+        self.truth = DEG * (30.0 * np.exp(-t / 2.0) + 0.5 * np.sin(2 * np.pi * t + phase[0]) + np.sin(t / 5 + phase[1]))
+        rate = np.gradient(self.truth, IMU_S)
+        walk = np.cumsum(BIAS_SIGMA_RAD_S * np.sqrt(2.0 * IMU_S / BIAS_TAU_S) * rng.normal(size=ticks))
+        measured = rate + self.bias_rad_s + walk + GYRO_SIGMA_RAD_S * rng.normal(size=ticks)
+        noise = VISION_SIGMA_RAD * rng.normal(size=ticks)
+        self.estimates = [None] * ticks
+        for k in range(ticks):
+            felt = self.imu(float(t[k]), float(measured[k]))
+            if felt is not None:
+                self.estimates[k] = self.filter.step(gyro(float(t[k]), felt))
+            if k % TICKS_PER_FRAME == 0:
+                frame = self.frames(float(t[k]), float(self.truth[k] + noise[k]))
+                if frame is not None:
+                    self.estimates[k] = self.filter.step(seen(*frame))
+
+    def errors_deg(self, since_s: float = 0.0, until_s: float = np.inf) -> Float[np.ndarray, " n"]:
+        # Far from half a turn, so a plain difference will do.
+        return np.array(
+            [
+                (estimate.heading_rad - truth) / DEG
+                for estimate, truth in zip(self.estimates, self.truth.tolist(), strict=True)
+                if estimate is not None and since_s <= estimate.t_s < until_s
+            ]
+        )
+
+
+def within(t_s: float, start_s: float, seconds: float) -> bool:
+    return start_s <= t_s < start_s + seconds
+
+
+@pytest.fixture(scope="module")
+def climbs() -> list[Climb]:
+    """Return twenty climbs of two minutes whose last 30 s show no stair."""
+    return [Climb(seed, frames=lambda t, h: (t, h) if t < GAP_FROM_S else None) for seed in SEEDS]
+
+
+def test_noise_and_bias_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
+    errors = [rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in climbs]
+    # The target of the design, for each of 20 seeds; 2 s are what averaging 0.3° frames takes.
+    assert max(errors) <= 0.15
+
+
+def test_two_minutes_with_their_last_quarter_unseen_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
+    errors = np.array([rms(climb.errors_deg(since_s=2.0)) for climb in climbs])
+    # The target of the design, over all seeds; what a single seed's gap may do is the next test's question.
+    assert rms(errors) <= 0.15
+
+
+def test_thirty_seconds_without_vision_stay_within_half_a_degree_as_far_as_the_gyro_allows(climbs: list[Climb]) -> None:
+    worst = np.array([np.abs(climb.errors_deg(since_s=2.0)).max() for climb in climbs])
+    # 0.35 °/s per sample walk to 0.19° in 30 s, the bias known to 0.005 °/s makes 0.17° and the heading at the start 0.07°:
+    # sigma is 0.28° for the best of all filters, so half a degree is 1.8 sigma at the very end: 93 % of 20 seeds, less one
+    # standard deviation of that count; and nothing beyond three sigma.
+    assert np.count_nonzero(worst <= 0.5) >= 17
+    assert worst.max() <= 0.85
+
+
+def test_as_long_as_the_guard_lets_the_gyro_drive_alone_half_a_degree_is_kept(climbs: list[Climb]) -> None:
+    worst = [np.abs(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S + 12.0)).max() for climb in climbs]
+    # 12 s after the last stair the guard holds. Sigma is 0.16° there (as above), three of it just under the 0.5° asked for.
+    assert max(worst) <= 0.5
+
+
+def test_the_declared_sigma_covers_the_error(climbs: list[Climb]) -> None:
+    ratios = [
+        (estimate.heading_rad - truth) / estimate.sigma_rad
+        for climb in climbs
+        for estimate, truth in zip(climb.estimates[200::100], climb.truth[200::100].tolist(), strict=True)
+        if estimate is not None
+    ]
+    # 95 % of a normal law lie within 1.96 sigma. Errors a second apart are hardly independent, and no frame is trusted
+    # below its floor: from 90 % to all but one in a hundred.
+    assert 0.90 <= np.mean(np.abs(ratios) < 1.96) <= 0.99
+
+
+def in_burst(t_s: float) -> bool:
+    """Say whether a frame is one of the first twenty of a ten-second stretch, the first stretch excepted."""
+    frame = round(t_s / FRAME_S)
+    return frame >= 100 and frame % 100 < 20
+
+
+@pytest.mark.parametrize("seed", SEEDS[:5])
+def test_bursts_of_two_seconds_with_twelve_degrees_of_bias_are_not_believed(seed: int) -> None:
+    climb = Climb(seed, seconds=60.0, frames=lambda t, h: (t, h + (12.0 * DEG if in_burst(t) else 0.0)))
+    # A fifth of the frames is wrong: the gyro's walk over 2 s is 0.07°, so nothing worse than 0.5° may be seen.
+    assert np.abs(climb.errors_deg(since_s=2.0)).max() < 0.5
+    # Five bursts of 20 frames, and the occasional honest frame beyond three sigma (0.3 %).
+    assert 100 <= climb.filter.rejected_count <= 110
+
+
+def test_a_gyro_that_jumps_is_overruled_after_four_seconds_of_agreeing_frames() -> None:
+    climb = Climb(1, seconds=20.0, imu=lambda t, rate: rate + (19.0 * DEG / IMU_S if abs(t - 10.0) < 1e-9 else 0.0))
+    jumped = np.abs(climb.errors_deg())
+    # One sample of 1900 °/s, within the range, turns the estimate by 19°: the trapezoid rule spreads it over two steps.
+    assert jumped[1100] > 15.0
+    # 4 s of frames, one of tolerance; one frame has 0.3°, four sigma of it.
+    assert jumped[1500:].max() < 1.2
+
+
+def test_few_frames_do_not_overrule_the_gyro_however_long_they_last() -> None:
+    sparse = Climb(
+        2,
+        seconds=40.0,
+        frames=lambda t, h: (t, h) if t < 10.0 else ((t, h + 12.0 * DEG) if round(t / FRAME_S) % 5 == 0 else None),
+    )
+    # 2 Hz: nine frames in 4 s, 20 in 9.5 s: within those it is the gyro's 0.2° that counts.
+    assert np.abs(sparse.errors_deg(since_s=2.0)[: round(17.0 / IMU_S)]).max() < 0.5
+    broken = Climb(
+        2,
+        seconds=60.0,
+        frames=lambda t, h: (t, h) if t < 10.0 else ((t, h + 12.0 * DEG) if round(t / FRAME_S) % 12 == 0 else None),
+    )
+    # 1.2 s between frames: 41 of them in 50 s, and never believed. 50 s of gyro walk 0.25° and of bias 0.01 °/s.
+    assert np.abs(broken.errors_deg(since_s=2.0)).max() < 1.0
+
+
+def test_a_gyro_sample_that_is_not_a_number_changes_nothing() -> None:
+    clean = Climb(3, seconds=20.0, imu=lambda t, rate: None if within(t, 10.0, 0.03) else rate)
+    for bad in (np.nan, np.inf, 1e300):
+        poisoned = Climb(3, seconds=20.0, imu=lambda t, rate, bad=bad: bad if within(t, 10.0, 0.03) else rate)
+        # The same bits as if they had never come.
+        assert poisoned.estimates[-1] == clean.estimates[-1]
+
+
+@pytest.mark.parametrize("stamp", [np.nan, np.inf])
+def test_a_stamp_that_is_not_a_number_changes_nothing(stamp: float) -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.1))
+    before = heading.step(seen(0.0, 0.2))
+    assert heading.step(gyro(stamp, 0.1)) == before
+    assert heading.step(seen(stamp, 0.3)) == before
+
+
+@pytest.mark.parametrize(("value", "sigma"), [(np.nan, 0.01), (np.inf, 0.01), (0.1, np.nan), (0.1, 0.0), (0.1, -1.0), (0.1, 1e300)])
+def test_a_heading_without_meaning_changes_nothing(value: float, sigma: float) -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.1))
+    before = heading.step(seen(0.0, 0.2))
+    assert heading.step(seen(0.01, value, sigma)) == before
+
+
+def test_gyro_stamps_that_repeat_or_go_back_are_dropped() -> None:
+    clean, odd = HeadingFilter(), HeadingFilter()
+    for k in range(200):
+        clean.step(gyro(k * IMU_S, 0.1))
+        odd.step(gyro(k * IMU_S, 0.1))
+        odd.step(gyro(k * IMU_S, 30.0))
+        odd.step(gyro((k - 5) * IMU_S, -30.0))
+        if k % TICKS_PER_FRAME == 0:
+            clean.step(seen(k * IMU_S, 0.1 * k * IMU_S))
+            odd.step(seen(k * IMU_S, 0.1 * k * IMU_S))
+    assert odd.step(gyro(2.0, 0.1)) == clean.step(gyro(2.0, 0.1))
+
+
+def test_frame_stamps_that_repeat_or_go_back_are_dropped() -> None:
+    heading = HeadingFilter()
+    for k in range(50):
+        heading.step(gyro(k * IMU_S, 0.0))
+    before = heading.step(seen(0.45, 0.1))
+    for stamp in (0.45, 0.44, 0.1):
+        assert heading.step(seen(stamp, 0.1001)) == before
+
+
+def test_a_frame_older_than_the_filters_memory_is_dropped() -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.0))
+    before = heading.step(seen(0.0, 0.1))
+    for k in range(1, 301):
+        before = heading.step(gyro(k * IMU_S, 0.0))
+    assert heading.step(seen(1.9, 0.101)) == before
+    assert heading.step(seen(2.1, 0.101)) != before
+
+
+@pytest.mark.parametrize("late_s", [0.1, 0.3])
+def test_late_frames_are_paired_with_the_heading_of_their_time(late_s: float) -> None:
+    rate = 15.0 * DEG
+    heading = HeadingFilter()
+    estimate = None
+    for k in range(1000):
+        t_s = k * IMU_S
+        estimate = heading.step(gyro(t_s, rate))
+        if k % TICKS_PER_FRAME == 0 and t_s >= late_s:
+            estimate = heading.step(seen(t_s - late_s, wrap(rate * (t_s - late_s))))
+    assert estimate is not None
+    # Taken for present, a frame 0.1 s late would pull by 1.5°. One tick at 15 °/s is 0.15°, the bias learns 1/10 of it.
+    assert abs(wrap(estimate.heading_rad - rate * estimate.t_s)) < 0.2 * DEG
+
+
+@pytest.mark.parametrize("gap_s", [0.06, 0.2, 0.5])
+def test_motion_that_no_gyro_saw_widens_the_uncertainty(gap_s: float) -> None:
+    climb = Climb(
+        4, seconds=20.0, frames=lambda t, h: (t, h) if t < 9.0 else None, imu=lambda t, r: None if within(t, 10.0, gap_s) else r
+    )
+    before, after = climb.estimates[990], climb.estimates[1100]
+    assert before is not None
+    assert after is not None
+    # 10 °/s unseen is the declared sigma of turning, so what one gap adds is 10°·gap; the rest is small beside it.
+    assert after.sigma_rad == pytest.approx(np.hypot(before.sigma_rad, 10.0 * DEG * (gap_s + IMU_S)), rel=0.1)
+
+
+def test_ordinary_jitter_of_the_gyros_clock_widens_nothing() -> None:
+    steady, jittery = HeadingFilter(), HeadingFilter()
+    for heading in (steady, jittery):
+        heading.step(gyro(0.0, 0.0))
+        heading.step(seen(0.0, 0.1))
+    for k in range(1, 101):
+        a = steady.step(gyro(0.04 * k, 0.0))
+        b = jittery.step(gyro(0.04 * k + (0.004 if k % 2 and k < 100 else 0.0), 0.0))
+    assert a is not None
+    assert b is not None
+    # The sum of squared steps grows by the jitter's 1 %.
+    assert b.sigma_rad == pytest.approx(a.sigma_rad, rel=0.02)
+
+
+def test_without_a_gyro_vision_carries_the_heading_for_a_second_and_says_when_it_stops() -> None:
+    climb = Climb(5, seconds=20.0, imu=lambda t, rate: rate if t < 10.0 else None)
+    alone = {estimate.t_s: estimate for estimate in climb.estimates if estimate is not None and estimate.t_s > 10.0}
+    # Ten frames in a second; whether the one just at its end counts is up to rounding.
+    assert len(alone) in {9, 10}
+    for estimate in alone.values():
+        true = float(climb.truth[round(estimate.t_s / IMU_S)])
+        # One frame has 0.3° and little is known besides it: four sigma.
+        assert abs(estimate.heading_rad - true) < 1.2 * DEG
+        assert 0.2 * DEG < estimate.sigma_rad < 0.4 * DEG
+        # Nobody measures the rate.
+        assert estimate.heading_rate_rad_s == 0.0
+    last = climb.estimates[-10]
+    assert last is not None
+    # The stamp stands still: whoever reads the estimate sees that it is old.
+    assert last.t_s <= 11.0
+
+
+def test_a_gyro_that_comes_back_is_used_at_once() -> None:
+    climb = Climb(6, seconds=30.0, imu=lambda t, rate: None if within(t, 10.0, 5.0) else rate)
+    late = climb.errors_deg(since_s=17.0)
+    # Two seconds of frames average to 0.1°; four sigma.
+    assert np.abs(late).max() < 0.4
+
+
+def test_a_frame_from_the_future_does_not_stop_the_filter() -> None:
+    climb = Climb(7, seconds=20.0, frames=lambda t, h: (t + 0.9, h) if abs(t - 10.0) < 1e-9 else (t, h))
+    assert climb.estimates[-1] is not None
+    assert climb.estimates[-1].t_s == pytest.approx(19.99)
+    # The wrong stamp costs one inflation of the variance, so one frame of 0.3°: four sigma.
+    assert np.abs(climb.errors_deg(since_s=2.0)).max() < 1.2
+
+
+def test_before_the_first_frame_there_is_no_heading() -> None:
+    heading = HeadingFilter()
+    assert all(heading.step(gyro(k * IMU_S, 0.1)) is None for k in range(100))
+
+
+def test_headings_on_both_sides_of_half_a_turn_are_neighbours() -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.0))
+    heading.step(seen(0.0, np.pi - 0.002))
+    heading.step(gyro(0.01, 0.0))
+    estimate = heading.step(seen(0.01, -np.pi + 0.002))
+    assert estimate is not None
+    # The mean of two equal frames 0.004 rad apart, across the seam.
+    assert abs(wrap(estimate.heading_rad - np.pi)) < 0.001
+    assert heading.rejected_count == 0
+
+
+def test_the_source_says_when_the_gyro_alone_carries_the_heading() -> None:
+    climb = Climb(8, seconds=20.0, frames=lambda t, h: (t, h) if t < 10.0 else None)
+    sources = [estimate.source for estimate in climb.estimates if estimate is not None]
+    # The last frame is at 9.9 s, half a second of grace.
+    assert sources[1030] == "vision"
+    assert sources[1050] == "gyro"
