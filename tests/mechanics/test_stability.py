@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.mechanics.chair import ChairDescription, Tracks, read_chair
 from treadline.mechanics.stability import (
     Margins,
@@ -93,6 +93,31 @@ def test_the_margin_is_zero_exactly_when_the_plumb_line_meets_the_edge(
 def triple(vector: np.ndarray) -> tuple[float, float, float]:
     x, y, z = vector.tolist()
     return (x, y, z)
+
+
+@given(slope=slopes, heading=headings)
+def test_askew_the_plumb_line_is_the_worlds_vertical_seen_from_the_chair(slope: float, heading: float) -> None:
+    up = (rotation_y(-slope) @ rotation_z(heading)).T @ np.array([0.0, 0.0, 1.0])
+    com = centre_of_mass(CHAIR, Chair(), math.asin(up[0]))
+    expected = tipping_margins(com, triple(up), worst_support(CHAIR, pitch_of(slope)))
+    found = margins(slope, heading)
+    for side in ("uphill", "downhill", "left", "right"):
+        assert getattr(found, side) == pytest.approx(getattr(expected, side), abs=1e-12)
+
+
+def test_a_nose_turned_left_has_its_left_side_downhill() -> None:
+    found = margins(28.0 * DEG, 30.0 * DEG)
+    assert found.left < found.right
+
+
+def test_square_on_a_stair_the_margin_aside_is_to_the_belts_outer_edges() -> None:
+    slope = 28.0 * DEG
+    height = centre_of_mass(CHAIR, Chair(), slope)[2]
+    # Up the slope the vertical leans back: in the plane across the chair only its part along the chair's z counts.
+    outer_edge = 0.5 * 0.65 + 0.5 * 0.10
+    found = margins(slope)
+    assert found.left == pytest.approx(math.atan2(outer_edge, height), abs=1e-12)
+    assert found.right == pytest.approx(found.left, abs=1e-12)
 
 
 @given(slope=slopes, heading=headings, payload=st.floats(0.0, 150.0), aside=st.floats(-0.3, 0.3))

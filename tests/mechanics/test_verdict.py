@@ -120,6 +120,15 @@ def test_a_payload_behind_the_hinge_is_refused_with_a_shift_uphill() -> None:
     assert_refused_only_for(report, "the tipping margin downhill is", "below 7°", "mm uphill")
 
 
+def test_no_shift_is_proposed_that_a_scenario_cannot_hold() -> None:
+    # Two centimetres more uphill would do, but the seat stands at its limit already.
+    loading = {"payload_offset_m": [-0.30, 0.0, 0.0], "seat_shift_m": SEAT_SHIFT_M[1]}
+    report = judge(stair={"slope_deg": 28}, chair=loading)
+    assert_refused_only_for(report, "the tipping margin downhill is", "take less payload, or sit lower")
+    nearer = judge(stair={"slope_deg": 28}, chair=loading | {"payload_offset_m": [-0.28, 0.0, 0.0]})
+    assert nearer.verdict == "go"
+
+
 def test_a_payload_far_aside_is_refused_where_no_shift_helps() -> None:
     for aside, side, other in ((0.5, "left", "right"), (-0.5, "right", "left")):
         report = judge(stair={"slope_deg": 28}, chair={"payload_offset_m": [0.0, aside, 0.0], "payload_kg": 150})
