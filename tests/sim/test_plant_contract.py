@@ -128,7 +128,7 @@ def test_a_gyro_at_rest_has_the_bias_and_noise_of_its_data_sheet() -> None:
 
 def test_a_state_that_is_not_finite_is_divergence() -> None:
     plant = started()
-    plant._data.qvel[0] = math.nan  # noqa: SLF001 - the fault to be found
+    plant._data.qvel[0] = math.nan
     with pytest.raises(SimulationDiverged, match=r"MuJoCo warned|not finite"):
         plant.advance(0.1)
 
