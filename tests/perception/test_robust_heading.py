@@ -1,4 +1,4 @@
-"""The robust estimator against the simulator's truth, and frames without a stair."""
+"""The robust estimator against the simulator's truth."""
 
 from dataclasses import replace
 
@@ -7,76 +7,103 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rms, rotation_x, rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
-from treadline.perception import DetectorConfig, StairDetector
+from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.scenario import Stair
-from treadline.signals import RgbdFrame
-from treadline.sim.camera import Camera
 
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
 ROBUST = StairDetector(DetectorConfig(method="robust"))
+STAIR = Stair(slope_deg=28.0, run_m=0.3)
 
 
-def view(
-    seed: int, heading_rad: float, stair: Stair, *, kind: str = "kinect1", height_px: int = 240
-) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
-    """Return a frame from within the flight, and down in C."""
-    rng = np.random.default_rng(seed)
-    staircase = build_staircase(stair, rng)
-    calibration = read_chair("wheelchair").camera_at(height_px)
-    camera = Camera(staircase, calibration, kind=kind, texture=stair.texture, light=stair.light, rng=rng)
-    R_WB = staircase.R_WS @ rotation_z(heading_rad)
-    p_WB = staircase.p_WS + staircase.R_WS @ np.array([rng.uniform(0.3, 3.0), rng.uniform(-0.2, 0.2), 0.0])
-    R_WC = R_WB @ calibration.R_BC
-    frame = camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
-    return frame, R_WC.T @ np.array([0.0, 0.0, -1.0])
+def stair_of(seed: int, **others: object) -> Stair:
+    """Return one of the stairs that the method is judged on."""
+    rng = np.random.default_rng(seed + 50_000)
+    tables = {
+        "slope_deg": float(rng.uniform(25.0, 30.0)),
+        "texture": TEXTURES[seed % 5],
+        "light": float(rng.uniform(0.5, 1.6)),
+        "walls": ("left", "none", "both")[seed % 3],
+    }
+    return Stair.model_validate(tables | others)
+
+
+def heading_of(seed: int) -> float:
+    return float(np.random.default_rng(seed + 60_000).uniform(-35.0, 35.0)) * DEG
+
+
+def tilted(down: Float[np.ndarray, " 3"], angle_rad: float, seed: int) -> Float[np.ndarray, " 3"]:
+    """Return a direction that is off by an angle, to a side drawn from the seed."""
+    side = np.cross(down, np.random.default_rng(seed + 70_000).standard_normal(3))
+    return np.cos(angle_rad) * down + np.sin(angle_rad) * side / np.linalg.norm(side)
 
 
 @pytest.mark.parametrize("open_risers", [False, True])
-def test_heading_error_on_noisy_frames_stays_below_a_fifth_of_a_degree(open_risers: bool) -> None:
+@pytest.mark.parametrize("knows_down", [True, False])
+def test_heading_error_on_noisy_frames_stays_below_a_tenth_of_a_degree(view, open_risers: bool, knows_down: bool) -> None:
     errors = []
-    for seed in range(4100, 4130):
-        rng = np.random.default_rng(seed)
-        heading = float(rng.uniform(-35.0, 35.0)) * DEG
-        stair = Stair(
-            slope_deg=float(rng.uniform(25.0, 30.0)),
-            run_m=0.3,
-            texture=TEXTURES[seed % 5],
-            light=float(rng.uniform(0.5, 1.6)),
-            walls=("left", "none")[seed % 2],
-            open_risers=open_risers,
-        )
-        sight = ROBUST.look(*view(seed, heading, stair))
+    for seed in range(4100, 4164):
+        frame, down = view(seed, heading_of(seed), stair_of(seed, open_risers=open_risers))
+        sight = ROBUST.look(frame, down if knows_down else None)
         if sight.heading_rad is not None:
-            errors.append(sight.heading_rad - heading)
-    # 95 % of the frames, all of which show more than 15 % stair; 0.2° is the design's aim, 3° its worst case.
-    assert len(errors) >= 0.95 * 30
+            errors.append(sight.heading_rad - heading_of(seed))
+    # 95 % of the frames, all of which show more than 15 % stair; measured are 0.02 to 0.04°, the design asks for 0.2°.
+    assert len(errors) >= 0.95 * 64
+    assert rms(np.array(errors)) < 0.1 * DEG
+    assert max(abs(error) for error in errors) < 0.5 * DEG
+
+
+def test_the_declared_deviation_is_true_on_a_stair_that_is_not_perfect(view) -> None:
+    errors, sigmas = [], []
+    for seed in range(4300, 4380):
+        frame, down = view(seed, heading_of(seed), stair_of(seed, nosing_yaw_jitter_deg=0.3))
+        sight = ROBUST.look(frame, tilted(down, 0.5 * DEG, seed))
+        assert sight.heading_rad is not None
+        errors.append(sight.heading_rad - heading_of(seed))
+        sigmas.append(sight.sigma_rad)
+    strain = np.array(errors) / np.array(sigmas)
+    # A mean square of 1 would be true; of 80 frames it scatters by 0.16. Too sure is worse than too careful.
+    assert 0.4 < np.mean(strain**2) < 1.4
+    assert np.mean(np.abs(strain) < 1.96) > 0.9
     assert rms(np.array(errors)) < 0.2 * DEG
-    assert max(abs(error) for error in errors) < 3.0 * DEG
 
 
-def test_the_simulated_depth_is_noisy() -> None:
-    stair = Stair(slope_deg=28.0, run_m=0.3)
-    noisy, _ = view(4200, 0.1, stair)
-    clean, _ = view(4200, 0.1, stair, kind="ideal")
+def test_a_stair_that_is_less_regular_is_declared_less_sure(view) -> None:
+    def sigma(jitter_deg: float) -> float:
+        sights = [ROBUST.look(*view(seed, 0.1, stair_of(seed, nosing_yaw_jitter_deg=jitter_deg))) for seed in range(4400, 4410)]
+        return float(np.mean([sight.sigma_rad for sight in sights]))
+
+    assert sigma(0.0) < 0.7 * sigma(0.3) < 0.7**2 * sigma(1.0)
+
+
+def test_the_simulated_depth_is_noisy(view) -> None:
+    noisy, _ = view(4200, 0.1, STAIR)
+    clean, _ = view(4200, 0.1, STAIR, kind="ideal")
     # Kinect 1 noise is about 1.4 mm at 1 m: without it the figures above would mean nothing.
     assert np.nanmedian(np.abs(noisy.depth_m - clean.depth_m)) > 5e-4
 
 
-def test_a_larger_image_gives_the_same_heading() -> None:
-    sight = ROBUST.look(*view(4201, -0.3, Stair(slope_deg=28.0, run_m=0.3), height_px=480))
-    assert sight.heading_rad == pytest.approx(-0.3, abs=0.2 * DEG)
+@pytest.mark.parametrize("heading_rad", [-0.5, 0.0, 0.3])
+def test_a_larger_image_gives_the_same_heading(view, heading_rad: float) -> None:
+    frame, down = view(4201, heading_rad, STAIR, height_px=480)
+    assert frame.depth_m.shape == (480, 640)
+    assert ROBUST.look(frame, down).heading_rad == pytest.approx(heading_rad, abs=0.2 * DEG)
 
 
-def test_a_degree_of_gravity_error_costs_less_than_a_degree_of_heading() -> None:
-    frame, down = view(4202, 0.2, Stair(slope_deg=28.0, run_m=0.3))
-    sight = ROBUST.look(frame, rotation_x(DEG) @ rotation_z(DEG) @ down)
-    assert sight.heading_rad == pytest.approx(0.2, abs=1.0 * DEG)
+def test_half_a_degree_of_gravity_error_moves_the_heading_by_less_than_a_fifth(view) -> None:
+    for seed in range(4210, 4220):
+        frame, down = view(seed, heading_of(seed), stair_of(seed))
+        true, off = ROBUST.look(frame, down).heading_rad, ROBUST.look(frame, tilted(down, 0.5 * DEG, seed)).heading_rad
+        assert off == pytest.approx(true, abs=0.2 * DEG)
 
 
-def test_the_yaw_of_the_mount_passes_one_to_one() -> None:
-    frame, down = view(4203, 0.0, Stair(slope_deg=28.0, run_m=0.3))
+def test_gravity_may_be_off_by_degrees_and_of_any_length(view) -> None:
+    frame, down = view(4202, 0.2, STAIR)
+    assert ROBUST.look(frame, rotation_x(DEG) @ rotation_z(DEG) @ down).heading_rad == pytest.approx(0.2, abs=1.0 * DEG)
+    assert ROBUST.look(frame, 9.81 * down).heading_rad == pytest.approx(ROBUST.look(frame, down).heading_rad, abs=1e-9)
+
+
+def test_the_yaw_of_the_mount_passes_one_to_one(view) -> None:
+    frame, down = view(4203, 0.0, STAIR)
     plain = ROBUST.look(frame, down).heading_rad
     turned = ROBUST.look(replace(frame, camera=replace(frame.camera, mount_yaw_rad=0.1)), down).heading_rad
     assert plain is not None
@@ -85,36 +112,48 @@ def test_the_yaw_of_the_mount_passes_one_to_one() -> None:
     assert turned - plain == pytest.approx(-0.1, abs=1e-9)
 
 
-def test_the_mirrored_image_flips_the_heading() -> None:
-    frame, down = view(4204, 0.25, Stair(slope_deg=28.0, run_m=0.3, walls="none"))
-    mirrored = replace(frame, rgb=frame.rgb[:, ::-1].copy(), depth_m=frame.depth_m[:, ::-1].copy())
-    heading = ROBUST.look(mirrored, down * np.array([-1.0, 1.0, 1.0])).heading_rad
-    # The same pixels: only the order of sums differs.
-    assert heading == pytest.approx(-(ROBUST.look(frame, down).heading_rad or 0.0), abs=0.01 * DEG)
+def test_the_mirrored_image_flips_the_heading(view) -> None:
+    for seed in range(4230, 4236):
+        frame, down = view(seed, heading_of(seed), stair_of(seed))
+        mirrored = replace(frame, rgb=frame.rgb[:, ::-1].copy(), depth_m=frame.depth_m[:, ::-1].copy())
+        heading = ROBUST.look(mirrored, down * np.array([-1.0, 1.0, 1.0])).heading_rad
+        # The same pixels: only the order of sums differs, and which side of its bin the vote falls on.
+        assert heading == pytest.approx(-(ROBUST.look(frame, down).heading_rad or 0.0), abs=0.02 * DEG)
 
 
-def test_frames_without_a_stair_yield_no_heading() -> None:
-    frame, down = view(4205, 0.0, Stair(slope_deg=28.0, run_m=0.3))
-    camera = frame.camera
-    v = (np.arange(camera.height_px)[:, None] - camera.cy_px) / camera.fy_px
-    u = (np.arange(camera.width_px)[None, :] - camera.cx_px) / camera.fx_px
-    floor = 1.0 / (down[0] * u + down[1] * v + down[2])
-    nothing = np.full_like(frame.depth_m, np.nan)
-    wall = np.full_like(frame.depth_m, 1.5)
-    for depth in (np.where(floor > 0.0, floor, np.nan), nothing, wall):
-        sight = ROBUST.look(replace(frame, depth_m=depth.astype(np.float32)), down)
-        assert not sight.accepted
-        assert sight.reason
-        assert sight.heading_rad is None
+def test_texture_and_light_do_not_touch_the_heading(view) -> None:
+    seen = {
+        ROBUST.look(*view(4204, 0.25, Stair(slope_deg=28.0, texture=texture, light=light))).heading_rad
+        for texture in TEXTURES
+        for light in (0.35, 1.0, 1.6)
+    }
+    # One value, bit by bit: the noise of the depth comes from the seed alone.
+    assert len(seen) == 1
 
 
-def test_without_gravity_the_treads_tell_down() -> None:
-    frame, down = view(4206, 0.2, Stair(slope_deg=28.0, run_m=0.3))
-    # Both see the same risers, which alone fix the heading but for the tilt of the edge: 0.1° bounds what that costs.
-    assert ROBUST.look(frame, None).heading_rad == pytest.approx(ROBUST.look(frame, down).heading_rad, abs=0.1 * DEG)
+def test_a_missing_step_does_not_bend_the_heading(view) -> None:
+    for seed in range(4240, 4250):
+        frame, down = view(seed, heading_of(seed), stair_of(seed, missing_steps=(4, 8)))
+        sight = ROBUST.look(frame, down)
+        if sight.heading_rad is not None:
+            assert sight.heading_rad == pytest.approx(heading_of(seed), abs=0.5 * DEG)
 
 
-def test_without_gravity_and_treads_a_frame_is_refused_with_the_reason() -> None:
-    frame, _ = view(4206, 0.0, Stair(slope_deg=28.0, run_m=0.3))
-    wall = np.full_like(frame.depth_m, 1.5)
-    assert "gravity" in (ROBUST.look(replace(frame, depth_m=wall), None).reason or "")
+def test_rise_and_run_are_those_of_the_stair(view) -> None:
+    seen = [ROBUST.look(*view(seed, heading_of(seed), STAIR)).shape for seed in range(4250, 4260)]
+    known = [shape for shape in seen if shape is not None]
+    assert len(known) >= 8
+    for shape in known:
+        # 1 cm: levels are medians over blocks of a noisy image.
+        assert shape.run_m == pytest.approx(0.3, abs=0.01)
+        assert shape.rise_m == pytest.approx(STAIR.rise_m, abs=0.01)
+
+
+def test_steep_headings_are_refused_or_right(view) -> None:
+    for seed in range(4260, 4290):
+        heading = (1.0 if seed % 2 else -1.0) * float(np.random.default_rng(seed).uniform(36.0, 80.0)) * DEG
+        sight: Sight = ROBUST.look(*view(seed, heading, stair_of(seed)))
+        if sight.heading_rad is None:
+            assert sight.reason
+        else:
+            assert sight.heading_rad == pytest.approx(heading, abs=1.0 * DEG)

@@ -1,0 +1,36 @@
+"""Frames as the chair's camera has them from within a flight."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import rotation_z
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import build_staircase
+from treadline.scenario import Stair
+from treadline.signals import RgbdFrame
+from treadline.sim.camera import Camera
+
+View = Callable[..., tuple[RgbdFrame, Float[np.ndarray, " 3"]]]
+
+
+def view_from_the_flight(
+    seed: int, heading_rad: float, stair: Stair, *, kind: str = "kinect1", height_px: int = 240
+) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    rng = np.random.default_rng(seed)
+    staircase = build_staircase(stair, rng)
+    calibration = read_chair("wheelchair").camera_at(height_px)
+    camera = Camera(staircase, calibration, kind=kind, texture=stair.texture, light=stair.light, rng=rng)
+    R_WB = staircase.R_WS @ rotation_z(heading_rad)
+    p_WB = staircase.p_WS + staircase.R_WS @ np.array([rng.uniform(0.3, 3.0), rng.uniform(-0.2, 0.2), 0.0])
+    R_WC = R_WB @ calibration.R_BC
+    frame = camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
+    return frame, R_WC.T @ np.array([0.0, 0.0, -1.0])
+
+
+@pytest.fixture
+def view() -> View:
+    """Return a frame from within the flight, and down in C."""
+    return view_from_the_flight

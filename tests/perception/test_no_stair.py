@@ -1,0 +1,144 @@
+"""Frames that show no stair: refused with a reason, and never a number that is none."""
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from jaxtyping import Float, Float32
+
+from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.mechanics.chair import read_chair
+from treadline.perception import DetectorConfig, Sight, StairDetector
+from treadline.scenario import Stair
+from treadline.signals import RgbdFrame
+
+ROBUST = StairDetector(DetectorConfig(method="robust"))
+PAPER = StairDetector(DetectorConfig(method="paper"))
+CAMERA = read_chair("wheelchair").camera_at(240)
+STAIR = Stair(slope_deg=28.0)
+DISPARITY_PX_M = 575.0 * 0.075
+
+
+def room(
+    seed: int, pitch_rad: float, planes: list[tuple[Float[np.ndarray, " 3"], float]]
+) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    """Return what a Kinect sees of planes (unit normal in level camera axes, distance), looking down by a pitch, and down."""
+    turn = rotation_x(pitch_rad)
+    v = (np.arange(CAMERA.height_px)[:, None] - CAMERA.cy_px) / CAMERA.fy_px
+    u = (np.arange(CAMERA.width_px)[None, :] - CAMERA.cx_px) / CAMERA.fx_px
+    nearness = np.zeros((CAMERA.height_px, CAMERA.width_px))
+    for normal, distance_m in planes:
+        n = turn @ normal
+        nearness = np.maximum(nearness, (n[0] * u + n[1] * v + n[2]) / distance_m)
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(nearness.shape)
+    disparity = np.round((DISPARITY_PX_M * nearness + noise) * 8.0) / 8.0
+    depth = np.where(disparity > DISPARITY_PX_M / 6.0, DISPARITY_PX_M / np.maximum(disparity, 1e-3), np.nan)
+    rgb = np.full((*depth.shape, 3), 128, dtype=np.uint8)
+    frame = RgbdFrame(t_s=0.0, rgb=rgb, depth_m=depth.astype(np.float32), camera=CAMERA)
+    return frame, turn @ np.array([0.0, 1.0, 0.0])
+
+
+FLOOR = (np.array([0.0, 1.0, 0.0]), 0.9)
+
+
+def wall(distance_m: float, askew_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
+    return rotation_y(askew_rad) @ np.array([0.0, 0.0, 1.0]), distance_m
+
+
+def side_wall(distance_m: float, askew_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
+    return rotation_y(askew_rad) @ np.array([1.0, 0.0, 0.0]), distance_m
+
+
+def assert_refused(sight: Sight) -> None:
+    assert not sight.accepted
+    assert sight.reason
+    assert sight.heading_rad is sight.sigma_rad is sight.edge_direction_C is None
+
+
+@pytest.mark.parametrize("knows_down", [True, False])
+@pytest.mark.parametrize("pitch_deg", [10.0, 30.0, 45.0])
+def test_a_floor_yields_no_heading(pitch_deg: float, knows_down: bool) -> None:
+    frame, down = room(1, pitch_deg * DEG, [FLOOR])
+    assert_refused(ROBUST.look(frame, down if knows_down else None))
+
+
+@pytest.mark.parametrize("knows_down", [True, False])
+@pytest.mark.parametrize("askew_deg", [-20.0, -12.0, -5.0, 0.0, 3.0, 8.0, 15.0, 20.0])
+def test_a_wall_at_the_landing_yields_no_heading(askew_deg: float, knows_down: bool) -> None:
+    for seed, distance_m in enumerate((0.8, 1.3, 2.0, 3.0)):
+        for pitch_deg in (12.0, 40.0):
+            planes = [FLOOR, wall(distance_m, askew_deg * DEG), side_wall(0.7, askew_deg * DEG)]
+            for scene in (planes[1:2], planes[:2], planes):
+                frame, down = room(seed, pitch_deg * DEG, scene)
+                assert_refused(ROBUST.look(frame, down if knows_down else None))
+
+
+def test_no_depth_at_all_yields_no_heading() -> None:
+    frame, down = room(2, 40.0 * DEG, [FLOOR])
+    for value in (np.nan, 0.0, np.inf, -1.0, 100.0):
+        empty = replace(frame, depth_m=np.full_like(frame.depth_m, value))
+        assert_refused(ROBUST.look(empty, down))
+        assert_refused(ROBUST.look(empty, None))
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (np.nan, 0.0, 1.0), (np.inf, 0.0, 0.0)])
+def test_gravity_that_is_no_direction_yields_no_heading(view, gravity: tuple[float, float, float]) -> None:
+    frame, _ = view(3, 0.1, STAIR)
+    sight = ROBUST.look(frame, np.array(gravity))
+    assert_refused(sight)
+    assert "gravity" in (sight.reason or "")
+
+
+def test_a_camera_that_looks_along_gravity_yields_no_heading(view) -> None:
+    frame, _ = view(4, 0.1, STAIR)
+    assert_refused(ROBUST.look(frame, np.array([0.0, 0.0, 1.0])))
+
+
+def test_without_gravity_and_treads_the_reason_says_so() -> None:
+    frame, _ = room(5, 0.0, [wall(1.5, 0.0)])
+    assert "gravity" in (ROBUST.look(frame, None).reason or "")
+
+
+def corrupted(depth_m: Float32[np.ndarray, "h w"], rng: np.random.Generator) -> Float32[np.ndarray, "h w"]:
+    """Return depth with holes, nonsense values, a band gone, or all of it scaled."""
+    worse = depth_m.copy()
+    worse[rng.random(depth_m.shape) < rng.uniform(0.0, 0.9)] = rng.choice([np.nan, 0.0, np.inf, -np.inf, -2.0, 1e30])
+    top = int(rng.integers(depth_m.shape[0]))
+    worse[top : top + int(rng.integers(120))] = rng.choice([np.nan, 1.0, 2.0])
+    return (worse * np.float32(rng.choice([1.0, 1.0, 0.5, 2.0]))).astype(np.float32)
+
+
+def numbers(sight: Sight) -> list[float]:
+    shape = [] if sight.shape is None else list(dataclasses.astuple(sight.shape))
+    edge = [] if sight.edge_direction_C is None else sight.edge_direction_C.tolist()
+    return [value for value in (sight.heading_rad, sight.sigma_rad, *shape, *edge) if value is not None]
+
+
+@pytest.mark.parametrize("detector", [ROBUST, PAPER], ids=["robust", "paper"])
+def test_no_output_is_ever_not_a_number(view, detector: StairDetector) -> None:
+    rng = np.random.default_rng(6)
+    for seed in range(40):
+        frame, down = view(seed, float(rng.uniform(-0.6, 0.6)), STAIR)
+        worse = replace(frame, depth_m=corrupted(frame.depth_m, rng))
+        for gravity in (down, None):
+            sight = detector.look(worse, gravity)
+            assert np.isfinite(numbers(sight)).all()
+            assert sight.accepted == (sight.reason is None) == (sight.heading_rad is not None) == (sight.sigma_rad is not None)
+            assert sight.sigma_rad is None or sight.sigma_rad > 0.0
+
+
+def test_a_refusal_is_no_measurement(view) -> None:
+    frame, down = view(7, 0.1, STAIR)
+    assert ROBUST.step(replace(frame, depth_m=np.full_like(frame.depth_m, np.nan)), down) is None
+    seen = ROBUST.step(frame, down)
+    assert seen is not None
+    assert seen.t_s == frame.t_s
+    assert seen.heading_rad == ROBUST.look(frame, down).heading_rad
+
+
+def test_the_same_frame_gets_the_same_answer(view) -> None:
+    frame, down = view(8, 0.1, STAIR)
+    first = ROBUST.look(frame, down)
+    ROBUST.look(view(9, -0.4, STAIR)[0], down)
+    assert ROBUST.look(frame, down).heading_rad == first.heading_rad
