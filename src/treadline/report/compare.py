@@ -1,13 +1,22 @@
 """Ours, the paper's, the target and a verdict: computed from the results, never written by hand."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from treadline import paper
+from treadline.report.results import Cell, Identified, Results, Straight
+
+REACHED, NO_TARGET, QUICK = "reached", "-", "quick run: not judged"
+TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
+TURN_TARGETS = {25: (0.02, 4.0), 28: (0.02, 5.0), 30: (0.2, 7.0)}
+"""By slope [deg]: largest roll-back [m], time to settle [s]."""
+MODEL_TARGETS = {25: (20.0, 85.0, 0.6), 28: (20.0, 80.0, 0.7), 30: (12.0, 62.0, 0.8)}
+"""By slope [deg]: σ₂/σ₃, VAF of the yaw rate [%], RMSE of the heading five seconds ahead [deg]."""
+TILT_DEG = 0.5
+"""Gravity error of the IMU for which the steady targets are set."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,202 +25,240 @@ class Comparison:
 
     what: str
     ours: str
-    paper: str
-    target: str
-    verdict: str
-    """``reached``, ``missed`` or ``-`` where there is no target."""
-    conditions: str
+    paper: str = "–"
+    target: str = "–"
+    verdict: str = NO_TARGET
+    """``reached``, ``missed by …``, ``-`` where there is no target, or that a quick run judges nothing."""
+    conditions: str = ""
+    from_runs: bool = True
+    """Whether a shortened run changes what is measured."""
+
+
+def comparisons(results: Results) -> list[Comparison]:
+    """Return all rows of the summary.
+
+    The targets are for whole runs: in a quick one, what rests on shortened runs stands beside its target unjudged.
+    """
+    rows = [
+        *_recipe(results),
+        *_table_two(results),
+        *_straight(results.fig09),
+        *(row for item in (results.fig08.slopes if results.fig08 else ()) for row in _identified(item)),
+        *_seat(results),
+        *_speed(results),
+    ]
+    if not results.quick:
+        return rows
+    return [replace(row, verdict=QUICK) if row.from_runs and row.verdict != NO_TARGET else row for row in rows]
 
 
 def _row(
     what: str,
     value: float | None,
-    *,
     unit: str,
-    target: float,
+    *,
+    target: float | None,
     at_least: bool = False,
     printed: str = "–",
     conditions: str = "",
+    from_runs: bool = True,
 ) -> Comparison:
-    sign = "≥" if at_least else "≤"
-    if value is None or not math.isfinite(value):
-        return Comparison(
-            what=what,
-            ours="none",
-            paper=printed,
-            target=f"{sign} {target:g} {unit}".strip(),
-            verdict="missed",
-            conditions=conditions,
-        )
-    reached = value >= target if at_least else value <= target
-    gap = "" if reached else f" by {abs(value - target):.2g} {unit}".rstrip()
-    return Comparison(
+    """Return a row whose verdict follows from value and target; no value misses every target."""
+    known = value is not None and math.isfinite(value)
+    row = Comparison(
         what=what,
-        ours=f"{value:.3g} {unit}".strip(),
+        ours=_written(value, unit) if value is not None and known else "none",
         paper=printed,
-        target=f"{sign} {target:g} {unit}".strip(),
-        verdict="reached" if reached else "missed" + gap,
         conditions=conditions,
+        from_runs=from_runs,
+    )
+    if target is None:
+        return row
+    row = replace(row, target=f"{'≥' if at_least else '≤'} {target:g}{_unit(unit)}")
+    if value is None or not known:
+        return replace(row, verdict="missed")
+    gap = target - value if at_least else value - target
+    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {_written(gap, unit)}")
+
+
+def _written(value: float, unit: str) -> str:
+    """Return a value with three digits, a length to the millimetre: what is below is not a result."""
+    digits = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+    return digits + _unit(unit)
+
+
+def _unit(unit: str) -> str:
+    return unit if unit in ("", "°") else f" {unit}"
+
+
+def _recipe(results: Results) -> list[Comparison]:
+    if results.literal is None:
+        return []
+    gap = results.literal.max_gap_to_print
+    where = "from the printed A, B, Q, R"
+    return [
+        _row("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False)
+    ]
+
+
+def _table_two(results: Results) -> list[Comparison]:
+    cells, allowed = results.table2, results.table2_roll_back_allowed
+    starts = sorted({cell.start_heading_deg for cell in cells}, reverse=True)
+    return [
+        *(_average([cell for cell in cells if cell.start_heading_deg == start], start) for start in starts),
+        *_roll_back_allowed(allowed),
+        *(row for slope in _slopes(cells) for row in _turn([cell for cell in cells if cell.slope_deg == slope])),
+        *_steady(cells, results.gravity_error_deg),
+    ]
+
+
+def _slopes(cells: Sequence[Cell]) -> list[float]:
+    return sorted({cell.slope_deg for cell in cells})
+
+
+def _mean(cells: Sequence[Cell], of: Callable[[Cell], float]) -> float:
+    return float(np.mean([of(cell) for cell in cells]))
+
+
+def _average(cells: Sequence[Cell], start_deg: float) -> Comparison:
+    whole = {cell.slope_deg for cell in cells} == TABLE_SLOPES and abs(start_deg) == 30.0
+    printed = paper.TABLE_II_AVERAGE.get(int(start_deg)) if whole else None
+    return _row(
+        f"Table II: RMS heading from {start_deg:+g}°, average of {_listed(_slopes(cells))}",
+        _mean(cells, lambda cell: cell.rms_heading_deg),
+        "°",
+        target=3.0 if whole else None,
+        printed="–" if printed is None else f"{printed}°",
+        conditions=f"climb-safe; world yaw {_mean(cells, lambda cell: cell.rms_yaw_deg):.2f}°; {cells[0].conditions}",
     )
 
 
-def comparisons(results: Mapping[str, Any]) -> list[Comparison]:
-    """Return all rows of the summary."""
+def _roll_back_allowed(cells: Sequence[Cell]) -> list[Comparison]:
+    if not cells:
+        return []
+    whole = set(_slopes(cells)) == TABLE_SLOPES
+    yaw, back = _mean(cells, lambda cell: cell.rms_yaw_deg), max(cell.roll_back_m for cell in cells)
     return [
         _row(
-            "Eq. (14): largest gap of our K to the print",
-            results["paper"]["lqr"]["max_gap_to_print"],
-            unit="",
-            target=5e-4,
-            printed="0",
-            conditions="from the printed A, B, Q, R",
-        ),
-        *_table_two(results),
-        *_straight(results),
-        *_identification(results),
-        _row(
-            "Fig. 11: steady seat error",
-            abs(results["fig11"]["steady_error_deg"]),
-            unit="°",
-            target=0.5,
-            printed="about 0°",
-            conditions=results["fig11"]["conditions"],
-        ),
-        *_speed(results),
+            f"Table II with roll-back allowed: average of {_listed(_slopes(cells))}",
+            _mean(cells, lambda cell: cell.rms_heading_deg),
+            "°",
+            target=2.4 if whole else None,
+            printed=f"{np.mean(list(paper.TABLE_II_AVERAGE.values())):.2f}°" if whole else "–",
+            conditions=f"world yaw {yaw:.2f}°; roll-back up to {back:.2f} m; {cells[0].conditions}",
+        )
     ]
 
 
-def _table_two(results: Mapping[str, Any]) -> list[Comparison]:
-    rows, made = results["table2"], []
-    slopes = len({row["slope_deg"] for row in rows})
-    for start in (30, -30):
-        mine = [row for row in rows if row["start_heading_deg"] == start]
-        made.append(
-            _row(
-                f"Table II: RMS heading from {start:+d}°, average of {slopes} slopes",
-                float(np.mean([row["rms_heading_deg"] for row in mine])),
-                unit="°",
-                target=3.0,
-                printed=f"{paper.TABLE_II_AVERAGE[start]}°",
-                conditions=f"climb-safe; world yaw {np.mean([row['rms_yaw_deg'] for row in mine]):.2f}°; {mine[0]['conditions']}",
-            )
+def _turn(cells: Sequence[Cell]) -> list[Comparison]:
+    slope = cells[0].slope_deg
+    back, settle = TURN_TARGETS.get(int(slope), (None, None)) if slope.is_integer() else (None, None)
+    starts = _listed(sorted({cell.start_heading_deg for cell in cells}))
+    conditions = f"climb-safe, worst of starts at {starts}; {cells[0].conditions}"
+    times = [cell.settle_s for cell in cells if cell.settle_s is not None]
+    return [
+        _row(f"roll-back at {slope:g}°", max(cell.roll_back_m for cell in cells), "m", target=back, conditions=conditions),
+        _row(
+            f"settling to ±2° at {slope:g}°",
+            max(times) if len(times) == len(cells) else None,
+            "s",
+            target=settle,
+            printed="10–20 s (Fig. 10)" if slope == paper.FIG10_SLOPE_DEG else "–",
+            conditions=conditions,
+        ),
+    ]
+
+
+def _steady(cells: Sequence[Cell], tilt_deg: float) -> list[Comparison]:
+    means = [cell.steady_rms_heading_deg for cell in cells if cell.steady_rms_heading_deg is not None]
+    worst = [cell.worst_steady_rms_heading_deg for cell in cells if cell.worst_steady_rms_heading_deg is not None]
+    if not means or not worst:
+        return []
+    conditions = f"t > 20 s, {tilt_deg:g}° of gravity error in the IMU"
+    judged = tilt_deg == TILT_DEG
+    return [
+        _row("steady RMS heading, mean", float(np.mean(means)), "°", target=0.12 if judged else None, conditions=conditions),
+        _row("steady RMS heading, worst run", max(worst), "°", target=0.2 if judged else None, conditions=conditions),
+    ]
+
+
+def _straight(runs: Sequence[Straight]) -> list[Comparison]:
+    made = []
+    closed, opened = ([run for run in runs if run.loop == loop] for loop in ("closed", "open"))
+    if closed:
+        conditions = f"{_span(closed)}, worst of {_listed([run.slope_deg for run in closed])}"
+        rms, aside = max(run.rms_heading_deg for run in closed), max(run.lateral_m for run in closed)
+        made += [
+            _row("Fig. 9: closed loop, RMS heading", rms, "°", target=0.15, printed="near zero", conditions=conditions),
+            _row("Fig. 9: closed loop, lateral drift", aside, "m", target=0.15, conditions=conditions),
+        ]
+    if opened:
+        final, largest = (
+            ", ".join(f"{round(run.final_heading_deg, 2) + 0.0:g}°" for run in opened),
+            max(run.max_abs_heading_deg for run in opened),
         )
-    allowed = results.get("table2_roll_back_allowed") or []
-    if allowed:
-        made.append(
-            _row(
-                "Table II with roll-back allowed: average",
-                float(np.mean([row["rms_heading_deg"] for row in allowed])),
-                unit="°",
-                target=2.4,
-                printed=f"{np.mean(list(paper.TABLE_II_AVERAGE.values())):.2f}°",
-                conditions=f"roll-back up to {max(row['roll_back_m'] for row in allowed):.2f} m; {allowed[0]['conditions']}",
-            )
+        slopes = _listed([run.slope_deg for run in opened])
+        conditions = (
+            f"{_span(opened)}; at {slopes}; largest on the way {largest:.2g}°, drift {max(run.lateral_m for run in opened):.2g} m"
         )
-    for slope, roll, settle in ((25, 0.02, 4.0), (28, 0.02, 5.0), (30, 0.2, 7.0)):
-        mine = [row for row in rows if row["slope_deg"] == slope]
-        if not mine:
-            continue
-        conditions = f"worst of ±30°, {mine[0]['conditions']}"
         made.append(
-            _row(f"roll-back at {slope}°", max(row["roll_back_m"] for row in mine), unit="m", target=roll, conditions=conditions)
+            Comparison(what="Fig. 9: open loop, final heading", ours=final, paper="increases gradually", conditions=conditions)
         )
-        times = [row["settle_s"] for row in mine]
-        made.append(
-            _row(
-                f"settling to ±2° at {slope}°",
-                None if None in times else max(times),
-                unit="s",
-                target=settle,
-                printed="10–20 s (Fig. 10)" if slope == int(paper.FIG10_SLOPE_DEG) else "–",
-                conditions=conditions,
-            )
-        )
-    steady = [row["steady_rms_heading_deg"] for row in rows if row["steady_rms_heading_deg"] is not None]
-    worst = [row["worst_steady_rms_heading_deg"] for row in rows if row["worst_steady_rms_heading_deg"] is not None]
-    tilt = f"t > 20 s, {results.get('gravity_error_deg', 0)}° of gravity error in the IMU"
-    if steady:
-        made.append(_row("steady RMS heading, mean", float(np.mean(steady)), unit="°", target=0.12, conditions=tilt))
-        made.append(_row("steady RMS heading, worst run", max(worst), unit="°", target=0.2, conditions=tilt))
     return made
 
 
-def _straight(results: Mapping[str, Any]) -> list[Comparison]:
-    closed = [row for row in results["fig09"] if row["loop"] == "closed"]
-    conditions = f"{closed[0]['duration_s']:.0f} s, right belt 2 % faster, worst of {len(closed)} slopes, seed {closed[0]['seed']}"
+def _span(runs: Sequence[Straight]) -> str:
+    return f"{max(run.duration_s for run in runs):.0f} s, right belt 2 % faster, seed {runs[0].seed}"
+
+
+def _identified(item: Identified) -> list[Comparison]:
+    slope, where = item.slope_deg, item.conditions
+    none = (None, None, None)
+    gap, vaf, ahead = MODEL_TARGETS.get(int(slope), none) if slope.is_integer() else none
+    ratio, share = item.sigma2_over_sigma3, item.yaw_rate_vaf_percent
     return [
-        _row(
-            "Fig. 9: closed loop, RMS heading",
-            max(row["rms_heading_deg"] for row in closed),
-            unit="°",
-            target=0.15,
-            printed="near zero",
-            conditions=conditions,
-        ),
-        _row(
-            "Fig. 9: closed loop, lateral drift",
-            max(row["lateral_m"] for row in closed),
-            unit="m",
-            target=0.15,
-            conditions=conditions,
-        ),
+        _row(f"Fig. 8: σ₂/σ₃ at {slope:g}°", ratio, "", target=gap, at_least=True, printed="rank 2", conditions=where),
+        _row(f"yaw rate one step ahead at {slope:g}°, VAF", share, "%", target=vaf, at_least=True, conditions=where),
+        _row(f"heading five seconds ahead at {slope:g}°, RMSE", item.heading_5s_rmse_deg, "°", target=ahead, conditions=where),
     ]
 
 
-def _identification(results: Mapping[str, Any]) -> list[Comparison]:
-    wanted = {25: (20.0, 85.0, 0.6), 28: (20.0, 80.0, 0.7), 30: (12.0, 62.0, 0.8)}
+def _seat(results: Results) -> list[Comparison]:
+    if results.fig11 is None:
+        return []
+    error, where = abs(results.fig11.steady_error_deg), results.fig11.conditions
+    return [_row("Fig. 11: steady seat error", error, "°", target=None, printed="about 0°", conditions=where)]
+
+
+def _speed(results: Results) -> list[Comparison]:
     made = []
-    for item in results["fig08"]["slopes"]:
-        slope = int(item["slope_deg"])
-        gap, vaf, ahead = wanted[slope]
-        conditions = item["conditions"]
+    if results.speed is not None:
         made += [
             _row(
-                f"Fig. 8: σ₂/σ₃ at {slope}°",
-                item["sigma2_over_sigma3"],
-                unit="",
-                target=gap,
+                "physics alone, simulated over CPU seconds",
+                results.speed.physics_real_time_factor,
+                "×",
+                target=50.0,
                 at_least=True,
-                printed="rank 2",
-                conditions=conditions,
+                conditions="one core, median of five spans of 10 s, 28°",
+                from_runs=False,
             ),
             _row(
-                f"yaw rate one step ahead at {slope}°, VAF",
-                item["yaw_rate_vaf_percent"],
-                unit="%",
-                target=vaf,
-                at_least=True,
-                conditions=conditions,
-            ),
-            _row(
-                f"heading five seconds ahead at {slope}°, RMSE",
-                item["heading_5s_rmse_deg"],
-                unit="°",
-                target=ahead,
-                conditions=conditions,
+                "camera, vision, fusion, control and physics, CPU per simulated second",
+                results.speed.loop_cpu_s_per_s,
+                "s",
+                target=0.10,
+                conditions="median over the runs of Table II, on the cores of this machine",
+                from_runs=False,
             ),
         ]
+    if results.wall_s is not None:
+        limit, what = (60.0, "reproduce --quick") if results.quick else (300.0, "reproduce")
+        made.append(
+            _row(f"{what}, wall clock", results.wall_s, "s", target=limit, conditions="after installation", from_runs=False)
+        )
     return made
 
 
-def _speed(results: Mapping[str, Any]) -> list[Comparison]:
-    speed = results["speed"]
-    limit = 60.0 if results["quick"] else 300.0
-    return [
-        _row(
-            "physics alone, simulated over CPU seconds",
-            speed["physics_real_time_factor"],
-            unit="×",
-            target=50.0,
-            at_least=True,
-            conditions="one core, median of five spans of 10 s, 28°",
-        ),
-        _row(
-            "camera, vision, fusion, control and physics, CPU per simulated second",
-            speed["loop_cpu_s_per_s"],
-            unit="s",
-            target=0.10,
-            conditions="median over the runs of Table II, on the cores of this machine",
-        ),
-        _row("reproduce, wall clock", results["wall_s"], unit="s", target=limit, conditions="after installation"),
-    ]
+def _listed(degrees: Sequence[float]) -> str:
+    return ", ".join(f"{value:g}°" for value in degrees)

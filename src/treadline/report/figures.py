@@ -4,6 +4,7 @@ Angles are in degrees here; colours are told apart by colour-blind eyes (Okabe a
 """
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,16 +13,23 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from treadline import paper
+from treadline.report.results import Cell, Identified, Impulse, Straight, Turn
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 BY_SLOPE = {25: BLUE, 28: GREEN, 30: RED}
 Series = Mapping[str, Float[np.ndarray, " T"]]
+IMPULSE_SHOWN_S = 20.0
+"""Of Fig. 8's 60 s: by then both responses have ended."""
+TURN_SHOWN_S = 12.0
+"""Of a run from ±30°, where belts, place and margins move."""
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9,
+    "axes.titlesize": 10,
     "axes.grid": True,
     "grid.alpha": 0.3,
     "axes.spines.top": False,
@@ -34,12 +42,12 @@ STYLE: Any = {
 
 
 def svg_of(figure: Figure) -> str:
-    """Return a figure as an SVG element, without dates."""
+    """Return a figure as an SVG element, without dates and without metadata, which names web addresses."""
     with mpl.rc_context(STYLE):
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return text[text.index("<svg") :]
+    return re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
 
 
 def _figure(width_in: float, height_in: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
@@ -49,22 +57,22 @@ def _figure(width_in: float, height_in: float, rows: int, columns: int) -> tuple
     return figure, list(axes.ravel())
 
 
-def impulse(ours: Mapping[str, Any]) -> Figure:
+def impulse(ours: Impulse) -> Figure:
     """Return Fig. 8: impulse responses of our model over those of Eq. (12)."""
     figure, axes = _figure(8.0, 4.6, 2, 2)
-    printed = _printed_impulse(60)
-    names = ("left_m_s", "right_m_s")
-    outputs = (("heading_rad", "heading θ [rad]"), ("yaw_rate_rad_s", "angular velocity ω [rad/s]"))
-    t = np.asarray(ours["t_s"])
-    for column, name in enumerate(names):
-        for row, (output, label) in enumerate(outputs):
+    steps = round(IMPULSE_SHOWN_S / paper.SAMPLING_TIME_S) + 1
+    printed, t_printed = _printed_impulse(steps), np.arange(steps) * paper.SAMPLING_TIME_S
+    t = np.asarray(ours.t_s)
+    rows = ((ours.heading_rad, "heading θ [rad]"), (ours.yaw_rate_rad_s, "angular velocity ω [rad/s]"))
+    for row, (response, label) in enumerate(rows):
+        for column, (values, belt) in enumerate(((response.left_m_s, "left"), (response.right_m_s, "right"))):
             ax = axes[2 * row + column]
-            ax.step(t, ours[output][name], where="post", color=BLUE, label="ours, 0.25 s period")
-            ax.step(np.arange(60.0), printed[:, row, column], where="post", color=ORANGE, label="Eq. (12), 1 s period")
-            ax.set_xlim(0.0, 20.0)
+            ax.step(t, values, where="post", color=BLUE, label="ours")
+            ax.step(t_printed, printed[:, row, column], where="post", color=ORANGE, label="Eq. (12)")
+            ax.set_xlim(0.0, IMPULSE_SHOWN_S)
             ax.set_xlabel("time after the impulse [s]")
             ax.set_ylabel(label)
-            ax.set_title(f"impulse on u{column + 1} ({'left' if column == 0 else 'right'} track, 1 m/s)")
+            ax.set_title(f"impulse on u{column + 1} ({belt} track, 1 m/s)")
     axes[0].legend()
     return figure
 
@@ -79,14 +87,16 @@ def _printed_impulse(steps: int) -> Float[np.ndarray, "steps p m"]:
     return response
 
 
-def singular_values(slopes: Sequence[Mapping[str, Any]]) -> Figure:
+def singular_values(slopes: Sequence[Identified]) -> Figure:
     """Return the singular values of the Hankel matrix, one line per slope."""
     figure, (ax,) = _figure(5.2, 2.8, 1, 1)
     for item in slopes:
-        values = np.asarray(item["singular_values"])
+        values = np.asarray(item.singular_values)
         values = values[values > 1e-6 * values[0]]
-        slope = int(item["slope_deg"])
-        ax.semilogy(np.arange(1, len(values) + 1), values / values[0], "o-", color=BY_SLOPE.get(slope, GREY), label=f"{slope}°")
+        ax.semilogy(
+            np.arange(1, len(values) + 1), values / values[0], "o-", color=_colour(item.slope_deg), label=f"{item.slope_deg:g}°"
+        )
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.axvline(2.5, color=GREY, linestyle=":")
     ax.text(2.55, 0.5, "rank 2", color=GREY)
     ax.set_xlabel("index")
@@ -95,13 +105,16 @@ def singular_values(slopes: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def straight(runs: Sequence[tuple[Mapping[str, Any], Series]]) -> Figure:
+def _colour(slope_deg: float) -> str:
+    return BY_SLOPE.get(int(slope_deg), GREY) if slope_deg.is_integer() else GREY
+
+
+def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
     """Return Fig. 9: heading and lateral place over time, open against closed loop."""
     figure, axes = _figure(8.0, 3.2, 1, 2)
     for row, series in runs:
-        colour = BY_SLOPE.get(int(row["slope_deg"]), GREY)
-        closed = row["loop"] == "closed"
-        style, label = ("-" if closed else "--"), f"{row['slope_deg']}° {row['loop']}"
+        colour = _colour(row.slope_deg)
+        style, label = ("-" if row.loop == "closed" else "--"), f"{row.slope_deg:g}° {row.loop}"
         axes[0].plot(series["t_s"], series["heading_deg"], style, color=colour, label=label, linewidth=1.2)
         axes[1].plot(series["t_s"], series["y_m"] - series["y_m"][0], style, color=colour, linewidth=1.2)
     axes[0].set_ylabel("heading [°]")
@@ -112,23 +125,24 @@ def straight(runs: Sequence[tuple[Mapping[str, Any], Series]]) -> Figure:
     return figure
 
 
-def turns(runs: Sequence[tuple[Mapping[str, Any], Series]]) -> Figure:
-    """Return Fig. 10: heading from ±30°, and what the belts and the place did."""
+def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
+    """Return Fig. 10: heading from two starts, and what the belts and the place did."""
     figure, axes = _figure(8.0, 5.0, 2, 2)
-    for (row, series), ax in zip(runs, axes, strict=False):
+    for ax in axes[len(runs) : 2]:
+        ax.set_visible(False)
+    for (row, series), ax in zip(runs, axes[:2], strict=False):
         ax.plot(series["t_s"], series["heading_deg"], color=BLUE, label="heading (truth)")
         ax.plot(series["t_s"], series["estimate_deg"], ":", color=ORANGE, label="heading (estimate)")
-        ax.set_title(f"start at {row['start_heading_deg']:+.0f}°")
+        ax.set_title(f"start at {row.start_heading_deg:+.0f}°")
         ax.set_ylabel("heading [°]")
         ax.axhspan(-2.0, 2.0, color=GREY, alpha=0.15)
         ax.legend()
-    for row, series in runs:
-        sign = "+" if row["start_heading_deg"] > 0 else "-"
-        colour = BLUE if sign == "+" else RED
-        early = series["t_s"] <= 12.0
-        axes[2].step(series["t_s"][early], series["left_m_s"][early], where="post", color=colour, label=f"{sign}30° left")
-        axes[2].step(series["t_s"][early], series["right_m_s"][early], "--", where="post", color=colour, label=f"{sign}30° right")
-        axes[3].plot(series["t_s"][early], series["x_m"][early] - series["x_m"][0], color=colour, label=f"{sign}30°")
+    for (row, series), colour in zip(runs, (BLUE, RED), strict=False):
+        early, start = series["t_s"] <= TURN_SHOWN_S, f"{row.start_heading_deg:+.0f}°"
+        t = series["t_s"][early]
+        axes[2].step(t, series["left_m_s"][early], where="post", color=colour, label=f"{start} left")
+        axes[2].step(t, series["right_m_s"][early], "--", where="post", color=colour, label=f"{start} right")
+        axes[3].plot(t, series["x_m"][early] - series["x_m"][0], color=colour, label=start)
     axes[2].set_ylabel("belt speed [m/s]")
     axes[3].set_ylabel("way up the flight [m]")
     axes[2].legend(ncols=2, fontsize=7)
@@ -138,29 +152,31 @@ def turns(runs: Sequence[tuple[Mapping[str, Any], Series]]) -> Figure:
     return figure
 
 
-def table_two(rows: Sequence[Mapping[str, Any]], allowed: Sequence[Mapping[str, Any]]) -> Figure:
+def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
     """Return Table II as bars: the paper's, ours, and ours with roll-back allowed."""
     figure, axes = _figure(8.0, 3.0, 1, 2)
-    labels = [f"{row['slope_deg']}°\n{row['start_heading_deg']:+d}°" for row in rows]
     place = np.arange(len(rows))
-    sets = (
-        ("paper", [row["paper_deg"] for row in rows], None, GREY),
-        ("ours, climb-safe", [row["rms_heading_deg"] for row in rows], [row["sd"] or 0.0 for row in rows], BLUE),
-        ("ours, roll-back allowed", [row["rms_heading_deg"] for row in allowed], [row["sd"] or 0.0 for row in allowed], ORANGE),
-    )
-    for k, (name, values, spread, colour) in enumerate(sets):
-        if len(values) == len(rows):
-            axes[0].bar(place + 0.27 * (k - 1), values, 0.25, yerr=spread, color=colour, label=name)
+    by_start = {(cell.slope_deg, cell.start_heading_deg): cell for cell in allowed}
+    sliding = [by_start.get((cell.slope_deg, cell.start_heading_deg)) for cell in rows]
+    axes[0].bar(place - 0.27, [_or_gap(cell.paper_deg) for cell in rows], 0.25, color=GREY, label="paper")
+    for k, (name, cells, colour) in enumerate((("climb-safe", rows, BLUE), ("roll-back allowed", sliding, ORANGE))):
+        height = [_or_gap(cell.rms_heading_deg if cell else None) for cell in cells]
+        spread = [(cell.sd or 0.0) if cell else 0.0 for cell in cells]
+        back = [_or_gap(cell.roll_back_m if cell else None) for cell in cells]
+        axes[0].bar(place + 0.27 * k, height, 0.25, yerr=spread, color=colour, label=f"ours, {name}")
+        axes[1].bar(place + 0.3 * (k - 0.5), back, 0.28, color=colour, label=f"ours, {name}")
     axes[0].set_ylabel("RMS heading [°]")
-    for k, (name, source, colour) in enumerate((("climb-safe", rows, BLUE), ("roll-back allowed", allowed, ORANGE))):
-        if len(source) == len(rows):
-            axes[1].bar(place + 0.3 * (k - 0.5), [row["roll_back_m"] for row in source], 0.28, color=colour, label=name)
     axes[1].set_ylabel("largest roll-back [m]")
     for ax in axes:
-        ax.set_xticks(place, labels)
+        ax.set_xticks(place, [f"{cell.slope_deg:g}°\n{cell.start_heading_deg:+g}°" for cell in rows])
         ax.set_xlabel("slope, start heading")
-        ax.legend()
+        ax.margins(y=0.25)
+        ax.legend(fontsize=7, loc="upper left")
     return figure
+
+
+def _or_gap(value: float | None) -> float:
+    return float("nan") if value is None else value
 
 
 def seat(series: Series) -> Figure:
@@ -178,17 +194,16 @@ def seat(series: Series) -> Figure:
     return figure
 
 
-def margins(runs: Sequence[tuple[Mapping[str, Any], Series]]) -> Figure:
+def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     """Return what the paper does not show: share of friction used and the tipping margin."""
     figure, axes = _figure(8.0, 2.8, 1, 2)
-    for row, series in runs:
-        colour = BLUE if row["start_heading_deg"] > 0 else RED
-        early = series["t_s"] <= 12.0
-        label = f"start {row['start_heading_deg']:+.0f}°"
+    for (row, series), colour in zip(runs, (BLUE, RED), strict=False):
+        early = series["t_s"] <= TURN_SHOWN_S
+        label = f"start {row.start_heading_deg:+.0f}°"
         axes[0].plot(series["t_s"][early], series["friction_use"][early], color=colour, label=label)
         axes[1].plot(series["t_s"][early], series["stability_margin_deg"][early], color=colour, label=label)
     axes[0].axhline(1.0, color=GREY, linestyle=":")
-    axes[0].set_ylabel("friction used to hold the heading (1 slides)")
+    axes[0].set_ylabel("share of friction used (1 slides)")
     axes[1].set_ylabel("smallest tipping margin [°]")
     for ax in axes:
         ax.set_xlabel("time [s]")

@@ -6,18 +6,22 @@ script and no request.
 
 import base64
 import json
+import warnings
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from treadline.errors import SettingsError
 from treadline.io.runs import read_series
-from treadline.models import read_json, write_whole
+from treadline.models import write_whole
 from treadline.report import figures
 from treadline.report.compare import comparisons
+from treadline.report.results import Manifest, Results, RunResult, read_part
 
 TEMPLATES = Path(__file__).parent / "templates"
 STAGES = (
@@ -28,13 +32,38 @@ STAGES = (
     "(e) merged lines, most frequent slope",
     "(f) localisation",
 )
+COLUMNS = (
+    "t_s",
+    "heading_deg",
+    "estimate_deg",
+    "pitch_deg",
+    "seat_pitch_deg",
+    "stability_margin_deg",
+    "left_m_s",
+    "right_m_s",
+    "x_m",
+    "y_m",
+    "friction_use",
+)
+"""Of series.csv, what the figures draw."""
+
+
+class OfRun(Protocol):
+    """A row of the results that has a run's folder behind it."""
+
+    @property
+    def run(self) -> str:
+        """Name of the folder."""
+
+
+R = TypeVar("R", bound=OfRun)
 
 
 def write_report(folder: Path) -> Path:
     """Write ``report.html`` of a reproduce folder, or of one run's folder.
 
     Raises:
-        SettingsError: If the folder holds neither.
+        SettingsError: If the folder holds neither, or a file in it lacks or mistypes something.
     """
     if (folder / "results.json").exists():
         return _whole(folder)
@@ -44,22 +73,21 @@ def write_report(folder: Path) -> Path:
 
 
 def _whole(folder: Path) -> Path:
-    results = read_json(folder / "results.json")
+    results = read_part(folder / "results.json", Results)
     runs = folder / "runs"
-
-    def with_series(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], figures.Series]]:
-        return [(row, read_series(runs / row["run"])) for row in rows]
-
-    straight, turned = with_series(results["fig09"]), with_series(results["fig10"])
-    drawn = {
-        "fig08": figures.impulse(results["fig08"]["impulse"]),
-        "singular-values": figures.singular_values(results["fig08"]["slopes"]),
-        "fig09": figures.straight(straight),
-        "fig10": figures.turns(turned),
-        "table2": figures.table_two(results["table2"], results["table2_roll_back_allowed"]),
-        "margins": figures.margins(turned),
-        "fig11": figures.seat(read_series(runs / results["fig11"]["run"])),
-    }
+    straight, turned = _with_series(runs, results.fig09), _with_series(runs, results.fig10[:2])
+    drawn: dict[str, Figure] = {}
+    if results.fig08 is not None:
+        drawn["fig08"] = figures.impulse(results.fig08.impulse)
+        drawn["singular-values"] = figures.singular_values(results.fig08.slopes)
+    if straight:
+        drawn["fig09"] = figures.straight(straight)
+    if turned:
+        drawn["fig10"], drawn["margins"] = figures.turns(turned), figures.margins(turned)
+    if results.table2:
+        drawn["table2"] = figures.table_two(results.table2, results.table2_roll_back_allowed)
+    if results.fig11 is not None:
+        drawn["fig11"] = figures.seat(_series(_inside(runs, results.fig11.run)))
     return _render(
         folder,
         "reproduce.html.j2",
@@ -67,52 +95,99 @@ def _whole(folder: Path) -> Path:
         r=results,
         rows=comparisons(results),
         stages=_stages(folder / "figures"),
-        versions=json.dumps(results["versions"]),
+        shown_s=figures.IMPULSE_SHOWN_S,
+        versions=json.dumps(results.versions),
     )
 
 
 def _single(folder: Path) -> Path:
-    result = read_json(folder / "result.json")
-    manifest = read_json(folder / "manifest.json")
+    result = read_part(folder / "result.json", RunResult)
+    manifest = read_part(folder / "manifest.json", Manifest)
     return _render(
         folder,
         "run.html.j2",
-        {"run": figures.single_run(read_series(folder))},
+        {"run": figures.single_run(_series(folder))},
         result=result,
         manifest=manifest,
-        settings=json.dumps(manifest["settings"], indent=1),
+        settings=json.dumps(manifest.settings, indent=1),
     )
+
+
+def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, figures.Series]]:
+    return [(row, _series(_inside(runs, row.run))) for row in rows]
+
+
+def _inside(runs: Path, name: str) -> Path:
+    """Return a run's folder, which must lie in ``runs`` also where it is a link."""
+    path = runs / name
+    if path.resolve().parent != runs.resolve():
+        raise SettingsError(f"{path}: leads out of {runs}; a report is drawn from its own folder alone")
+    return path
+
+
+def _series(folder: Path) -> figures.Series:
+    """Return the columns of a run's series.csv, checked.
+
+    Raises:
+        SettingsError: If it is missing, is not a table, or lacks a column.
+    """
+    path = folder / "series.csv"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # numpy warns of a table without rows
+            series = read_series(folder)
+    except OSError as error:
+        raise SettingsError(f"{path}: {error.strerror}") from None
+    except (ValueError, IndexError, UserWarning) as error:
+        said = " ".join(str(error).split())[:80]
+        raise SettingsError(f"{path}: not a table of numbers ({said}); make the run again") from None
+    missing = [name for name in COLUMNS if name not in series]
+    if missing:
+        raise SettingsError(f"{path}: no column '{missing[0]}'; make the run again")
+    if not np.isfinite(series["t_s"]).all():
+        raise SettingsError(f"{path}: a time in t_s is not a number; make the run again")
+    return series
 
 
 def _render(folder: Path, template: str, drawn: dict[str, Figure], **values: Any) -> Path:
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["number"] = _number
-    inline = {}
-    for name, figure in drawn.items():
-        text = figures.svg_of(figure)
+    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format}
+    environment.filters.update(filters)
+    texts = {name: figures.svg_of(figure) for name, figure in drawn.items()}
+    # Our own drawings, no user's text in them but numbers: the only markup that is not escaped.
+    inline = {name: Markup(_inlined(text, name)) for name, text in texts.items()}  # noqa: S704
+    page = environment.get_template(template).render(svg=inline, **values)
+    for name, text in texts.items():
         write_whole(folder / "figures" / f"{name}.svg", '<?xml version="1.0" encoding="utf-8"?>\n' + text)
-        # Our own drawing, no user's text in it but numbers: the only markup that is not escaped.
-        inline[name] = Markup(_own_ids(text, name))  # noqa: S704
     path = folder / "report.html"
-    write_whole(path, environment.get_template(template).render(svg=inline, **values))
+    write_whole(path, page)
     return path
 
 
-def _own_ids(svg: str, name: str) -> str:
-    """Prefix ids, so that two drawings in one page do not share definitions."""
-    return svg.replace('id="', f'id="{name}-').replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
+def _inlined(svg: str, name: str) -> str:
+    """Return an SVG for a page: its ids prefixed, so that drawings do not share definitions; no namespaces, HTML has them."""
+    for old, new in (
+        (' xmlns="http://www.w3.org/2000/svg"', ""),
+        (' xmlns:xlink="http://www.w3.org/1999/xlink"', ""),
+        ("xlink:href", "href"),
+        (' id="', f' id="{name}-'),
+        ("url(#", f"url(#{name}-"),
+        ('href="#', f'href="#{name}-'),
+    ):
+        svg = svg.replace(old, new)
+    return svg
 
 
 def _stages(folder: Path) -> list[tuple[str, str]]:
     found = []
     for number, caption in enumerate(STAGES, start=1):
         path = folder / f"fig05-{number}.png"
-        if path.exists():
+        if path.is_file():
             found.append((caption, "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()))
     return found
 
 
-def _number(value: Any, digits: int = 2) -> str:
+def _number(value: float | None, digits: int = 2) -> str:
     return "–" if value is None else f"{value:.{digits}f}"

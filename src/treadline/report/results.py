@@ -1,0 +1,249 @@
+"""What ``results.json`` and a run's files must say before a page is drawn from them: typed, finite, no path in a name.
+
+A report may be drawn from a folder that came from elsewhere, so nothing in it is trusted. A part that is absent was not
+measured; a part that is there is whole.
+"""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from treadline.errors import SettingsError
+from treadline.models import read_json
+
+RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")]
+"""A folder's bare name: no separator, no leading dot."""
+Numbers = Annotated[list[float], Field(min_length=1)]
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class Part(BaseModel):
+    """Base of every part: strict and finite; keys that no page shows may stand there."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
+
+
+class Parameter(Part):
+    """One row of Table I."""
+
+    parameter: str
+    paper: str
+    ours: str
+
+
+class Sight(Part):
+    """Fig. 5: what both modes made of one frame."""
+
+    heading_deg: float | None
+    robust_heading_deg: float | None
+    robust_sigma_deg: float | None
+    true_heading_deg: float
+    edges: int
+    reason: str | None
+    conditions: str
+
+
+class Belts(Part):
+    """A response to an impulse on each belt."""
+
+    left_m_s: Numbers
+    right_m_s: Numbers
+
+
+class Impulse(Part):
+    """Fig. 8's four panels."""
+
+    t_s: Numbers
+    heading_rad: Belts
+    yaw_rate_rad_s: Belts
+
+    @model_validator(mode="after")
+    def _of_one_length(self) -> "Impulse":
+        parts = (self.heading_rad, self.yaw_rate_rad_s)
+        lengths = {len(self.t_s), *(len(values) for part in parts for values in (part.left_m_s, part.right_m_s))}
+        if len(lengths) > 1:
+            raise ValueError("t_s and the responses differ in length")
+        return self
+
+
+class Identified(Part):
+    """The model of one slope."""
+
+    slope_deg: float
+    singular_values: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=1)]
+    rank: int
+    sigma2_over_sigma3: float
+    yaw_rate_vaf_percent: float
+    heading_5s_rmse_deg: float
+    poles: list[Pair]
+    whiteness_p: float | None
+    warnings: list[str] = []
+    conditions: str
+
+
+class Fig08(Identified):
+    """The slope the controller was made on, and all slopes."""
+
+    impulse: Impulse
+    slopes: list[Identified]
+
+
+class Straight(Part):
+    """Fig. 9: one run."""
+
+    slope_deg: float
+    loop: Literal["open", "closed"]
+    duration_s: float
+    rms_heading_deg: float
+    final_heading_deg: float
+    max_abs_heading_deg: float
+    lateral_m: float
+    verdict: str
+    seed: int
+    run: RunName
+
+
+class Turn(Part):
+    """Fig. 10: one run."""
+
+    slope_deg: float
+    start_heading_deg: float
+    seed: int
+    run: RunName
+
+
+class Cell(Part):
+    """Table II: one slope and start, over all seeds."""
+
+    slope_deg: float
+    start_heading_deg: float
+    paper_label: str
+    paper_deg: float | None
+    rms_heading_deg: float
+    sd: float | None
+    rms_yaw_deg: float
+    settle_s: float | None
+    steady_rms_heading_deg: float | None
+    worst_steady_rms_heading_deg: float | None
+    roll_back_m: float
+    lateral_m: float
+    min_stability_margin_deg: float
+    max_friction_use: float
+    verdicts: list[str]
+    conditions: str
+
+
+class Ending(Part):
+    """How a run of the recipe as printed ended."""
+
+    verdict: str
+    cause: str | None
+    duration_s: float
+    rms_heading_deg: float
+    final_heading_deg: float
+    roll_back_m: float
+
+
+class Recipe(Part):
+    """The paper's recipe taken literally."""
+
+    max_gap_to_print: float
+    asked_m_s: Pair
+    max_speed_m_s: float
+    runs: list[Ending]
+
+
+class SeatRun(Part):
+    """Fig. 11."""
+
+    settle_s: float | None
+    steady_error_deg: float
+    run: RunName
+    conditions: str
+
+
+class Controller(Part):
+    """The gain that drove."""
+
+    K: list[list[float]]
+    period_s: float
+
+
+class Speed(Part):
+    """How fast it ran."""
+
+    physics_real_time_factor: float
+    loop_cpu_s_per_s: float
+
+
+class Results(Part):
+    """``results.json`` of a reproduce folder; parts that are None or empty were not measured."""
+
+    quick: bool
+    table1: list[Parameter] = []
+    fig05: Sight | None = None
+    fig08: Fig08 | None = None
+    fig09: list[Straight] = []
+    fig10: list[Turn] = []
+    table2: list[Cell] = []
+    table2_roll_back_allowed: list[Cell] = []
+    literal: Recipe | None = None
+    fig11: SeatRun | None = None
+    controller: Controller | None = None
+    speed: Speed | None = None
+    gravity_error_deg: float = 0.0
+    wall_s: float | None = None
+    versions: dict[str, str] = {}
+    git_commit: str | None = None
+    command: str = "treadline"
+
+
+class Happening(Part):
+    """Something a run's guard told."""
+
+    t_s: float
+    name: str
+    cause: str
+
+
+class RunResult(Part):
+    """``result.json`` of one run; its other numbers are shown as they are."""
+
+    model_config = ConfigDict(extra="allow")
+
+    verdict: str
+    cause: str | None = None
+    events: list[Happening] = []
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """All its numbers."""
+        extra = self.model_extra or {}
+        return {name: value for name, value in extra.items() if isinstance(value, int | float) and not isinstance(value, bool)}
+
+
+class Manifest(Part):
+    """``manifest.json`` of one run."""
+
+    settings: dict[str, Any]
+    seed: int
+    command: str
+
+
+P = TypeVar("P", bound=Part)
+
+
+def read_part(path: Path, part: type[P]) -> P:
+    """Return the part that a JSON file holds.
+
+    Raises:
+        SettingsError: If the file cannot be read, or lacks or mistypes a field: one line with file, field and what is wrong.
+    """
+    try:
+        return part.model_validate(read_json(path))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(str(step) for step in first["loc"]) or "the whole"
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise SettingsError(f"{path}: {field}: {first['msg']}{more}; make the folder again") from None
