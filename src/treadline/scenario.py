@@ -79,7 +79,7 @@ class Stair(Settings):
 
 
 def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and limits[0] <= value <= limits[1]
+    return isinstance(value, int | float) and limits[0] <= value <= limits[1]
 
 
 Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
