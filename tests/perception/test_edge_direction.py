@@ -1,0 +1,90 @@
+"""The fit of one direction to treads and risers, and down from the treads."""
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.perception.direction import EdgeFit, fit_edges
+from treadline.perception.down import down_of_treads
+from treadline.perception.planes import Surface
+
+DOWN = np.array([0.0, 1.0, 0.0])
+TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])
+
+
+def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, distance_m: float = 2.0) -> Surface:
+    """Return a plane so far away, its normal known so well."""
+    return Surface(
+        normal=normal / distance_m,
+        covariance=(sigma_rad / distance_m) ** 2 * np.eye(3),
+        level=distance_m,
+        blocks=np.arange(9),
+    )
+
+
+def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> Surface:
+    return surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
+
+
+def tread() -> Surface:
+    return surface(DOWN)
+
+
+def fit(risers: list[Surface]) -> EdgeFit:
+    return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]))
+
+
+def off_rad(found: EdgeFit) -> float:
+    """Return the angle between the found edge and the true one."""
+    return float(np.arcsin(np.linalg.norm(np.cross(found.edge, TRUE_EDGE))))
+
+
+def test_perfect_planes_give_the_exact_direction() -> None:
+    assert off_rad(fit([riser(distance_m=distance) for distance in (1.0, 1.3, 1.6)])) < 1e-9
+
+
+def test_risers_that_disagree_are_averaged_whatever_their_distance() -> None:
+    found = fit([riser(-0.3 * DEG, 1.0), riser(0.3 * DEG, 3.0)])
+    assert off_rad(found) < 0.02 * DEG
+
+
+def test_disagreement_widens_the_declared_deviation() -> None:
+    def sigma(spread_deg: float) -> float:
+        return fit([riser(part * spread_deg * DEG) for part in (-1.0, -0.3, 0.3, 1.0)]).sigma_about(DOWN)
+
+    assert sigma(0.0) < sigma(0.3) < sigma(1.0)
+    # Four risers with a spread of 1° by their own account: half a degree for the mean, less what is believed beforehand.
+    assert 0.2 * DEG < sigma(1.0) < 0.6 * DEG
+
+
+def test_more_risers_make_surer() -> None:
+    sigmas = [fit([riser() for _ in range(count)]).sigma_about(DOWN) for count in (2, 4, 8)]
+    assert sigmas[0] > sigmas[1] > sigmas[2] > 0.0
+
+
+def test_one_surface_that_is_no_riser_has_little_say() -> None:
+    good = [riser(distance_m=distance) for distance in (1.0, 1.3, 1.6, 1.9)]
+    # The plain mean of five would be off by 2.4°.
+    assert off_rad(fit([*good, riser(12.0 * DEG)])) < 0.6 * DEG
+
+
+@pytest.mark.parametrize("pitch_deg", [10.0, 25.0, 40.0, 60.0])
+@pytest.mark.parametrize("heading_deg", [-35.0, 0.0, 35.0])
+def test_down_is_found_among_treads_risers_and_walls(pitch_deg: float, heading_deg: float) -> None:
+    turn = rotation_x(pitch_deg * DEG) @ rotation_y(heading_deg * DEG) @ rotation_z(2.0 * DEG)
+    down = turn @ DOWN
+    rng = np.random.default_rng(1)
+    families = [(down, 60), (turn @ np.array([0.0, 0.0, 1.0]), 150), (turn @ np.array([1.0, 0.0, 0.0]), 80)]
+    normals = np.vstack([np.tile(normal, (count, 1)) for normal, count in families]) + 0.02 * rng.standard_normal((290, 3))
+    found = down_of_treads(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    assert found is not None
+    # 0.02 rad on each block, 60 blocks: 0.2° is the standard error of their median.
+    assert np.arccos(min(1.0, float(found @ down))) < 1.0 * DEG
+
+
+def test_down_is_not_guessed_without_treads() -> None:
+    wall = np.tile([0.0, 0.0, 1.0], (200, 1))
+    assert down_of_treads(wall) is None
+    assert down_of_treads(np.zeros((0, 3))) is None
+    assert down_of_treads(np.tile(DOWN @ rotation_x(-30.0 * DEG), (5, 1))) is None

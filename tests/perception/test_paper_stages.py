@@ -1,0 +1,191 @@
+"""Algorithm 1 stage by stage: thresholds, abrupt depths, segments, merging, the answer of Eq. (2)."""
+
+import itertools
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.perception import DetectorConfig, StairDetector
+from treadline.perception.edges import canny, depth_image, thresholds, without_abrupt_depth
+from treadline.perception.merge import bounding_box, merged, most_frequent_slope
+from treadline.perception.paper import BOX_COLOUR, PaperConfig, run_steps
+from treadline.perception.pictures import write_stages
+from treadline.perception.segments import near_level, segments, slopes
+from treadline.scenario import Stair
+from treadline.signals import PinholeCamera, RgbdFrame
+
+CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
+NOSINGS = (40, 80, 120, 160, 200)
+PAPER = StairDetector(DetectorConfig(method="paper"))
+
+
+def banded(heading_rad: float, rows: tuple[int, ...] = NOSINGS) -> RgbdFrame:
+    """Return a level camera's view of a wall painted in bands, their edges level at some rows."""
+    bands = 50 + 140 * (np.searchsorted(rows, np.arange(240), side="right") % 2)
+    rgb = np.repeat(np.repeat(bands[:, None, None], 320, axis=1), 3, axis=2).astype(np.uint8)
+    across = (np.arange(320)[None, :] - CAMERA.cx_px) / CAMERA.fx_px
+    depth = np.repeat(2.0 / (1.0 + np.tan(heading_rad) * across), 240, axis=0).astype(np.float32)
+    return RgbdFrame(t_s=0.0, rgb=rgb, depth_m=depth, camera=CAMERA)
+
+
+@pytest.mark.parametrize(("heading_deg", "printed_deg"), [(0.0, 90.0), (-10.0, 79.8), (-30.0, 54.7), (10.0, 100.2)])
+def test_equation_2_answers_90_degrees_to_a_square_chair(heading_deg: float, printed_deg: float) -> None:
+    sight = PAPER.look(banded(heading_deg * DEG))
+    assert sight.heading_rad is not None
+    # Ends of lines fall on whole pixels: 1° is three of 300 columns.
+    assert sight.heading_rad / DEG == pytest.approx(printed_deg, abs=1.0)
+
+
+def test_every_nosing_becomes_one_line_at_its_row() -> None:
+    steps = run_steps(banded(0.0), PaperConfig())
+    assert sorted(steps.nosings[:, 1].round()) == pytest.approx(NOSINGS, abs=2.0)
+    assert np.abs(slopes(steps.nosings)).max() < 0.01
+    # Across the whole image but for the blur at its border.
+    assert (steps.nosings[:, 2] - steps.nosings[:, 0]).min() > 300
+
+
+def test_stages_only_ever_take_away() -> None:
+    steps = run_steps(banded(0.2), PaperConfig())
+    assert not np.any(steps.kept_edges & ~(steps.colour_edges | steps.depth_edges))
+    assert len(steps.lines) >= len(steps.level_lines) >= len(steps.nosings) > 0
+
+
+def test_the_answer_carries_box_count_and_six_pictures() -> None:
+    sight = PAPER.look(banded(0.0), stages=True)
+    assert sight.edge_count == len(NOSINGS)
+    assert sight.box_px is not None
+    u0, v0, u1, v1 = sight.box_px
+    assert (v0, v1) == pytest.approx((40, 200), abs=2)
+    assert u1 - u0 > 300
+    assert sight.stages is not None
+    assert [picture.shape for picture in sight.stages.pictures] == [(240, 320, 3)] * 6
+    assert (sight.stages.pictures[5] == BOX_COLOUR).all(axis=2).any()
+    assert PAPER.look(banded(0.0)).stages is None
+
+
+def test_each_stage_of_a_stair_shows_something_else_than_the_one_before(view) -> None:
+    frame, _ = view(4500, 0.1, Stair(slope_deg=28.0))
+    sight = PAPER.look(frame, stages=True)
+    assert sight.stages is not None
+    for before, after in itertools.pairwise(sight.stages.pictures):
+        assert not np.array_equal(before, after)
+
+
+def test_stages_are_written_as_pictures(tmp_path: Path) -> None:
+    sight = PAPER.look(banded(0.0), stages=True)
+    assert sight.stages is not None
+    paths = write_stages(sight.stages, tmp_path / "new", "fig05")
+    assert [path.name for path in paths] == [f"fig05-{number}.png" for number in range(1, 7)]
+    assert sorted((tmp_path / "new").iterdir()) == paths
+    for path, picture in zip(paths, sight.stages.pictures, strict=True):
+        np.testing.assert_array_equal(cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB), picture)
+
+
+def test_a_picture_without_lines_is_refused_with_the_reason() -> None:
+    sight = PAPER.look(banded(0.0, rows=()))
+    assert not sight.accepted
+    assert "line" in (sight.reason or "")
+
+
+def test_lines_without_depth_are_refused_with_the_reason() -> None:
+    frame = banded(0.0)
+    frame.depth_m[:, :40] = np.nan
+    # Edges with no depth are taken away with the abrupt ones, so the lines end where depth does.
+    seen = run_steps(frame, PaperConfig()).nosings
+    assert seen[:, 0].min() >= 40
+    frame.depth_m[:] = np.nan
+    assert not PAPER.look(frame).accepted
+
+
+def test_upright_lines_are_no_nosings() -> None:
+    frame = banded(0.0)
+    rgb = np.ascontiguousarray(frame.rgb[:, :240].transpose(1, 0, 2))
+    upright = np.full_like(frame.rgb, 100)
+    upright[:, :240] = rgb[:240]
+    sight = PAPER.look(RgbdFrame(t_s=0.0, rgb=upright, depth_m=frame.depth_m, camera=CAMERA))
+    assert not sight.accepted
+
+
+def test_the_median_rule_follows_the_brightness() -> None:
+    grey = np.full((20, 20), 90, dtype=np.uint8)
+    lower, upper = thresholds(grey, "median")
+    assert (lower, upper) == pytest.approx((90 * 0.67, 90 * 1.33))
+    # Holes are black and no part of the brightness.
+    grey[:9] = 0
+    assert thresholds(grey, "median") == (lower, upper)
+    assert thresholds(np.full((20, 20), 250, dtype=np.uint8), "median")[1] == 255.0
+
+
+def test_the_otsu_rule_parts_two_populations() -> None:
+    grey = np.full((20, 20), 60, dtype=np.uint8)
+    grey[:, 10:] = 180
+    lower, upper = thresholds(grey, "otsu")
+    assert 60 <= upper < 180
+    assert lower == 0.5 * upper
+
+
+@pytest.mark.parametrize("rule", ["median", "otsu"])
+def test_a_black_picture_has_no_edges(rule: str) -> None:
+    assert not canny(np.zeros((40, 40), dtype=np.uint8), rule).any()
+
+
+def test_a_depth_picture_is_black_where_nothing_came_back() -> None:
+    picture = depth_image(np.array([[np.nan, 0.0, 2.0, 4.0, 9.0]]))
+    assert picture.tolist() == [[0, 0, 127, 255, 255]]
+
+
+def test_edges_at_a_jump_or_in_a_hole_are_taken_away() -> None:
+    depth = np.full((30, 30), 2.0)
+    depth[:, 15:] = 2.5
+    depth[0:5] = np.nan
+    kept = without_abrupt_depth(np.ones((30, 30), dtype=bool), depth, 0.25)
+    assert not kept[:, 14:16].any()
+    assert not kept[:6].any()
+    assert kept[7:, 2:13].all()
+    assert kept[7:, 17:28].all()
+    # A jump smaller than the limit is no jump.
+    assert without_abrupt_depth(np.ones((30, 30), dtype=bool), depth, 0.6)[7:, 14:16].all()
+
+
+def test_segments_run_from_left_to_right() -> None:
+    edges = np.zeros((100, 200), dtype=bool)
+    edges[50, 10:190] = True
+    edges[np.arange(90, 10, -1), np.arange(20, 100)] = True
+    found = segments(edges)
+    assert len(found) >= 2
+    assert np.all(found[:, 0] <= found[:, 2])
+    assert segments(np.zeros((100, 200), dtype=bool)).shape == (0, 4)
+
+
+def test_only_lines_near_level_are_kept() -> None:
+    lines = np.array([[0.0, 0.0, 100.0, 30.0], [0.0, 0.0, 100.0, 40.0], [0.0, 0.0, 100.0, -30.0], [5.0, 0.0, 5.0, 80.0]])
+    assert near_level(lines, 0.35).tolist() == lines[[0, 2]].tolist()
+
+
+def test_pieces_of_one_line_are_merged_from_end_to_end() -> None:
+    pieces = np.array([[10.0, 51.0, 100.0, 60.0], [120.0, 62.0, 300.0, 80.0]])
+    (line,) = merged(pieces, 320)
+    assert line == pytest.approx([10.0, 51.0, 300.0, 80.0], abs=1e-6)
+
+
+def test_lines_at_other_rows_or_slopes_stay_apart() -> None:
+    level = [10.0, 50.0, 300.0, 50.0]
+    assert len(merged(np.array([level, [10.0, 61.0, 300.0, 61.0]]), 320)) == 2
+    assert len(merged(np.array([level, [10.0, 59.0, 300.0, 59.0]]), 320)) == 1
+    # Both cross the middle at row 50; 0.03 is more than 2 rows in 100 columns.
+    assert len(merged(np.array([level, [10.0, 45.5, 310.0, 54.5]]), 320)) == 2
+
+
+def test_the_most_frequent_slope_wins() -> None:
+    rows = np.arange(4.0) * 30.0
+    common = np.column_stack([np.zeros(4), rows, np.full(4, 100.0), rows + 10.0])
+    odd = np.array([[0.0, 150.0, 100.0, 180.0], [0.0, 20.0, 100.0, 0.0]])
+    assert most_frequent_slope(np.vstack([common, odd])).tolist() == common.tolist()
+    assert most_frequent_slope(np.zeros((0, 4))).shape == (0, 4)
+
+
+def test_the_box_holds_all_ends() -> None:
+    assert bounding_box(np.array([[10.0, 50.0, 300.0, 60.0], [30.0, 20.0, 200.0, 90.0]])) == (10, 20, 300, 90)
