@@ -325,3 +325,26 @@ def test_the_source_says_when_the_gyro_alone_carries_the_heading() -> None:
     # The last frame is at 9.9 s, half a second of grace.
     assert sources[1030] == "vision"
     assert sources[1050] == "gyro"
+
+
+def test_a_frame_stamped_long_after_the_first_gyro_sample_does_not_shut_out_the_rest() -> None:
+    heading = HeadingFilter()
+    heading.step(seen(1e6, 0.3))
+    for k in range(100):
+        estimate = heading.step(gyro(k * IMU_S, 0.0))
+        if k % TICKS_PER_FRAME == 0:
+            estimate = heading.step(seen(k * IMU_S, 0.31))
+    assert estimate is not None
+    # Eleven frames of equal weight, ten of which say 0.31.
+    assert estimate.heading_rad == pytest.approx(0.31, abs=0.002)
+
+
+def test_a_gyro_clock_that_leaps_ahead_does_not_spin_the_heading() -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.2))
+    heading.step(seen(0.0, 0.1))
+    estimate = heading.step(gyro(1e4, 0.2))
+    assert estimate is not None
+    # One second of the rate is believed, and the sigma says that nothing is known: half a turn.
+    assert abs(estimate.heading_rad - 0.1) <= 0.2 + 1e-9
+    assert estimate.sigma_rad == pytest.approx(np.pi, rel=0.01)
