@@ -170,7 +170,7 @@ def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
     for ax in axes:
         ax.set_xticks(place, [f"{cell.slope_deg:g}°\n{cell.start_heading_deg:+g}°" for cell in rows])
         ax.set_xlabel("slope, start heading")
-        ax.margins(y=0.25)
+        ax.margins(y=0.4)
         ax.legend(fontsize=7, loc="upper left")
     return figure
 

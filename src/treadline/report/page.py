@@ -9,7 +9,7 @@ import json
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -21,7 +21,7 @@ from treadline.io.runs import read_series
 from treadline.models import write_whole
 from treadline.report import figures
 from treadline.report.compare import comparisons
-from treadline.report.results import Manifest, Results, RunResult, read_part
+from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
 
 TEMPLATES = Path(__file__).parent / "templates"
 STAGES = (
@@ -48,15 +48,7 @@ COLUMNS = (
 """Of series.csv, what the figures draw."""
 
 
-class OfRun(Protocol):
-    """A row of the results that has a run's folder behind it."""
-
-    @property
-    def run(self) -> str:
-        """Name of the folder."""
-
-
-R = TypeVar("R", bound=OfRun)
+R = TypeVar("R", Straight, Turn)
 
 
 def write_report(folder: Path) -> Path:
@@ -189,5 +181,5 @@ def _stages(folder: Path) -> list[tuple[str, str]]:
     return found
 
 
-def _number(value: float | None, digits: int = 2) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"
+def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
+    return "–" if value is None else f"{value:.{digits}f}{unit}"

@@ -1,0 +1,171 @@
+"""A small reproduce folder, made by hand: no simulator, every figure known."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Tables = dict[str, Any]
+MakeFolder = Callable[..., Path]
+
+
+def write_series(folder: Path, start_deg: float) -> None:
+    """Write 30 s of a heading that decays from a start."""
+    t = np.arange(0.0, 30.0, 0.1)
+    heading = start_deg * np.exp(-t)
+    columns = {
+        "t_s": t,
+        "estimate_deg": heading + 0.01,
+        "heading_deg": heading,
+        "yaw_deg": 1.1 * heading,
+        "pitch_deg": np.full_like(t, 28.0),
+        "seat_pitch_deg": 28.0 * np.exp(-2.0 * t),
+        "stability_margin_deg": 9.0 + 0.1 * np.cos(t),
+        "left_m_s": 0.2 + 0.01 * heading,
+        "right_m_s": 0.2 - 0.01 * heading,
+        "x_m": 0.2 * t,
+        "y_m": 0.001 * t,
+        "friction_use": np.full_like(t, 0.86),
+    }
+    folder.mkdir(parents=True)
+    rows = np.column_stack(list(columns.values()))
+    lines = [",".join(columns), *(",".join(f"{value:.6g}" for value in row) for row in rows)]
+    (folder / "series.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def cell(slope: float, start: float, rms: float, **changes: object) -> Tables:
+    return {
+        "slope_deg": slope,
+        "start_heading_deg": start,
+        "paper_label": "anticlockwise" if start > 0 else "clockwise",
+        "paper_deg": 2.0,
+        "rms_heading_deg": rms,
+        "sd": 0.05,
+        "rms_yaw_deg": 1.1 * rms,
+        "settle_s": 3.0,
+        "steady_rms_heading_deg": 0.05,
+        "worst_steady_rms_heading_deg": 0.1,
+        "roll_back_m": 0.01,
+        "lateral_m": 0.3,
+        "min_stability_margin_deg": 9.0,
+        "max_friction_use": 0.9,
+        "verdicts": ["time_up"],
+        "conditions": "80 s, seeds 0, 1, 2, 3, 4",
+    } | changes
+
+
+def identified(slope: float) -> Tables:
+    return {
+        "slope_deg": slope,
+        "singular_values": [1.2, 0.7, 0.02, 0.001],
+        "rank": 2,
+        "sigma2_over_sigma3": 35.0,
+        "yaw_rate_vaf_percent": 90.0,
+        "heading_5s_rmse_deg": 0.5,
+        "poles": [[0.998, 0.0], [0.3, 0.2]],
+        "whiteness_p": 0.4,
+        "conditions": "1000 samples at 0.25 s, seed 0; validated on another recording",
+    }
+
+
+def straight(slope: float, loop: str) -> Tables:
+    opened = loop == "open"
+    return {
+        "slope_deg": slope,
+        "loop": loop,
+        "duration_s": 300.0,
+        "rms_heading_deg": 2.0 if opened else 0.04,
+        "final_heading_deg": 7.25 if opened else 0.01,
+        "max_abs_heading_deg": 7.5 if opened else 0.1,
+        "lateral_m": 0.8 if opened else 0.003,
+        "verdict": "time_up",
+        "seed": 0,
+        "run": f"straight-{slope:g}-{loop}",
+    }
+
+
+@pytest.fixture
+def results() -> Tables:
+    response = {"left_m_s": [0.0, -0.1, -0.1], "right_m_s": [0.0, 0.1, 0.1]}
+    slopes, starts = (25, 28, 30), (30, -30)
+    return {
+        "quick": False,
+        "table1": [{"parameter": "Mass of the system [kg]", "paper": "23.4", "ours": "23.4"}],
+        "fig05": {
+            "heading_deg": 107.9,
+            "robust_heading_deg": 10.0,
+            "robust_sigma_deg": 0.05,
+            "true_heading_deg": 10.0,
+            "edges": 5,
+            "reason": None,
+            "conditions": "28° stair",
+        },
+        "fig08": identified(28)
+        | {
+            "impulse": {"t_s": [0.0, 0.25, 0.5], "heading_rad": response, "yaw_rate_rad_s": response},
+            "slopes": [identified(slope) for slope in slopes],
+        },
+        "fig09": [straight(slope, loop) for slope in (25, 28) for loop in ("closed", "open")],
+        "fig10": [
+            {"slope_deg": 28, "start_heading_deg": start, "seed": 0, "run": f"turn-28-{'plus' if start > 0 else 'minus'}30-seed0"}
+            for start in starts
+        ],
+        "table2": [cell(slope, start, 2.5) for start in starts for slope in slopes],
+        "table2_roll_back_allowed": [cell(slope, start, 1.8, roll_back_m=0.9) for start in starts for slope in slopes],
+        "literal": {
+            "max_gap_to_print": 3.2e-4,
+            "asked_m_s": [0.57, -2.68],
+            "max_speed_m_s": 1.0,
+            "runs": [
+                {
+                    "verdict": "fell",
+                    "cause": "tilted",
+                    "duration_s": 23.0,
+                    "rms_heading_deg": 12.0,
+                    "final_heading_deg": -8.0,
+                    "roll_back_m": 2.0,
+                }
+            ],
+        },
+        "fig11": {"settle_s": 2.0, "steady_error_deg": 0.003, "run": "seat-28", "conditions": "28° stair, seed 0"},
+        "controller": {"K": [[0.05, -0.02], [-0.05, 0.02]], "period_s": 0.25},
+        "speed": {"physics_real_time_factor": 60.0, "loop_cpu_s_per_s": 0.08},
+        "gravity_error_deg": 0.5,
+        "wall_s": 250.0,
+        "versions": {"python": "3.11", "treadline": "0.1.0"},
+        "git_commit": None,
+        "command": "treadline reproduce",
+    }
+
+
+@pytest.fixture
+def reproduce_folder(tmp_path: Path) -> MakeFolder:
+    """Return a function that writes results and the series of every run they name."""
+
+    def make(results: Tables, name: str = "reproduce") -> Path:
+        folder = tmp_path / name
+        runs = [*results.get("fig09", []), *results.get("fig10", []), *([results["fig11"]] if results.get("fig11") else [])]
+        for row in runs:
+            if (run := str(row.get("run"))).replace("-", "").isalnum() and not (folder / "runs" / run).exists():
+                write_series(folder / "runs" / run, float(row.get("start_heading_deg", 5.0)))
+        folder.mkdir(exist_ok=True)
+        (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+        return folder
+
+    return make
+
+
+@pytest.fixture
+def run_folder(tmp_path: Path) -> Path:
+    """Return the folder of one run."""
+    folder = tmp_path / "run"
+    write_series(folder, 10.0)
+    event = {"t_s": 1.5, "name": "hold", "cause": "no command for 0.5 s"}
+    result = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [event], "settle_s": None}
+    manifest = {"settings": {"stair": {"slope_deg": 28.0}}, "seed": 3, "command": "treadline climb paper-28"}
+    (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    return folder

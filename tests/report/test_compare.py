@@ -1,0 +1,104 @@
+"""The summary's rows: verdicts that follow from the numbers, for whole and quick runs, on any slope."""
+
+import re
+from typing import Any
+
+import pytest
+
+from treadline.report.compare import Comparison, comparisons
+from treadline.report.results import Results
+
+Tables = dict[str, Any]
+
+
+def rows_of(tables: Tables) -> dict[str, Comparison]:
+    return {row.what: row for row in comparisons(Results.model_validate(tables))}
+
+
+def row_of(tables: Tables, start: str) -> Comparison:
+    (row,) = [row for what, row in rows_of(tables).items() if what.startswith(start)]
+    return row
+
+
+def test_a_folder_that_reaches_everything_misses_nothing(results: Tables) -> None:
+    assert {row.verdict for row in rows_of(results).values()} == {"reached", "-"}
+
+
+def test_a_missed_target_says_by_how_much(results: Tables) -> None:
+    for cell in results["table2"]:
+        if cell["start_heading_deg"] > 0:
+            cell["rms_heading_deg"] = 3.27
+    assert row_of(results, "Table II: RMS heading from +30°").verdict == "missed by 0.27°"
+    assert row_of(results, "Table II: RMS heading from -30°").verdict == "reached"
+
+
+def test_a_target_to_stay_above_is_missed_from_below(results: Tables) -> None:
+    results["speed"]["physics_real_time_factor"] = 38.0
+    row = row_of(results, "physics alone")
+    assert (row.target, row.verdict) == ("≥ 50 ×", "missed by 12 ×")
+
+
+def test_the_bound_itself_is_reached(results: Tables) -> None:
+    for cell in results["table2"]:
+        cell["rms_heading_deg"] = 3.0
+    assert row_of(results, "Table II: RMS heading from +30°").verdict == "reached"
+
+
+def test_one_run_that_never_settles_misses_its_row(results: Tables) -> None:
+    results["table2"][1]["settle_s"] = None
+    row = row_of(results, "settling to ±2° at 28°")
+    assert (row.ours, row.verdict) == ("none", "missed")
+
+
+def test_the_worst_of_both_starts_is_judged(results: Tables) -> None:
+    results["table2"][4]["roll_back_m"] = 0.05
+    assert row_of(results, "roll-back at 28°").verdict == "missed by 0.030 m"
+    assert row_of(results, "roll-back at 25°").verdict == "reached"
+
+
+def test_a_target_is_judged_only_where_one_was_set(results: Tables) -> None:
+    seat, opened = row_of(results, "Fig. 11"), row_of(results, "Fig. 9: open loop")
+    assert (seat.ours, seat.paper, seat.target, seat.verdict) == ("0.003°", "about 0°", "–", "-")
+    assert (opened.ours, opened.target, opened.verdict) == ("7.25°, 7.25°", "–", "-")
+    assert "largest on the way 7.5°" in opened.conditions
+
+
+def test_the_row_with_roll_back_shows_its_world_yaw_and_its_roll_back(results: Tables) -> None:
+    row = row_of(results, "Table II with roll-back allowed")
+    assert row.target == "≤ 2.4°"
+    assert "world yaw 1.98°" in row.conditions
+    assert "roll-back up to 0.90 m" in row.conditions
+
+
+def test_a_quick_run_judges_nothing_that_rests_on_shortened_runs(results: Tables) -> None:
+    rows = rows_of(results | {"quick": True, "wall_s": 55.0})
+    judged = {what for what, row in rows.items() if row.verdict not in ("-", "quick run: not judged")}
+    assert len(judged) == 4
+    assert all(re.match(r"Eq\. \(14\)|physics alone|camera, vision|reproduce --quick", what) for what in judged)
+    assert rows["reproduce --quick, wall clock"].target == "≤ 60 s"
+
+
+def test_another_slope_is_shown_without_a_target(results: Tables) -> None:
+    for key in ("table2", "table2_roll_back_allowed"):
+        for cell in results[key]:
+            cell["slope_deg"] += 0.5
+    for item in results["fig08"]["slopes"]:
+        item["slope_deg"] = 20
+    rows = rows_of(results)
+    assert rows["roll-back at 28.5°"].verdict == "-"
+    assert rows["yaw rate one step ahead at 20°, VAF"].verdict == "-"
+    assert row_of(results, "Table II: RMS heading from +30°").target == "–"
+
+
+def test_steady_targets_are_for_half_a_degree_of_gravity_error(results: Tables) -> None:
+    assert row_of(results, "steady RMS heading, mean").verdict == "reached"
+    assert row_of(results | {"gravity_error_deg": 0.0}, "steady RMS heading, mean").verdict == "-"
+
+
+@pytest.mark.parametrize("part", ["fig08", "fig11", "literal", "speed"])
+def test_what_was_not_measured_has_no_row(results: Tables, part: str) -> None:
+    assert len(rows_of(results | {part: None})) < len(rows_of(results))
+
+
+def test_nothing_measured_leaves_an_empty_summary() -> None:
+    assert rows_of({"quick": False}) == {}

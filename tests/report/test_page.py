@@ -1,0 +1,228 @@
+"""The page: offline, escaped, the same bytes; a folder that is not whole is refused in one line."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.report import write_report
+
+Tables = dict[str, Any]
+MakeFolder = Callable[..., Path]
+HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}'
+
+
+def page_of(folder: Path) -> str:
+    return write_report(folder).read_text(encoding="utf-8")
+
+
+def refused(folder: Path) -> str:
+    """Return the message of the refusal, which is one line and leaves no page."""
+    with pytest.raises(SettingsError) as caught:
+        write_report(folder)
+    assert not (folder / "report.html").exists()
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_the_page_asks_for_nothing_and_runs_nothing(results: Tables, reproduce_folder: MakeFolder) -> None:
+    page = page_of(reproduce_folder(results))
+    assert "http:" not in page
+    assert "https:" not in page
+    assert "<script" not in page.lower()
+    assert not re.search(r"\son\w+=", page)
+    assert "default-src 'none'" in page
+    assert set(re.findall(r'(?:href|src)="([#\w:]{1,5})', page)) <= {
+        "#summa"[:5],
+        "#tabl",
+        "#fig0",
+        "#fig1",
+        "#lite",
+        "#prov",
+        "#sing",
+        "#marg",
+    }
+
+
+def test_every_figure_is_on_the_page_and_a_file_of_its_own(results: Tables, reproduce_folder: MakeFolder) -> None:
+    folder = reproduce_folder(results)
+    page = page_of(folder)
+    names = {"fig08", "singular-values", "fig09", "fig10", "margins", "table2", "fig11"}
+    assert page.count("<svg") == len(names)
+    assert {path.stem for path in (folder / "figures").glob("*.svg")} == names
+    ids = re.findall(r' id="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
+
+
+def test_every_reference_inside_a_figure_finds_its_definition(results: Tables, reproduce_folder: MakeFolder) -> None:
+    page = page_of(reproduce_folder(results))
+    ids = set(re.findall(r' id="([^"]+)"', page))
+    assert set(re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', page)) != set()
+    assert {a or b for a, b in re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', page)} <= ids
+
+
+def test_the_same_folder_gives_the_same_bytes(results: Tables, reproduce_folder: MakeFolder) -> None:
+    assert page_of(reproduce_folder(results, "one")) == page_of(reproduce_folder(results, "two"))
+
+
+def test_hostile_text_is_shown_and_does_nothing(results: Tables, reproduce_folder: MakeFolder) -> None:
+    results["command"] = results["git_commit"] = HOSTILE
+    results["versions"] = {HOSTILE: HOSTILE}
+    results["fig05"]["reason"] = results["fig05"]["conditions"] = HOSTILE
+    results["fig08"]["conditions"] = results["fig11"]["conditions"] = HOSTILE
+    results["fig08"]["slopes"][0]["warnings"] = [HOSTILE]
+    results["table1"][0] = dict.fromkeys(("parameter", "paper", "ours"), HOSTILE)
+    results["literal"]["runs"][0]["verdict"] = results["literal"]["runs"][0]["cause"] = HOSTILE
+    results["fig09"][0]["verdict"] = HOSTILE
+    for row in results["table2"]:
+        row["conditions"] = row["paper_label"] = HOSTILE
+        row["verdicts"] = [HOSTILE]
+    page = page_of(reproduce_folder(results))
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "{{ 7*7 }}" in page
+    assert page.count("&lt;script&gt;") >= 15
+
+
+def test_the_captions_say_what_is_shown(results: Tables, reproduce_folder: MakeFolder) -> None:
+    page = " ".join(page_of(reproduce_folder(results)).split())
+    assert "the first 20 s of the paper's 60 s; ours was computed up to 0.50 s" in page
+    assert "28°, seed 0. The band is ±2°." in page
+    assert "-2.68 m/s" in page
+
+
+def test_a_part_that_is_absent_was_not_measured(reproduce_folder: MakeFolder) -> None:
+    page = page_of(reproduce_folder({"quick": False}))
+    assert page.count("Not measured.") == 12
+    assert "<svg" not in page
+
+
+def test_a_quick_run_is_marked(results: Tables, reproduce_folder: MakeFolder) -> None:
+    page = page_of(reproduce_folder(results | {"quick": True}))
+    assert "<strong>Quick run.</strong>" in page
+    assert page.count("quick run: not judged") > 10
+
+
+def test_slopes_that_the_paper_does_not_have_are_drawn(results: Tables, reproduce_folder: MakeFolder) -> None:
+    for rows in (results["table2"], results["fig09"], results["fig10"], results["fig08"]["slopes"]):
+        for row in rows:
+            row["slope_deg"] = 22.5
+    results["table2"][0]["paper_deg"] = None
+    assert "22.5°" in page_of(reproduce_folder(results))
+
+
+def test_runs_that_did_not_end_by_the_clock_are_said_so(results: Tables, reproduce_folder: MakeFolder) -> None:
+    results["table2"][0]["verdicts"] = ["fell", "time_up"]
+    assert "ended: fell, time_up" in page_of(reproduce_folder(results))
+
+
+@pytest.mark.parametrize("name", ["../other", "/etc", "a/b", "..", ".hidden", "a\\b", "", "x" * 200, "turn\n"])
+def test_a_run_that_is_not_a_bare_name_is_refused(results: Tables, reproduce_folder: MakeFolder, name: str) -> None:
+    results["fig09"][0]["run"] = name
+    assert "fig09.0.run" in refused(reproduce_folder(results))
+
+
+def test_a_link_out_of_the_folder_is_refused(results: Tables, reproduce_folder: MakeFolder, run_folder: Path) -> None:
+    folder = reproduce_folder(results)
+    (folder / "runs" / "outside").symlink_to(run_folder, target_is_directory=True)
+    results["fig11"]["run"] = "outside"
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    assert "leads out of" in refused(folder)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "field"),
+    [
+        (("fig09", 0, "rms_heading_deg"), "much", "fig09.0.rms_heading_deg"),
+        (("fig09", 0, "rms_heading_deg"), float("nan"), "fig09.0.rms_heading_deg"),
+        (("fig09", 0, "loop"), "ajar", "fig09.0.loop"),
+        (("table2", 2, "verdicts"), "fell", "table2.2.verdicts"),
+        (("fig08", "poles"), [[1.0]], "fig08.poles.0"),
+        (("fig08", "singular_values"), [], "fig08.singular_values"),
+        (("fig08", "impulse", "t_s"), [0.0], "fig08.impulse"),
+        (("literal", "asked_m_s"), [1.0], "literal.asked_m_s"),
+        (("quick",), "yes", "quick"),
+        (("fig11",), [], "fig11"),
+    ],
+)
+def test_a_mistyped_field_is_named(
+    results: Tables, reproduce_folder: MakeFolder, path: tuple[str | int, ...], value: object, field: str
+) -> None:
+    folder = reproduce_folder(results)
+    inner: Any = results
+    for step in path[:-1]:
+        inner = inner[step]
+    inner[path[-1]] = value
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    assert f"results.json: {field}" in refused(folder)
+
+
+@pytest.mark.parametrize("key", ["rms_heading_deg", "conditions", "slope_deg"])
+def test_a_missing_field_is_named(results: Tables, reproduce_folder: MakeFolder, key: str) -> None:
+    del results["table2"][1][key]
+    assert f"table2.1.{key}: Field required" in refused(reproduce_folder(results))
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        (None, "No such file"),
+        ("", "series.csv"),
+        ("t_s,heading_deg\n", "not a table"),
+        ("t_s,heading_deg\n0,1\n1,2\n", "no column 'estimate_deg'"),
+        ("t_s,heading_deg\n0,1\n1,2,3\n", "not a table"),
+    ],
+)
+def test_a_broken_series_is_named(results: Tables, reproduce_folder: MakeFolder, text: str | None, word: str) -> None:
+    folder = reproduce_folder(results)
+    path = folder / "runs" / "seat-28" / "series.csv"
+    path.unlink()
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    message = refused(folder)
+    assert "seat-28" in message
+    assert word in message
+
+
+def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
+    assert "nothing to report" in refused(tmp_path)
+
+
+def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Path) -> None:
+    page = page_of(run_folder)
+    assert "One run: held (no command)" in page
+    assert "1.234" in page
+    assert "no command for 0.5 s" in page
+    assert "slope_deg" in page
+    assert page.count("<svg") == 1
+    assert "http:" not in page
+
+
+def test_hostile_text_in_one_run_is_escaped(run_folder: Path) -> None:
+    result = json.loads((run_folder / "result.json").read_text(encoding="utf-8"))
+    event = {"t_s": 0.0, "name": HOSTILE, "cause": HOSTILE}
+    (run_folder / "result.json").write_text(
+        json.dumps(result | {"verdict": HOSTILE, "events": [event], HOSTILE: 1.0}), encoding="utf-8"
+    )
+    (run_folder / "manifest.json").write_text(
+        json.dumps({"settings": {HOSTILE: HOSTILE}, "seed": 1, "command": HOSTILE}), encoding="utf-8"
+    )
+    page = page_of(run_folder)
+    assert "<script" not in page
+    assert "<img" not in page
+
+
+@pytest.mark.parametrize("name", ["result.json", "manifest.json"])
+def test_one_run_with_a_broken_file_is_refused(run_folder: Path, name: str) -> None:
+    (run_folder / name).write_text('{"seed": 1}', encoding="utf-8")
+    assert f"{name}: " in refused(run_folder)
+
+
+def test_one_run_without_a_manifest_is_refused(run_folder: Path) -> None:
+    (run_folder / "manifest.json").unlink()
+    assert "no such file" in refused(run_folder)
