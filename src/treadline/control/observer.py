@@ -13,6 +13,9 @@ from treadline.control.lqr import spectral_radius
 from treadline.errors import NotDetectable
 from treadline.models import LinearModel
 
+DISTURBANCE_LIMIT = 0.2
+"""A belt difference [m/s] beyond it is no mismatch: turning on a 30° stair teaches 0.15, a chair that is held more and more."""
+
 
 def kalman_gain(
     A: Float[np.ndarray, "n n"],
@@ -103,4 +106,5 @@ class Observer:
         innovation = y - model.output_offset - model.C @ self.state - model.D @ acting
         self.state = model.A @ self.state + model.B @ acting + self._gain @ innovation
         if learn and self._disturbance_gain is not None:
-            self.disturbance += float(self._disturbance_gain @ innovation)
+            learned = self.disturbance + float(self._disturbance_gain @ innovation)
+            self.disturbance = min(max(learned, -DISTURBANCE_LIMIT), DISTURBANCE_LIMIT)
