@@ -78,13 +78,13 @@ def _row(
     if value is None or not known:
         return replace(row, verdict="missed")
     gap = target - value if at_least else value - target
-    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {_written(gap, unit)}")
+    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {_written(gap, unit, 2)}")
 
 
-def _written(value: float, unit: str) -> str:
-    """Return a value with three digits, a length to the millimetre: what is below is not a result."""
-    digits = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
-    return digits + _unit(unit)
+def _written(value: float, unit: str, digits: int = 3) -> str:
+    """Return a value with so many digits, a length to the millimetre: what is below is not a result."""
+    text = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.{digits}g}"
+    return text + _unit(unit)
 
 
 def _unit(unit: str) -> str:
@@ -153,7 +153,7 @@ def _roll_back_allowed(cells: Sequence[Cell]) -> list[Comparison]:
 def _turn(cells: Sequence[Cell]) -> list[Comparison]:
     slope = cells[0].slope_deg
     back, settle = TURN_TARGETS.get(int(slope), (None, None)) if slope.is_integer() else (None, None)
-    starts = _listed(sorted({cell.start_heading_deg for cell in cells}))
+    starts = ", ".join(f"{start:+g}°" for start in sorted({cell.start_heading_deg for cell in cells}, reverse=True))
     conditions = f"climb-safe, worst of starts at {starts}; {cells[0].conditions}"
     times = [cell.settle_s for cell in cells if cell.settle_s is not None]
     return [

@@ -51,12 +51,12 @@ def svg_of(figure: Figure) -> str:
 
 
 def _figure(width_in: float, height_in: float, rows: int, columns: int) -> tuple[Figure, list[Axes]]:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width_in, height_in), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False)
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     return figure, list(axes.ravel())
 
 
+@mpl.rc_context(STYLE)
 def impulse(ours: Impulse) -> Figure:
     """Return Fig. 8: impulse responses of our model over those of Eq. (12)."""
     figure, axes = _figure(8.0, 4.6, 2, 2)
@@ -87,6 +87,7 @@ def _printed_impulse(steps: int) -> Float[np.ndarray, "steps p m"]:
     return response
 
 
+@mpl.rc_context(STYLE)
 def singular_values(slopes: Sequence[Identified]) -> Figure:
     """Return the singular values of the Hankel matrix, one line per slope."""
     figure, (ax,) = _figure(5.2, 2.8, 1, 1)
@@ -109,6 +110,7 @@ def _colour(slope_deg: float) -> str:
     return BY_SLOPE.get(int(slope_deg), GREY) if slope_deg.is_integer() else GREY
 
 
+@mpl.rc_context(STYLE)
 def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
     """Return Fig. 9: heading and lateral place over time, open against closed loop."""
     figure, axes = _figure(8.0, 3.2, 1, 2)
@@ -125,6 +127,7 @@ def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
     return figure
 
 
+@mpl.rc_context(STYLE)
 def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     """Return Fig. 10: heading from two starts, and what the belts and the place did."""
     figure, axes = _figure(8.0, 5.0, 2, 2)
@@ -152,6 +155,7 @@ def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     return figure
 
 
+@mpl.rc_context(STYLE)
 def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
     """Return Table II as bars: the paper's, ours, and ours with roll-back allowed."""
     figure, axes = _figure(8.0, 3.0, 1, 2)
@@ -179,6 +183,7 @@ def _or_gap(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
+@mpl.rc_context(STYLE)
 def seat(series: Series) -> Figure:
     """Return Fig. 11: the seat's pitch from the flight's slope to level."""
     figure, axes = _figure(8.0, 2.8, 1, 2)
@@ -194,6 +199,7 @@ def seat(series: Series) -> Figure:
     return figure
 
 
+@mpl.rc_context(STYLE)
 def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     """Return what the paper does not show: share of friction used and the tipping margin."""
     figure, axes = _figure(8.0, 2.8, 1, 2)
@@ -211,6 +217,7 @@ def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     return figure
 
 
+@mpl.rc_context(STYLE)
 def single_run(series: Series) -> Figure:
     """Return one run: heading, belts, place and seat."""
     figure, axes = _figure(8.0, 5.0, 2, 2)

@@ -182,4 +182,4 @@ def _stages(folder: Path) -> list[tuple[str, str]]:
 
 
 def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
-    return "–" if value is None else f"{value:.{digits}f}{unit}"
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}{unit}"

@@ -217,10 +217,10 @@ class RunResult(Part):
     events: list[Happening] = []
 
     @property
-    def figures(self) -> dict[str, float]:
-        """All its numbers."""
+    def figures(self) -> dict[str, float | None]:
+        """All its numbers; None is one that the run did not come to."""
         extra = self.model_extra or {}
-        return {name: value for name, value in extra.items() if isinstance(value, int | float) and not isinstance(value, bool)}
+        return {name: value for name, value in extra.items() if value is None or type(value) in (int, float)}
 
 
 class Manifest(Part):
