@@ -27,12 +27,13 @@ def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps
 def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
     """Return the outputs of a free run from a state."""
     v = u - model.input_offset
+    drive = v @ model.B.T
     x = x0
-    y = np.empty((len(u), model.C.shape[0]))
+    states = np.empty((len(u), model.order))
     for k in range(len(u)):
-        y[k] = model.C @ x + model.D @ v[k]
-        x = model.A @ x + model.B @ v[k]
-    return y + model.output_offset
+        states[k] = x
+        x = model.A @ x + drive[k]
+    return states @ model.C.T + v @ model.D.T + model.output_offset
 
 
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
