@@ -2,6 +2,8 @@
 
 import re
 from dataclasses import dataclass
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 import pytest
@@ -109,6 +111,10 @@ def test_every_command_on_the_map_is_one_of_ours() -> None:
         program, word = row.command.split()[:2]
         assert word in (targets if program == "make" else verbs), row.command
         assert program in ("make", "treadline")
+        if program == "treadline":
+            known = signature(getattr(import_module(f"treadline.cli.{word}"), word)).parameters
+            options = [option.replace("-", "_") for option in re.findall(r"--([\w-]+)", row.command)]
+            assert [option for option in options if option not in known] == [], row.command
 
 
 def test_every_paper_line_of_the_source_is_on_the_map() -> None:

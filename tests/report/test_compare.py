@@ -95,7 +95,19 @@ def test_steady_targets_are_for_half_a_degree_of_gravity_error(results: Tables) 
     assert row_of(results | {"gravity_error_deg": 0.0}, "steady RMS heading, mean").verdict == "-"
 
 
-@pytest.mark.parametrize("part", ["fig08", "fig11", "literal", "speed"])
+def test_what_the_recipe_asks_stands_beside_what_a_track_can_do(results: Tables) -> None:
+    row = row_of(results, "Eq. (11b), (12), (14)")
+    assert (row.ours, row.paper, row.verdict) == ("-2.68 m/s", "at most 1 m/s (Table I)", "-")
+
+
+def test_the_printed_heading_stands_beside_the_one_that_drives(results: Tables) -> None:
+    row = row_of(results, "Fig. 5: heading seen of 10.00°")
+    assert (row.ours, row.paper) == ("10.00°", "107.90° (as printed)")
+    results["fig05"]["robust_heading_deg"] = None
+    assert row_of(results, "Fig. 5").ours == "none"
+
+
+@pytest.mark.parametrize("part", ["fig05", "fig08", "fig11", "literal", "speed"])
 def test_what_was_not_measured_has_no_row(results: Tables, part: str) -> None:
     assert len(rows_of(results | {part: None})) < len(rows_of(results))
 

@@ -41,6 +41,7 @@ def comparisons(results: Results) -> list[Comparison]:
     """
     rows = [
         *_recipe(results),
+        *_sight(results),
         *_table_two(results),
         *_straight(results.fig09),
         *(row for item in (results.fig08.slopes if results.fig08 else ()) for row in _identified(item)),
@@ -96,9 +97,35 @@ def _recipe(results: Results) -> list[Comparison]:
         return []
     gap = results.literal.max_gap_to_print
     where = "from the printed A, B, Q, R"
+    asked = max(results.literal.asked_m_s, key=abs)
     return [
-        _row("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False)
+        _row("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False),
+        Comparison(
+            what="Eq. (11b), (12), (14): track speed asked at 30°",
+            ours=f"{asked:.2f} m/s",
+            paper=f"at most {results.literal.max_speed_m_s:g} m/s (Table I)",
+            conditions="from the printed matrices, chair at rest",
+        ),
     ]
+
+
+def _sight(results: Results) -> list[Comparison]:
+    seen = results.fig05
+    if seen is None:
+        return []
+    robust, printed = (_degrees(angle) for angle in (seen.robust_heading_deg, seen.heading_deg))
+    return [
+        Comparison(
+            what=f"Fig. 5: heading seen of {seen.true_heading_deg:.2f}°",
+            ours=robust,
+            paper=f"{printed} (as printed)",
+            conditions=f"one frame; {seen.conditions}",
+        )
+    ]
+
+
+def _degrees(angle_deg: float | None) -> str:
+    return "none" if angle_deg is None else f"{angle_deg:.2f}°"
 
 
 def _table_two(results: Results) -> list[Comparison]:
