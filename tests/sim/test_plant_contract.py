@@ -1,6 +1,8 @@
 """The plant keeps its promises as a port: determinism, order, sensors apart, divergence found."""
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,10 +128,39 @@ def test_a_gyro_at_rest_has_the_bias_and_noise_of_its_data_sheet() -> None:
     assert np.abs(rates.mean(axis=0)).max() < 0.085 * DEG
 
 
-def test_a_state_that_is_not_finite_is_divergence() -> None:
-    plant = started()
+def lost_number(plant: MujocoPlant) -> None:
     plant._data.qvel[0] = math.nan
-    with pytest.raises(SimulationDiverged, match=r"MuJoCo warned|not finite"):
+
+
+def out_of_the_world(plant: MujocoPlant) -> None:
+    plant._data.qpos[2] = math.inf
+
+
+def other_clock(plant: MujocoPlant) -> None:
+    plant._model.opt.timestep = 0.004
+
+
+def too_fast(plant: MujocoPlant) -> None:
+    plant._data.qvel[0] = 1e12
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        (lost_number, r"not finite at 0\.00…0\.10 s"),
+        (out_of_the_world, r"not finite at 0\.00…0\.10 s"),
+        (other_clock, r"time went from 0\.000 s to 0\.200 s"),
+        (too_fast, r"MuJoCo warned of mjWARN_\w+ at 0\.00…0\.10 s"),
+    ],
+    ids=["a NaN", "an infinite height", "time at double pace", "light speed"],
+)
+def test_a_simulator_that_left_physics_gives_no_result(
+    fault: Callable[[MujocoPlant], None], message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log of its warnings where it stands
+    plant = started()
+    fault(plant)
+    with pytest.raises(SimulationDiverged, match=message):
         plant.advance(0.1)
 
 
