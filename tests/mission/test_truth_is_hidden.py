@@ -83,7 +83,7 @@ def test_the_same_samples_without_any_truth_give_the_same_commands_bit_for_bit()
     replay = Replay(recording.batches)
     drive(replay, config, 300)
     assert replay.written == recording.written
-    assert len({tracks.right_m_s for tracks, _ in replay.written}) > 3  # it did steer
+    assert len({round(tracks.left_m_s, 3) for tracks, _ in replay.written}) > 3  # it did steer
 
 
 def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -220,7 +220,11 @@ class RunResult(Part):
     def figures(self) -> dict[str, float | None]:
         """All its numbers; None is one that the run did not come to."""
         extra = self.model_extra or {}
-        return {name: value for name, value in extra.items() if value is None or type(value) in (int, float)}
+        return {
+            name: None if value is None else float(value)
+            for name, value in extra.items()
+            if value is None or type(value) in (int, float)
+        }
 
 
 class Manifest(Part):

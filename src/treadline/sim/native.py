@@ -49,6 +49,12 @@ def _library() -> str:
 def load_library() -> None:
     """Make MuJoCo's C functions known by name to compiled code."""
     binding.load_library_permanently(_library())
+    # MuJoCo would write warnings to a file in the user's folder; the plant counts them and raises.
+    mujoco.set_mju_user_warning(_no_file)
+
+
+def _no_file(message: str) -> None:
+    del message
 
 
 @cache
