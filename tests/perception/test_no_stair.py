@@ -74,6 +74,21 @@ def test_a_wall_at_the_landing_yields_no_heading(askew_deg: float, knows_down: b
                 assert_refused(ROBUST.look(frame, down if knows_down else None))
 
 
+@pytest.mark.parametrize("askew_deg", [-15.0, 0.0, 5.0])
+@pytest.mark.parametrize("gap_m", [0.2, 0.3, 0.4])
+def test_a_bench_before_a_wall_yields_no_heading(gap_m: float, askew_deg: float) -> None:
+    behind, down = room(10, 30.0 * DEG, [FLOOR, wall(2.0, askew_deg * DEG)])
+    front, _ = room(11, 30.0 * DEG, [FLOOR, wall(2.0 - gap_m, askew_deg * DEG)])
+    v = (np.arange(CAMERA.height_px)[:, None] - CAMERA.cy_px) / CAMERA.fy_px
+    u = (np.arange(CAMERA.width_px)[None, :] - CAMERA.cx_px) / CAMERA.fx_px
+    below_m = (down[0] * u + down[1] * v + down[2]) * front.depth_m
+    for height_m in (0.2, 0.3, 0.6):
+        depth = np.where(below_m > FLOOR[1] - height_m, front.depth_m, behind.depth_m)
+        # Two upright faces a step's run apart, as of a stair; but one is taller than any riser.
+        assert_refused(ROBUST.look(replace(front, depth_m=depth), down))
+        assert_refused(ROBUST.look(replace(front, depth_m=depth), None))
+
+
 def test_no_depth_at_all_yields_no_heading() -> None:
     frame, down = room(2, 40.0 * DEG, [FLOOR])
     for value in (np.nan, 0.0, np.inf, -1.0, 100.0):

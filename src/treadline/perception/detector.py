@@ -37,7 +37,7 @@ class StairDetector:
         """Return the heading seen in a frame, or None.
 
         Args:
-            gravity_C: Unit vector that points down, in the camera's frame; the robust method needs it.
+            gravity_C: Unit vector that points down, in the camera's frame; without it the robust method takes it from the treads.
         """
         sight = self.look(frame, gravity_C)
         if sight.heading_rad is None or sight.sigma_rad is None:

@@ -4,7 +4,8 @@ Every tread and every riser contains the direction of the stair's edges: it is t
 their normals. Gravity sorts surfaces into treads and risers, a vote finds the risers' azimuth, surfaces are joined
 across the image (their baseline is the stair's width), and the direction is the weighted null direction of all normals.
 The heading follows from it in the chair's frame. A frame is refused, with the reason, unless two parallel risers a
-step apart are seen: a wall alone is no stair. Without gravity the treads tell down, and more of a stair must be seen.
+step apart are seen, neither taller than a step: walls are no stair. Without gravity the treads tell down, and more of a
+stair must be seen.
 """
 
 import itertools
@@ -67,7 +68,7 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> 
         return refused("no riser faces the camera")
     facing = np.cos(voted) * axes.ahead + np.sin(voted) * axes.right
     risers = joined(blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS)
-    risers = [surface for surface in risers if _turned_from(surface, facing) < RISER_SPREAD]
+    risers = [surface for surface in risers if _is_riser(surface, blocks, facing, axes.down)]
     risers = _flight(risers)
     pairs = _steps([surface.level for surface in risers], STEP_RUN_M)
     if not pairs:
@@ -138,6 +139,12 @@ def _flight(risers: list[Surface]) -> list[Surface]:
     ends = [0, *(np.flatnonzero(np.diff(levels) > STEP_RUN_M[1]) + 1), len(risers)]
     rows = [risers[first:last] for first, last in itertools.pairwise(ends)]
     return max(rows, key=lambda row: sum(surface.blocks.size for surface in row))
+
+
+def _is_riser(surface: Surface, blocks: Blocks, facing: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> bool:
+    """Return whether a surface faces the way the vote says and is no taller than a step: walls are."""
+    tall = float(np.ptp(blocks.centres[surface.blocks] @ down))
+    return _turned_from(surface, facing) < RISER_SPREAD and tall < STEP_RISE_M[1]
 
 
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
