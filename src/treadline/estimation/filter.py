@@ -149,6 +149,8 @@ class HeadingFilter:
             # What the gyro turned is taken out, so that a turning chair's measurements can agree.
             if self._refused.agree(seen.t_s, wrap(heading - self._turned)):
                 self._take(heading, variance, seen.t_s)
+                # A gyro that went this far off in that time may go on doing so: its bias is to be learned anew.
+                self._P[1, 1] += (innovation / self._config.reacquisition.for_s) ** 2
             return
         self._refused.clear()
         gain = self._P[:, 0] / spread
