@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from treadline.report.compare import Comparison, comparisons
+from treadline.report.compare import comparisons
+from treadline.report.comparison import Comparison
 from treadline.report.results import Results
 
 Tables = dict[str, Any]
@@ -52,7 +53,7 @@ def test_one_run_that_never_settles_misses_its_row(results: Tables) -> None:
 
 def test_the_worst_of_both_starts_is_judged(results: Tables) -> None:
     results["table2"][4]["roll_back_m"] = 0.05
-    assert row_of(results, "roll-back at 28°").verdict == "missed by 0.030 m"
+    assert row_of(results, "roll-back at 28°").verdict == "missed by 0.03 m"
     assert row_of(results, "roll-back at 25°").verdict == "reached"
 
 

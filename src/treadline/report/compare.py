@@ -1,15 +1,15 @@
 """Ours, the paper's, the target and a verdict: computed from the results, never written by hand."""
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from treadline import paper
+from treadline.report.comparison import NO_TARGET, Comparison, judged
 from treadline.report.results import Cell, Identified, Results, Straight
 
-REACHED, NO_TARGET, QUICK = "reached", "-", "quick run: not judged"
+QUICK = "quick run: not judged"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
 TURN_TARGETS = {25: (0.02, 4.0), 28: (0.02, 5.0), 30: (0.2, 7.0)}
 """By slope [deg]: largest roll-back [m], time to settle [s]."""
@@ -17,21 +17,6 @@ MODEL_TARGETS = {25: (20.0, 85.0, 0.6), 28: (20.0, 80.0, 0.7), 30: (12.0, 62.0, 
 """By slope [deg]: σ₂/σ₃, VAF of the yaw rate [%], RMSE of the heading five seconds ahead [deg]."""
 TILT_DEG = 0.5
 """Gravity error of the IMU for which the steady targets are set."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
-    """One row of the summary."""
-
-    what: str
-    ours: str
-    paper: str = "–"
-    target: str = "–"
-    verdict: str = NO_TARGET
-    """``reached``, ``missed by …``, ``-`` where there is no target, or that a quick run judges nothing."""
-    conditions: str = ""
-    from_runs: bool = True
-    """Whether a shortened run changes what is measured."""
 
 
 def comparisons(results: Results) -> list[Comparison]:
@@ -53,45 +38,6 @@ def comparisons(results: Results) -> list[Comparison]:
     return [replace(row, verdict=QUICK) if row.from_runs and row.verdict != NO_TARGET else row for row in rows]
 
 
-def _row(
-    what: str,
-    value: float | None,
-    unit: str,
-    *,
-    target: float | None,
-    at_least: bool = False,
-    printed: str = "–",
-    conditions: str = "",
-    from_runs: bool = True,
-) -> Comparison:
-    """Return a row whose verdict follows from value and target; no value misses every target."""
-    known = value is not None and math.isfinite(value)
-    row = Comparison(
-        what=what,
-        ours=_written(value, unit) if value is not None and known else "none",
-        paper=printed,
-        conditions=conditions,
-        from_runs=from_runs,
-    )
-    if target is None:
-        return row
-    row = replace(row, target=f"{'≥' if at_least else '≤'} {target:g}{_unit(unit)}")
-    if value is None or not known:
-        return replace(row, verdict="missed")
-    gap = target - value if at_least else value - target
-    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {_written(gap, unit, 2)}")
-
-
-def _written(value: float, unit: str, digits: int = 3) -> str:
-    """Return a value with so many digits, a length to the millimetre: what is below is not a result."""
-    text = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.{digits}g}"
-    return text + _unit(unit)
-
-
-def _unit(unit: str) -> str:
-    return unit if unit in ("", "°") else f" {unit}"
-
-
 def _recipe(results: Results) -> list[Comparison]:
     if results.literal is None:
         return []
@@ -99,7 +45,7 @@ def _recipe(results: Results) -> list[Comparison]:
     where = "from the printed A, B, Q, R"
     asked = max(results.literal.asked_m_s, key=abs)
     return [
-        _row("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False),
+        judged("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False),
         Comparison(
             what="Eq. (11b), (12), (14): track speed asked at 30°",
             ours=f"{asked:.2f} m/s",
@@ -150,7 +96,7 @@ def _mean(cells: Sequence[Cell], of: Callable[[Cell], float]) -> float:
 def _average(cells: Sequence[Cell], start_deg: float) -> Comparison:
     whole = {cell.slope_deg for cell in cells} == TABLE_SLOPES and abs(start_deg) == 30.0
     printed = paper.TABLE_II_AVERAGE.get(int(start_deg)) if whole else None
-    return _row(
+    return judged(
         f"Table II: RMS heading from {start_deg:+g}°, average of {_listed(_slopes(cells))}",
         _mean(cells, lambda cell: cell.rms_heading_deg),
         "°",
@@ -166,7 +112,7 @@ def _roll_back_allowed(cells: Sequence[Cell]) -> list[Comparison]:
     whole = set(_slopes(cells)) == TABLE_SLOPES
     yaw, back = _mean(cells, lambda cell: cell.rms_yaw_deg), max(cell.roll_back_m for cell in cells)
     return [
-        _row(
+        judged(
             f"Table II with roll-back allowed: average of {_listed(_slopes(cells))}",
             _mean(cells, lambda cell: cell.rms_heading_deg),
             "°",
@@ -184,8 +130,8 @@ def _turn(cells: Sequence[Cell]) -> list[Comparison]:
     conditions = f"climb-safe, worst of starts at {starts}; {cells[0].conditions}"
     times = [cell.settle_s for cell in cells if cell.settle_s is not None]
     return [
-        _row(f"roll-back at {slope:g}°", max(cell.roll_back_m for cell in cells), "m", target=back, conditions=conditions),
-        _row(
+        judged(f"roll-back at {slope:g}°", max(cell.roll_back_m for cell in cells), "m", target=back, conditions=conditions),
+        judged(
             f"settling to ±2° at {slope:g}°",
             max(times) if len(times) == len(cells) else None,
             "s",
@@ -202,10 +148,10 @@ def _steady(cells: Sequence[Cell], tilt_deg: float) -> list[Comparison]:
     if not means or not worst:
         return []
     conditions = f"t > 20 s, {tilt_deg:g}° of gravity error in the IMU"
-    judged = tilt_deg == TILT_DEG
+    meant = tilt_deg == TILT_DEG
     return [
-        _row("steady RMS heading, mean", float(np.mean(means)), "°", target=0.12 if judged else None, conditions=conditions),
-        _row("steady RMS heading, worst run", max(worst), "°", target=0.2 if judged else None, conditions=conditions),
+        judged("steady RMS heading, mean", float(np.mean(means)), "°", target=0.12 if meant else None, conditions=conditions),
+        judged("steady RMS heading, worst run", max(worst), "°", target=0.2 if meant else None, conditions=conditions),
     ]
 
 
@@ -216,8 +162,8 @@ def _straight(runs: Sequence[Straight]) -> list[Comparison]:
         conditions = f"{_span(closed)}, worst of {_listed([run.slope_deg for run in closed])}"
         rms, aside = max(run.rms_heading_deg for run in closed), max(run.lateral_m for run in closed)
         made += [
-            _row("Fig. 9: closed loop, RMS heading", rms, "°", target=0.15, printed="near zero", conditions=conditions),
-            _row("Fig. 9: closed loop, lateral drift", aside, "m", target=0.15, conditions=conditions),
+            judged("Fig. 9: closed loop, RMS heading", rms, "°", target=0.15, printed="near zero", conditions=conditions),
+            judged("Fig. 9: closed loop, lateral drift", aside, "m", target=0.15, conditions=conditions),
         ]
     if opened:
         final, largest = (
@@ -244,9 +190,9 @@ def _identified(item: Identified) -> list[Comparison]:
     gap, vaf, ahead = MODEL_TARGETS.get(int(slope), none) if slope.is_integer() else none
     ratio, share = item.sigma2_over_sigma3, item.yaw_rate_vaf_percent
     return [
-        _row(f"Fig. 8: σ₂/σ₃ at {slope:g}°", ratio, "", target=gap, at_least=True, printed="rank 2", conditions=where),
-        _row(f"yaw rate one step ahead at {slope:g}°, VAF", share, "%", target=vaf, at_least=True, conditions=where),
-        _row(f"heading five seconds ahead at {slope:g}°, RMSE", item.heading_5s_rmse_deg, "°", target=ahead, conditions=where),
+        judged(f"Fig. 8: σ₂/σ₃ at {slope:g}°", ratio, "", target=gap, at_least=True, printed="rank 2", conditions=where),
+        judged(f"yaw rate one step ahead at {slope:g}°, VAF", share, "%", target=vaf, at_least=True, conditions=where),
+        judged(f"heading five seconds ahead at {slope:g}°, RMSE", item.heading_5s_rmse_deg, "°", target=ahead, conditions=where),
     ]
 
 
@@ -254,14 +200,14 @@ def _seat(results: Results) -> list[Comparison]:
     if results.fig11 is None:
         return []
     error, where = abs(results.fig11.steady_error_deg), results.fig11.conditions
-    return [_row("Fig. 11: steady seat error", error, "°", target=None, printed="about 0°", conditions=where)]
+    return [judged("Fig. 11: steady seat error", error, "°", target=None, printed="about 0°", conditions=where)]
 
 
 def _speed(results: Results) -> list[Comparison]:
     made = []
     if results.speed is not None:
         made += [
-            _row(
+            judged(
                 "physics alone, simulated over CPU seconds",
                 results.speed.physics_real_time_factor,
                 "×",
@@ -270,7 +216,7 @@ def _speed(results: Results) -> list[Comparison]:
                 conditions="one core, median of five spans of 10 s, 28°",
                 from_runs=False,
             ),
-            _row(
+            judged(
                 "camera, vision, fusion, control and physics, CPU per simulated second",
                 results.speed.loop_cpu_s_per_s,
                 "s",
@@ -282,7 +228,7 @@ def _speed(results: Results) -> list[Comparison]:
     if results.wall_s is not None:
         limit, what = (60.0, "reproduce --quick") if results.quick else (300.0, "reproduce")
         made.append(
-            _row(f"{what}, wall clock", results.wall_s, "s", target=limit, conditions="after installation", from_runs=False)
+            judged(f"{what}, wall clock", results.wall_s, "s", target=limit, conditions="after installation", from_runs=False)
         )
     return made
 

@@ -13,14 +13,15 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from treadline.angles import DEG
-from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.chair import read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.tracks import minimum_track_length, outline, pulley_centres
 from treadline.models import write_whole
 from treadline.paper import FIG11_SLOPE_DEG
+from treadline.report.chair_sketch import draw_camera, draw_chair, draw_payload, name_linkage
 from treadline.report.diagrams import nodes, scheme
 from treadline.report.figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
-from treadline.report.pen import AMBER, INK, STEEL, STONE, WHITE, Pen, Point, sheet, turned
+from treadline.report.pen import AMBER, INK, STEEL, STONE, Pen, Point, pair, sheet, turned
 
 RUN_M = 0.30
 SLOPE_RAD = FIG11_SLOPE_DEG * DEG
@@ -33,9 +34,9 @@ def chair() -> Figure:
     machine = read_chair("wheelchair")
     tracks = machine.tracks
     pen.line([(-0.9, 0.0), (1.1, 0.0)], GREY)
-    _draw_chair(pen, machine, 0.0, 0.0)
-    _payload(pen, machine)
-    _camera(pen, machine)
+    draw_chair(pen, machine, 0.0, 0.0)
+    draw_payload(pen, machine)
+    draw_camera(pen, machine)
     rear, front, nose = (tuple(centre) for centre in pulley_centres(tracks).tolist())
     pen.dimension((rear[0], 0.0), (front[0], 0.0), f"flat run {tracks.flat_run_m:g} m", -0.1)
     pen.line([front, (front[0] + 0.40, front[1])], BLUE, 0.8, ":")
@@ -90,7 +91,7 @@ def seat() -> Figure:
     cases = ((SLOPE_RAD, "(a) seat horizontal"), (0.0, "(b) seat inclined with the chassis"))
     for pen, (angle, words) in zip(panels, cases, strict=True):
         pen.frame((-0.64, 0.84), (-0.50, 1.0))
-        _draw_chair(pen, machine, angle, SLOPE_RAD)
+        draw_chair(pen, machine, angle, SLOPE_RAD)
         stroke = linkage.stroke(angle)
         pen.text((0.12, -0.36), f"{words}\nstroke {round(100 * stroke, 1) + 0.0} cm", size=10.0)
         hinge = turned([(machine.seat.hinge_m[0], machine.seat.hinge_m[2])], SLOPE_RAD)[0]
@@ -99,7 +100,7 @@ def seat() -> Figure:
         if angle == 0.0:
             pen.angle(start, 0.33, 0.0, FIG11_SLOPE_DEG, f"{FIG11_SLOPE_DEG:g}°")
         else:
-            _linkage_names(pen, machine, stroke)
+            name_linkage(pen, machine, SLOPE_RAD)
     return figure
 
 
@@ -128,17 +129,17 @@ def heading() -> Figure:
         foot = point - ahead * float((point - camera) @ ahead)
         pen.line(np.array([foot, point]), GREEN, 1.0, "--")
     pen.line(np.array([-across, across]) * 0.95 + camera, GREEN, 0.8, ":")
-    pen.text(_pair(p1 - ahead * 0.42), "D₁", colour=GREEN)
-    pen.text(_pair(p2 - ahead * 0.36), "D₂", colour=GREEN)
-    pen.dimension(_pair(p1), _pair(corner), "ΔX")
-    pen.arrow(_pair(corner), _pair(p2), RED, "<|-|>")
-    pen.text(_pair(0.5 * (corner + p2) + across * 0.14), "ΔD", colour=RED)
+    pen.text(pair(p1 - ahead * 0.42), "D₁", colour=GREEN)
+    pen.text(pair(p2 - ahead * 0.36), "D₂", colour=GREEN)
+    pen.dimension(pair(p1), pair(corner), "ΔX")
+    pen.arrow(pair(corner), pair(p2), RED, "<|-|>")
+    pen.text(pair(0.5 * (corner + p2) + across * 0.14), "ΔD", colour=RED)
     for point, name, shift in ((p1, "P₁", (-0.09, 0.08)), (p2, "P₂", (0.10, -0.09))):
-        pen.disc(_pair(point), 0.025, INK)
+        pen.disc(pair(point), 0.025, INK)
         pen.text((float(point[0]) + shift[0], float(point[1]) + shift[1]), name)
-    pen.angle(_pair(p1), 0.42, 0.0, 25.0, "θ", AMBER)
+    pen.angle(pair(p1), 0.42, 0.0, 25.0, "θ", AMBER)
     pen.disc(camera, 0.05, INK)
-    pen.arrow(camera, _pair(np.array(camera) + ahead * 0.5), INK)
+    pen.arrow(camera, pair(np.array(camera) + ahead * 0.5), INK)
     pen.line([camera, (0.0, 0.2)], ORANGE, 1.0, ":")
     pen.angle(camera, 0.36, 90.0, 115.0, "θ", AMBER)
     pen.pointer((0.42, -0.62), (0.04, -0.37), "camera", "left")
@@ -160,85 +161,7 @@ def _steps(pen: Pen, count: int, rise: float) -> None:
 
 
 def _place(point: Point | Float[np.ndarray, " 2"], origin: Float[np.ndarray, " 2"]) -> Point:
-    return _pair(turned([(float(point[0]), float(point[1]))], SLOPE_RAD)[0] + origin)
-
-
-def _pair(point: Float[np.ndarray, " 2"]) -> Point:
-    return float(point[0]), float(point[1])
-
-
-def _draw_chair(pen: Pen, machine: ChairDescription, seat_angle_rad: float, pitch_rad: float) -> None:
-    """Draw belts, chassis, linkage and seat, turned by the chair's pitch about B's origin."""
-    tracks, masses, parts = machine.tracks, machine.masses, machine.seat
-    pen.area(turned(outline(tracks), pitch_rad), "#f1f1f1", INK, 2.6)
-    for centre in pulley_centres(tracks).tolist():
-        at = _pair(turned([tuple(centre)], pitch_rad)[0])
-        pen.disc(at, 0.93 * tracks.pulley_radius_m, STEEL)
-        pen.disc(at, 0.015, INK)
-    (x, _, z), (length, _, height) = masses.chassis_com_m, masses.chassis_size_m
-    hull = [
-        (x - length / 2, z - height / 2),
-        (x + length / 2, z - height / 2),
-        (x + length / 2, z + height / 2),
-        (x - length / 2, z + height / 2),
-    ]
-    pen.area(turned(hull, pitch_rad), "#c9d3dc99", INK, 1.0)
-    hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
-    pin = hinge + parts.arm_m * np.array([math.cos(seat_angle_rad), -math.sin(seat_angle_rad)])
-    slider = hinge - np.array([SeatLinkage(parts).stroke(seat_angle_rad), parts.slider_drop_m])
-    margin = np.array([0.05, 0.0])
-    rail = [hinge - np.array([stroke, parts.slider_drop_m]) for stroke in parts.stroke_m]
-    pen.line(turned(np.array([rail[0] + margin, rail[1] - margin]), pitch_rad), GREY, 4.0)
-    pen.line(turned(np.array([rail[1] - 6.0 * margin, slider]), pitch_rad), GREEN, 2.4)
-    pen.line(turned(np.array([slider, pin]), pitch_rad), RED, 2.6)
-    for point in (slider, pin, hinge):
-        pen.disc(_pair(turned(np.array([point]), pitch_rad)[0]), 0.017, WHITE)
-    chair_seat = np.array([(-0.24, 0.62), (-0.19, 0.05), (0.34, 0.05)]) + hinge
-    upright = turned(turned(chair_seat, -seat_angle_rad, _pair(hinge)), pitch_rad)
-    pen.line(upright, BLUE, 4.0)
-    pen.line(turned(np.array([hinge, pin]), pitch_rad), BLUE, 2.4)
-
-
-def _payload(pen: Pen, machine: ChairDescription) -> None:
-    hinge, offset, size = machine.seat.hinge_m, machine.seat.payload_com_m, machine.seat.payload_size_m
-    x, z = hinge[0] + offset[0], hinge[2] + offset[2]
-    corners = [
-        (x - size[0] / 2, z - size[2] / 2),
-        (x + size[0] / 2, z - size[2] / 2),
-        (x + size[0] / 2, z + size[2] / 2),
-        (x - size[0] / 2, z + size[2] / 2),
-    ]
-    pen.line([*corners, corners[0]], ORANGE, 1.2, "--")
-    pen.disc((x, z), 0.022, ORANGE, ORANGE)
-    pen.text((x, z + 0.16), "payload\n50 kg", size=9.5, colour=AMBER)
-
-
-def _camera(pen: Pen, machine: ChairDescription) -> None:
-    x, _, z = machine.camera.position_m
-    pen.line([(x, 0.295), (x, z)], INK, 2.0)
-    case = [(-0.05, -0.025), (0.05, -0.025), (0.05, 0.025), (-0.05, 0.025)]
-    pitch = -machine.camera.pitch_deg * DEG
-    pen.area(turned(case, pitch) + np.array([x, z]), INK)
-    for edge in (-22.5, 22.5):
-        direction = pitch + edge * DEG
-        pen.line([(x, z), (x + 0.62 * math.cos(direction), z + 0.62 * math.sin(direction))], GREEN, 0.8, "--")
-    pen.text((x + 0.10, z + 0.12), f"RGB-D camera,\n{machine.camera.pitch_deg:g}° down", size=9.0, colour=GREEN, align="left")
-
-
-def _linkage_names(pen: Pen, machine: ChairDescription, stroke_m: float) -> None:
-    parts = machine.seat
-    hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
-    slider = hinge - np.array([stroke_m, parts.slider_drop_m])
-    pin = hinge + parts.arm_m * np.array([math.cos(SLOPE_RAD), -math.sin(SLOPE_RAD)])
-    named = (
-        (hinge, (-0.40, 0.52), "hinge", "right"),
-        (0.5 * (slider + pin), (0.46, -0.03), "bar", "left"),
-        (slider - np.array([0.01, 0.0]), (0.20, -0.15), "slider", "left"),
-        (slider - np.array([0.16, 0.0]), (-0.40, 0.26), "actuator", "right"),
-        (pin, (0.64, 0.40), "pin", "left"),
-    )
-    for point, at, words, align in named:
-        pen.pointer(at, _pair(turned(np.array([point]), SLOPE_RAD)[0]), words, align)
+    return pair(turned([(float(point[0]), float(point[1]))], SLOPE_RAD)[0] + origin)
 
 
 DRAWINGS: dict[str, Callable[[], Figure]] = {

@@ -134,3 +134,8 @@ def turned(points: Points, angle_rad: float, about: Point = (0.0, 0.0)) -> Float
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     xy = np.asarray(points, dtype=float) - about
     return xy @ np.array([[c, s], [-s, c]]) + about
+
+
+def pair(point: Float[np.ndarray, " 2"]) -> Point:
+    """Return a point as two numbers."""
+    return float(point[0]), float(point[1])
