@@ -189,6 +189,22 @@ def test_a_broken_series_is_named(results: Tables, reproduce_folder: MakeFolder,
     assert word in message
 
 
+def test_the_stages_of_figure_5_are_embedded(results: Tables, reproduce_folder: MakeFolder) -> None:
+    folder = reproduce_folder(results)
+    (folder / "figures").mkdir()
+    (folder / "figures" / "fig05-2.png").write_bytes(b"\x89PNG\r\n\x1a\nrest")
+    page = page_of(folder)
+    assert page.count('<img src="data:image/png;base64,') == 1
+    assert "(b) Canny edges" in page
+
+
+def test_a_stage_that_is_no_picture_is_refused(results: Tables, reproduce_folder: MakeFolder, run_folder: Path) -> None:
+    folder = reproduce_folder(results)
+    (folder / "figures").mkdir()
+    (folder / "figures" / "fig05-1.png").symlink_to(run_folder / "manifest.json")
+    assert "fig05-1.png: not a PNG picture" in refused(folder)
+
+
 def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
     assert "nothing to report" in refused(tmp_path)
 

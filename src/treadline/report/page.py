@@ -24,6 +24,7 @@ from treadline.report.compare import comparisons
 from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
 
 TEMPLATES = Path(__file__).parent / "templates"
+PNG = b"\x89PNG\r\n\x1a\n"
 STAGES = (
     "(a) depth image",
     "(b) Canny edges",
@@ -66,7 +67,7 @@ def write_report(folder: Path) -> Path:
 
 def _whole(folder: Path) -> Path:
     results = read_part(folder / "results.json", Results)
-    runs = folder / "runs"
+    runs, stages = folder / "runs", _stages(folder / "figures")
     straight, turned = _with_series(runs, results.fig09), _with_series(runs, results.fig10[:2])
     drawn: dict[str, Figure] = {}
     if results.fig08 is not None:
@@ -86,7 +87,7 @@ def _whole(folder: Path) -> Path:
         drawn,
         r=results,
         rows=comparisons(results),
-        stages=_stages(folder / "figures"),
+        stages=stages,
         shown_s=figures.IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
     )
@@ -177,7 +178,10 @@ def _stages(folder: Path) -> list[tuple[str, str]]:
     for number, caption in enumerate(STAGES, start=1):
         path = folder / f"fig05-{number}.png"
         if path.is_file():
-            found.append((caption, "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()))
+            data = path.read_bytes()
+            if not data.startswith(PNG):  # a link to some other file must not end up on a page that is passed on
+                raise SettingsError(f"{path}: not a PNG picture; make the folder again")
+            found.append((caption, "data:image/png;base64," + base64.b64encode(data).decode()))
     return found
 
 
