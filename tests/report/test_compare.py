@@ -103,7 +103,7 @@ def test_what_the_recipe_asks_stands_beside_what_a_track_can_do(results: Tables)
 
 def test_the_printed_heading_stands_beside_the_one_that_drives(results: Tables) -> None:
     row = row_of(results, "Fig. 5: heading seen of 10.00°")
-    assert (row.ours, row.paper) == ("10.00°", "107.90° (as printed)")
+    assert (row.ours, row.paper) == ("10.00°", "107.90° by Eq. (2), run here")
     results["fig05"]["robust_heading_deg"] = None
     assert row_of(results, "Fig. 5").ours == "none"
 

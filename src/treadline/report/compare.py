@@ -64,7 +64,7 @@ def _sight(results: Results) -> list[Comparison]:
         Comparison(
             what=f"Fig. 5: heading seen of {seen.true_heading_deg:.2f}°",
             ours=robust,
-            paper=f"{printed} (as printed)",
+            paper=f"{printed} by Eq. (2), run here",
             conditions=f"one frame; {seen.conditions}",
         )
     ]
