@@ -121,7 +121,8 @@ class Control(Settings):
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper", "truth"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] = "observer"
+    reconstruct: Literal["observer", "static"] | None = None
+    """None leaves it to the controller's file, which says observer unless it was tuned otherwise."""
 
 
 class Sensors(Settings):

@@ -80,6 +80,15 @@ def test_a_silent_source_holds_within_its_time_and_not_before(
     assert word in guard.holding
 
 
+@pytest.mark.parametrize("age_s", [0.5, -0.5])
+def test_an_estimate_of_another_time_holds(guard: Guard, age_s: float) -> None:
+    healthy(guard, 1.0)
+    guard.propose(command(1.0))
+    assert guard.step(1.0, estimate(1.0 - age_s)).brake
+    assert guard.holding is not None
+    assert "old" in guard.holding
+
+
 def test_without_frames_the_chair_slows_before_it_holds(guard: Guard) -> None:
     guard.imu_arrived(0.5)
     guard.propose(command(0.5, left=0.1, right=0.3))

@@ -34,7 +34,8 @@ class MissionConfig:
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] = "observer"
+    reconstruct: Literal["observer", "static"] | None = None
+    """None leaves it to the controller's file."""
 
 
 def heading_driver(config: MissionConfig) -> Driver:

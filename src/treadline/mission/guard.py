@@ -30,6 +30,8 @@ class GuardConfig:
     frame_timeout_s: float = 0.3
     blind_timeout_s: float = 3.0
     """Without any frame."""
+    estimate_timeout_s: float = 0.3
+    """Between the estimate's own time and now, either way: a clock that leapt, a gyro that is dead."""
     lost_timeout_s: float = 12.0
     """Frames arrive but none shows a stair: the gyro carries the heading this long."""
     driver_timeout_s: float = 0.75
@@ -114,6 +116,8 @@ class Guard:
             return f"no stair in view for {t_s - self._seen_s:.1f} s"
         if estimate is not None and not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
             return "heading estimate is not finite"
+        if estimate is not None and abs(t_s - estimate.t_s) > limits.estimate_timeout_s:
+            return f"heading estimate is {t_s - estimate.t_s:+.2f} s old"
         return None
 
     def _limited(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:

@@ -118,7 +118,9 @@ class Mission:
         blocks = self._blocks
         proposed = self._control.due(self._tick)
         if proposed:
-            blocks.guard.propose(blocks.driver.step(self._estimate, t_s))
+            # A held chair does not answer its belts: a driver that went on would learn from that.
+            known = self._estimate if blocks.guard.holding is None else None
+            blocks.guard.propose(blocks.driver.step(known, t_s))
         tracks = blocks.guard.step(t_s, self._estimate)
 
         self._plant.write(tracks, self._seat)
