@@ -138,6 +138,19 @@ def test_a_gap_in_the_outputs_is_bridged_by_the_model(innovations: LinearModel) 
     np.testing.assert_allclose(residuals[600:], e[600:], atol=1e-10)
 
 
+def test_a_gap_in_the_inputs_is_taken_for_the_operating_point(innovations: LinearModel) -> None:
+    record, _ = driven(innovations, 300, seed=6)
+    u = record.u.copy()
+    u[150] = innovations.input_offset
+    expected = one_step_residuals(innovations, InputOutputRecord(u=u, y=record.y, dt_s=1.0))
+    u[150] = np.nan
+    gap = InputOutputRecord(u=u, y=record.y, dt_s=1.0)
+    residuals = one_step_residuals(innovations, gap)
+    assert np.isnan(residuals[150]).all()
+    np.testing.assert_allclose(np.delete(residuals, 150, axis=0), np.delete(expected, 150, axis=0), atol=1e-12)
+    assert np.isfinite(fit_percent(innovations, gap)).all()
+
+
 def test_white_residuals_pass_for_white_as_often_as_they_should() -> None:
     values = [whiteness_p(np.random.default_rng(seed).standard_normal((1000, 2))) for seed in range(200)]
     # p is uniform: 10 of 200 below 5 %, with a standard deviation of 3.

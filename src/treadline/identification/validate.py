@@ -36,6 +36,11 @@ def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarr
     return states @ model.C.T + v @ model.D.T + model.output_offset
 
 
+def bridged(model: LinearModel, u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T m"]:
+    """Return the inputs with the operating point in place of what is missing."""
+    return np.where(np.isnan(u), model.input_offset, u)
+
+
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
     """Return the state at the record's start that explains its outputs best in a free run."""
     steps, n = len(record), model.order
@@ -44,7 +49,7 @@ def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.nda
     for k in range(steps):
         response[k] = model.C @ reach
         reach = model.A @ reach
-    misfit = record.y - simulate(model, np.nan_to_num(record.u), np.zeros(n))
+    misfit = record.y - simulate(model, bridged(model, record.u), np.zeros(n))
     whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
     design, target = response[whole].reshape(-1, n), misfit[whole].ravel()
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
@@ -55,7 +60,7 @@ def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarr
 
     For an integrator it means little: its free run drifts with the smallest disturbance.
     """
-    predicted = simulate(model, np.nan_to_num(record.u), initial_state(model, record))
+    predicted = simulate(model, bridged(model, record.u), initial_state(model, record))
     error = np.sqrt(np.nansum((record.y - predicted) ** 2, axis=0))
     spread = np.sqrt(np.nansum((record.y - np.nanmean(record.y, axis=0)) ** 2, axis=0))
     return np.asarray(100.0 * (1.0 - error / np.maximum(spread, 1e-300)))
@@ -66,7 +71,7 @@ def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
     x = initial_state(model, head(record, 50))
     states = np.empty((len(record), model.order))
-    v = np.nan_to_num(record.u, nan=0.0) - model.input_offset
+    v = bridged(model, record.u) - model.input_offset
     # x⁺ = (A - KC) x + (B - KD) v + K y: a sample with a NaN corrects nothing.
     whole = np.isfinite(record.y).all(axis=1)
     drive = v @ model.B.T
