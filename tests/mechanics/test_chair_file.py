@@ -31,7 +31,7 @@ def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
         ("gauge_m = 0.65", "gauge_m = 0", "tracks.gauge_m: must be a number > 0 (got 0)"),
         ("angle_deg = 40.0", "angle_deg = 90", "tracks.approach_angle_deg: must be a number from 0 to 80 (got 90)"),
         ("0.90, 0.55, 0.25", "0.90, -0.55, 0.25", "masses.chassis_size_m.1: must be a number > 0 (got -0.55)"),
-        ("[-0.04, 0.20]", "[-0.04]", "seat.stroke_m: must be two numbers (got [-0.04])"),
+        ("[-0.012, 0.150]", "[-0.04]", "seat.stroke_m: must be two numbers (got [-0.04])"),
         ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; remove it or correct its spelling"),
     ],
 )

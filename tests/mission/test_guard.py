@@ -6,7 +6,7 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.mission.guard import Guard, GuardConfig
-from treadline.signals import HeadingEstimate, OperatorInput, TrackCommand
+from treadline.signals import HeadingEstimate, OperatorInput, SeatCommand, TrackCommand
 
 
 def command(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackCommand:
@@ -132,3 +132,10 @@ def test_an_open_loop_run_needs_no_heading_but_still_needs_a_driver() -> None:
     guard.propose(command(5.0))
     assert not guard.step(5.0, None).brake
     assert guard.step(6.0, None).brake
+
+
+def test_a_seat_rate_that_is_no_number_does_not_pass_and_holds(guard: Guard) -> None:
+    fine = SeatCommand(t_s=0.01, rate_m_s=0.02)
+    assert guard.pass_seat(fine) == fine
+    assert guard.pass_seat(SeatCommand(t_s=0.02, rate_m_s=math.nan)).rate_m_s == 0.0
+    assert guard.holding == "seat rate is not finite"

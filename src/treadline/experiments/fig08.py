@@ -18,8 +18,8 @@ from treadline.identification import identify
 from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
-IMPULSE_S = 10.0
-"""Enough to see the lag and the integrator at 4 Hz."""
+IMPULSE_S = 20.0
+"""The span that is drawn; the integrator holds what the first second did."""
 AHEAD_S = 5.0
 """Horizon of the heading forecast."""
 

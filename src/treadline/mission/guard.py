@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
-from treadline.signals import Event, HeadingEstimate, OperatorInput, TrackCommand
+from treadline.signals import Event, HeadingEstimate, OperatorInput, SeatCommand, TrackCommand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +96,13 @@ class Guard:
         if self._hold is not None:
             return TrackCommand.stop(t_s)
         return self._limited(t_s, estimate)
+
+    def pass_seat(self, command: SeatCommand) -> SeatCommand:
+        """Return what may reach the seat: the leveller goes on under HOLD, a rate that is no number does not pass."""
+        if math.isfinite(command.rate_m_s):
+            return command
+        self._latch(command.t_s, "seat rate is not finite")
+        return SeatCommand(t_s=command.t_s, rate_m_s=0.0)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""

@@ -142,7 +142,7 @@ class Mission:
                 self._blocks.guard.frame_arrived(reading.t_s)
                 self._feel_heading(reading)
             case SeatReading():
-                self._seat = self._blocks.leveller.step(reading)
+                self._seat = self._blocks.guard.pass_seat(self._blocks.leveller.step(reading))
             case OperatorInput():
                 self._blocks.guard.operator(reading)
             case _:
