@@ -67,6 +67,15 @@ def test_a_short_record_says_how_many_samples_are_needed(draw: Draw) -> None:
         identify(draw(0), order=2, lags=300)
 
 
+def test_gaps_that_leave_too_few_whole_windows_are_counted(draw: Draw) -> None:
+    record = draw(0, samples=300)
+    y = record.y.copy()
+    y[::8] = np.nan
+    # Every window of eight lags or more holds a gap.
+    with pytest.raises(PoorExcitation, match=r"300 samples are too few: .* 8 lags need more than 70, and gaps cost 292"):
+        identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0), lags=8)
+
+
 def test_an_empty_record_is_refused() -> None:
     with pytest.raises(PoorExcitation, match="holds no samples"):
         identify(InputOutputRecord(u=np.zeros((0, 2)), y=np.zeros((0, 2)), dt_s=1.0))

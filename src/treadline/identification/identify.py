@@ -115,6 +115,9 @@ def identify(
         parts = _parts(fitted, lags, order, scales)
         whole = _sum(parts)
         used, has_d = _structure(whole, lags, feedthrough)
+        if whole.dropped and used < whole.lags:  # fewer lags look back on fewer gaps
+            parts = _parts(fitted, used, order, scales)
+            whole = _sum(parts)
         observer = observer_markov(_leading(whole, used, has_d))
         svd = _svd(observer, used, order, scales)
         count, dropped = whole.count, whole.dropped
@@ -175,13 +178,14 @@ def _parts(records: list[InputOutputRecord], lags: int | None, order: int | None
     """Return the Gram matrices of the data in about ten parts, at the largest number of lags wanted."""
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     total = sum(len(record) for record in records)
-    affordable = (total // ROWS_PER_PARAMETER - 1 - m) // (m + p)
-    most = lags if lags is not None else min(LAGS_MOST, affordable)
-    needed = -(-(order or 1) // p)
-    if most < max(1, needed) or total <= 2 * (1 + m + most * (m + p)):
+    most = lags if lags is not None else _affordable_lags(records)
+    needed = max(most, -(-(order or 1) // p), 1)
+    wanted = 2 * (1 + m + needed * (m + p))
+    if most < needed or _usable(records, needed) <= wanted:
+        lost = total - _usable(records, needed)
         raise PoorExcitation(
-            f"{total} samples are too few: {m} inputs, {p} outputs and order {order or 'auto'} with {max(most, needed)} "
-            f"lags need more than {2 * (1 + m + max(most, needed, 1) * (m + p))}"
+            f"{total} samples are too few: {m} inputs, {p} outputs and order {order or 'auto'} with {needed} lags need more "
+            f"than {wanted}" + (f", and gaps cost {lost}" if lost else "")
         )
     made = []
     for record in records:
@@ -192,6 +196,23 @@ def _parts(records: list[InputOutputRecord], lags: int | None, order: int | None
                 piece = validate.part(record, start - most, stop)
                 made.append(gram(piece, most, feedthrough=True, input_scale=scales[0], output_scale=scales[1]))
     return made
+
+
+def _usable(records: list[InputOutputRecord], lags: int) -> int:
+    """Return the number of samples, less those from which some lag looks back on a gap."""
+    usable = 0
+    for record in records:
+        gaps = np.cumsum(~np.isfinite(np.hstack([record.u, record.y])).all(axis=1))
+        in_window = gaps[lags:] - np.concatenate([[0], gaps[: -lags - 1]])
+        usable += len(record) - int(np.count_nonzero(in_window))
+    return usable
+
+
+def _affordable_lags(records: list[InputOutputRecord]) -> int:
+    """Return the largest number of lags for which there are enough samples per coefficient; 0 if there is none."""
+    m, p = records[0].u.shape[1], records[0].y.shape[1]
+    enough = [lags for lags in range(1, LAGS_MOST + 1) if _usable(records, lags) >= ROWS_PER_PARAMETER * (1 + m + lags * (m + p))]
+    return max(enough, default=0)
 
 
 def _sum(parts: list[Gram]) -> Gram:
