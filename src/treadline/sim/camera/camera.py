@@ -5,11 +5,14 @@ Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, 
 angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, UInt8
 
+from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
@@ -63,6 +66,41 @@ class ExactView:
     """6 · box + side with the place of the box in ``Staircase.boxes()``; -1 where nothing is hit."""
 
 
+class RenderedFrame(RgbdFrame):
+    """A frame whose colours are painted at the first look: the estimator that drives reads depth alone.
+
+    Every random number it needs is drawn when the frame is taken, so that looking or not changes no other frame.
+    """
+
+    __slots__ = ("_painter", "_rgb")
+    _painter: Callable[[], UInt8[np.ndarray, "h w 3"]] | None
+    _rgb: UInt8[np.ndarray, "h w 3"] | None
+
+    def __init__(
+        self,
+        *,
+        t_s: float,
+        depth_m: Float32[np.ndarray, "h w"],
+        camera: PinholeCamera,
+        rgb: UInt8[np.ndarray, "h w 3"] | None = None,
+        painter: Callable[[], UInt8[np.ndarray, "h w 3"]] | None = None,
+    ) -> None:
+        # Frozen like its base; ``rgb`` is there for ``dataclasses.replace``, which knows the base's fields.
+        values = {"t_s": t_s, "depth_m": depth_m, "camera": camera, "_painter": painter, "_rgb": rgb}
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def rgb(self) -> UInt8[np.ndarray, "h w 3"]:
+        """Colour image, painted once."""
+        if self._rgb is None:
+            if self._painter is None:
+                raise ImageError("a rendered frame has neither colours nor a painter")
+            object.__setattr__(self, "_rgb", self._painter())
+        assert self._rgb is not None  # noqa: S101 - for the type checker
+        return self._rgb
+
+
 class Camera:
     """One camera in front of one staircase."""
 
@@ -101,11 +139,27 @@ class Camera:
         return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
     def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
-        """Return a frame as the sensor delivers it."""
-        camera = self.calibration
+        """Return a frame as the sensor delivers it; its colours are painted when somebody looks at them."""
         depth, face, near = self._cast(R_WC, p_WC)
-        height, width = depth.shape
-        rgb = np.empty((height, width, 3), dtype=np.uint8)
+        place = int(self._rng.integers(POOL))
+        return RenderedFrame(
+            t_s=t_s,
+            depth_m=self._measured(depth, face),
+            camera=self.calibration,
+            painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
+        )
+
+    def _painted(
+        self,
+        depth: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+        near: Int[np.ndarray, " b"],
+        R_WC: Float[np.ndarray, "3 3"],
+        p_WC: Float[np.ndarray, " 3"],
+        place: int,
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        camera = self.calibration
+        rgb = np.empty((*depth.shape, 3), dtype=np.uint8)
         kernels.paint(
             depth,
             face,
@@ -120,10 +174,10 @@ class Camera:
             self._pattern,
             self._light,
             self._normal,
-            int(self._rng.integers(POOL)),
+            place,
             rgb,
         )
-        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._measured(depth, face), camera=camera)
+        return rgb
 
     def _cast(
         self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
