@@ -191,3 +191,18 @@ def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(LogFormatError, match="checksum"):
         list(read_log(path))
+
+
+def test_a_rendered_frame_is_written_like_any_other(tmp_path: Path) -> None:
+    from treadline.sim.camera.camera import RenderedFrame
+
+    frame = RenderedFrame(
+        t_s=0.1,
+        depth_m=np.ones((4, 6), dtype=np.float32),
+        camera=PinholeCamera(width_px=6, height_px=4, fx_px=5.0, fy_px=5.0, cx_px=2.5, cy_px=1.5),
+        painter=lambda: np.full((4, 6, 3), 7, dtype=np.uint8),
+    )
+    with RunLog(tmp_path / "log.mcap", image_every=1) as log:
+        log(frame)
+    (back,) = [signal for signal in read_log(tmp_path / "log.mcap") if isinstance(signal, RgbdFrame)]
+    assert (back.rgb == 7).all()

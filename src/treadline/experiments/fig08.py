@@ -1,7 +1,7 @@
 """Fig. 8: excite, identify, and the impulse response of what was identified.
 
-Paper: Section IV, Section VI.B, Fig. 8. Heading comes from the vision, angular velocity from the IMU. The first half of
-a second recording, with another seed, validates: what a model says about data it was fitted to proves little.
+Paper: Section IV, Section VI.B, Fig. 8. Heading comes from the vision, angular velocity from the IMU. A second
+recording as long, with another seed, validates: what a model says about data it was fitted to proves little.
 """
 
 from dataclasses import dataclass

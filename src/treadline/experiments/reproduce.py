@@ -86,7 +86,7 @@ def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
         ExciteJob(
             name=f"excite-{slope}-seed{seed}",
             slope_deg=slope,
-            samples=plan.samples if seed == FIT_SEED else plan.samples // 2,
+            samples=plan.samples,
             seed=seed,
             folder=runs / f"excite-{slope}-seed{seed}",
             image_every=50 if slope == CONTROLLER_SLOPE_DEG and seed == FIT_SEED else 0,

@@ -81,7 +81,8 @@ TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 
 def messages_of(signal: Any) -> list[Message]:
     """Return the messages that hold a signal."""
-    return _WRITERS[type(signal)](signal)
+    kind = next(kind for kind in type(signal).__mro__ if kind in _WRITERS)
+    return _WRITERS[kind](signal)
 
 
 def joints(

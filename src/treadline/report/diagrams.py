@@ -21,7 +21,7 @@ def scheme() -> Figure:
     pen.box((4.9, 2.9), BOX, "heading filter", "estimation", BLOCK)
     pen.box((4.9, 1.2), BOX, "seat leveller", "seat", BLOCK)
     pen.box((8.3, 2.9), BOX, "heading control", "control, 4 Hz", BLOCK)
-    pen.box((11.1, 2.9), (1.5, 1.0), "guard", "mission", GUARD)
+    pen.box((11.1, 2.05), (1.5, 2.7), "guard", "mission", GUARD)
     pen.box((13.25, 2.05), (1.7, 2.7), "tracks\nand seat", "", PLANT)
     for y in (4.6, 2.9, 1.2):
         pen.arrow((2.65, y), (3.75, y))
@@ -36,7 +36,8 @@ def scheme() -> Figure:
     pen.text((6.6, 3.2), "θ, ω", size=9.0)
     pen.arrow((9.45, 2.9), (10.35, 2.9))
     pen.text((9.9, 3.22), "u₁, u₂", size=9.0)
-    pen.arrow((6.05, 1.2), (12.4, 1.2))
+    pen.arrow((6.05, 1.2), (10.35, 1.2))
+    pen.arrow((11.85, 1.2), (12.4, 1.2))
     pen.text((8.1, 1.5), "actuator rate", size=9.0)
     pen.arrow((11.85, 2.9), (12.4, 2.9))
     pen.line([(13.25, 0.7), (13.25, 0.25), (0.15, 0.25), (0.15, 4.6)], GREY)
