@@ -5,7 +5,7 @@ bias was taken at rest, scale error 1 %. Track vibration of 0.3 °/s RMS while t
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -33,27 +33,19 @@ class ImuErrors:
     tilt_time_s: float = 1.0
 
 
+MPU6050 = ImuErrors(
+    gyro_noise_rad_s_rthz=0.005 * DEG,
+    bias_wander_rad_s=0.005 * DEG,
+    bias_time_s=100.0,
+    bias_left_rad_s=0.02 * DEG,
+    scale=0.01,
+    vibration_rad_s=0.3 * DEG,
+    accelerometer_noise_m_s2=0.03,
+    tilt_noise_rad=0.05 * DEG,
+)
 IMUS = {
-    "mpu6050": ImuErrors(
-        gyro_noise_rad_s_rthz=0.005 * DEG,
-        bias_wander_rad_s=0.005 * DEG,
-        bias_time_s=100.0,
-        bias_left_rad_s=0.02 * DEG,
-        scale=0.01,
-        vibration_rad_s=0.3 * DEG,
-        accelerometer_noise_m_s2=0.03,
-        tilt_noise_rad=0.05 * DEG,
-    ),
-    "mpu9250": ImuErrors(
-        gyro_noise_rad_s_rthz=0.01 * DEG,
-        bias_wander_rad_s=0.005 * DEG,
-        bias_time_s=100.0,
-        bias_left_rad_s=0.02 * DEG,
-        scale=0.01,
-        vibration_rad_s=0.3 * DEG,
-        accelerometer_noise_m_s2=0.03,
-        tilt_noise_rad=0.05 * DEG,
-    ),
+    "mpu6050": MPU6050,
+    "mpu9250": replace(MPU6050, gyro_noise_rad_s_rthz=0.01 * DEG),
     "ideal": ImuErrors(
         gyro_noise_rad_s_rthz=0.0,
         bias_wander_rad_s=0.0,
