@@ -204,3 +204,51 @@ def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:
     outcome = run("check", tmp_path / "none.toml", "--debug")
     assert outcome.code == 2
     assert "Traceback" in outcome.err
+
+
+UNREACHED = {"A": [[1.05, 0.0], [0.0, 0.5]], "B": [[0.0, 0.0], [1.0, 1.0]]}
+UNSEEN = {"A": [[1.0, 0.0], [0.0, 0.5]], "C": [[0.0, 1.0], [0.0, 2.0]]}
+NO_INVERSE = {"A": [[0.9, 0.0], [0.0, 0.5]], "C": [[1.0, 1.0], [1.0, 1.0]], "D": [[0.0, 0.0], [0.0, 0.0]]}
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "word"),
+    [
+        (UNREACHED, ["--state-weight", "1,1"], "stabilis"),
+        (UNSEEN, ["--state-weight", "1,1"], "A - LC"),
+        (NO_INVERSE, ["--state-weight", "1,1", "--reconstruct", "static"], "singular"),
+    ],
+    ids=["not stabilisable", "not detectable", "C - DK singular"],
+)
+def test_a_model_that_cannot_be_steered_seen_or_inverted_is_refused(
+    run, tmp_path: Path, changes: dict[str, object], options: list[str], word: str
+) -> None:
+    path, out = tmp_path / "model.json", tmp_path / "controller.json"
+    path.write_text(json.dumps(broken("dt_s", 0.25) | changes))
+    assert_refused(run("tune", path, *options, "--out", out), word)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(("options", "rows", "word"), [(["--order", "40"], 300, "too few"), (["--order", "2"], 12, "too few")])
+def test_data_that_cannot_carry_the_order_are_refused(run, tmp_path: Path, options: list[str], rows: int, word: str) -> None:
+    path, out = tmp_path / "record.csv", tmp_path / "model.json"
+    path.write_text("\n".join(record_text(rows)) + "\n")
+    assert_refused(run("identify", path, *options, "--out", out), word)
+    assert not out.exists()
+
+
+def test_a_result_that_cannot_be_written_says_where(run, tmp_path: Path, model_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    assert_refused(run("tune", model_path, "--state-weight", "1,1", "--out", blocked / "controller.json"), "file")
+
+
+def test_a_controller_of_another_period_or_vehicle_is_refused(run, tmp_path: Path, model_path: Path) -> None:
+    controller, out = tmp_path / "controller.json", tmp_path / "run"
+    assert run("tune", model_path, "--state-weight", "1,1", "--vehicle", "rescue", "--out", controller).code == 0
+    assert_refused(run("climb", "paper-28", "--controller", controller, "--out", out), "rescue")
+    tables = json.loads(controller.read_text())
+    tables["vehicle"], tables["period_s"] = "wheelchair", 0.25
+    controller.write_text(json.dumps(tables))
+    assert_refused(run("climb", "paper-28", "--controller", controller, "--out", out), "period")
+    assert not out.exists()

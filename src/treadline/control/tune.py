@@ -15,6 +15,7 @@ from scipy.linalg import expm, logm
 from treadline.angles import DEG
 from treadline.control.lqr import closed_loop_poles, lqr_gain
 from treadline.control.observer import kalman_gain, with_disturbance
+from treadline.control.reconstruct import static_reconstruction
 from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.models import ControllerDesign, LinearModel
 
@@ -83,6 +84,8 @@ def tune(
         raise NotStabilisable(
             f"the closed loop's spectral radius is {radius:.3f}, the limit {RADIUS_LIMIT}; lower the input weight"
         )
+    if reconstruct == "static":
+        static_reconstruction(model.C, model.D, K)  # raises where Eq. (11b) has no answer
     return design
 
 
