@@ -1,8 +1,8 @@
 """How many states: from the singular values, by a rule that is written down.
 
-The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise floor
-(the median of the lower half). A ratio below ``CLEAR_GAP`` is no gap, nor is one under a largest value that two halves
-of the data do not agree on: the answer is then said to be unclear.
+The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise: above
+the median of the lower half, and above three times what two halves of the data differ by. A ratio below ``CLEAR_GAP`` is
+no gap, nor is one under a largest value that two halves of the data do not agree on: the answer is then said to be unclear.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from jaxtyping import Float
 CLEAR_GAP = 4.0
 """Ratio of neighbours that noise alone hardly shows: white noise stays below 2."""
 ABOVE_NOISE = 3.0
-"""Largest singular value over the noise's, at which the data show a system: white noise reaches 2."""
+"""A singular value over the noise's, from which on the data show a state: white noise reaches 2."""
 NUMERICAL_ZERO = 1e-12
 """Relative size at which a singular value is rounding."""
 
@@ -45,7 +45,7 @@ def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0
         return OrderChoice(order=1, gap=float("inf"), clear=False)
     floor = float(np.median(s[len(s) // 2 :]))
     ratios = s[:candidates] / s[1 : candidates + 1]
-    above = s[:candidates] > floor
+    above = s[:candidates] > max(floor, ABOVE_NOISE * noise)
     above[0] = True
     best = int(np.argmax(np.where(above, ratios, 0.0)))
     clear = bool(ratios[best] >= CLEAR_GAP and stands_out(s, noise))
