@@ -37,7 +37,7 @@ def test_from_random_speeds_to_a_report(run, folder: Path) -> None:
     header = (folder / "excited" / "record.csv").read_text().splitlines()[0]
     assert header == "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
 
-    found = run("identify", folder / "excited", "--validate", 0.5, "--out", folder / "model.json", "--json")
+    found = run("identify", folder / "excited", "--validate-on", folder / "excited", "--out", folder / "model.json", "--json")
     assert found.code == 0, found.err
     assert found.values["order"] == 2
     assert {"lags", "method", "singular_values", "poles", "fit_percent", "one_step_vaf_percent", "whiteness_p"} <= set(found.values)
