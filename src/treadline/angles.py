@@ -15,11 +15,6 @@ def wrap(angle_rad: float) -> float:
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
-def wrap_half(angle_rad: float) -> float:
-    """Return the angle in [-π/2, π/2): for directions without a sign, such as an edge's."""
-    return (angle_rad + 0.5 * math.pi) % math.pi - 0.5 * math.pi
-
-
 def rms(values: Float[np.ndarray, " n"]) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

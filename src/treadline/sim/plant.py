@@ -307,7 +307,7 @@ class MujocoPlant:
 
     def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"], truth: Truth) -> Reading:
         if self._eye is not None:
-            camera = self._chair.camera_at(self._scenario.sensors.image_height_px)
+            camera = self._eye.calibration
             p_WC = row[kernels.QPOS : kernels.QPOS + 3] + R_WB @ np.array(camera.mount_m)
             return self._eye.frame(t_s, R_WB @ camera.R_BC, p_WC)
         exact = self._scenario.control.vision == "truth"
