@@ -1,0 +1,120 @@
+"""The stabilisation diagram tells the poles of a system from those that noise adds."""
+
+import math
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.identification.era import hankel_svd, realise
+from treadline.identification.stabilisation import (
+    Stabilisation,
+    modes,
+    stabilisation,
+    stabilisation_of_svd,
+)
+from treadline.identification.validate import impulse_response
+from treadline.models import LinearModel
+
+DT_S = 0.02
+FREQUENCIES_HZ = (2.1, 5.7, 11.3)
+DAMPINGS = (0.02, 0.01, 0.015)
+
+
+@pytest.fixture(scope="module")
+def modal() -> LinearModel:
+    """Three lightly damped modes, two inputs, two outputs."""
+    rng = np.random.default_rng(3)
+    A = np.zeros((6, 6))
+    for k, (frequency, damping) in enumerate(zip(FREQUENCIES_HZ, DAMPINGS, strict=True)):
+        omega = 2.0 * math.pi * frequency * DT_S
+        real, turn = math.exp(-damping * omega), omega * math.sqrt(1.0 - damping**2)
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = real * np.array(
+            [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
+        )
+    return LinearModel(
+        A=A,
+        B=rng.standard_normal((6, 2)),
+        C=rng.standard_normal((2, 6)),
+        D=np.zeros((2, 2)),
+        dt_s=DT_S,
+        input_offset=np.zeros(2),
+        output_offset=np.zeros(2),
+    )
+
+
+@pytest.fixture(scope="module")
+def noisy(modal: LinearModel) -> Stabilisation:
+    """The diagram of its impulse response with 1 % noise."""
+    markov = impulse_response(modal, 121)
+    rng = np.random.default_rng(4)
+    markov += 0.01 * markov.std() * rng.standard_normal(markov.shape)
+    return stabilisation_of_svd(hankel_svd(markov, 60, 60, np.ones(2), np.ones(2)), DT_S, 20)
+
+
+def at(diagram: Stabilisation, frequency_hz: float, order: int) -> Float[np.ndarray, " k"]:
+    """Return the places of the poles of one order within 1 % of a frequency."""
+    near = np.abs(diagram.frequency_hz / frequency_hz - 1.0) < 0.01
+    return np.flatnonzero(near & (diagram.order == order))
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [*zip(FREQUENCIES_HZ, DAMPINGS, strict=True)])
+def test_a_true_pole_stabilises_at_its_frequency_and_damping(noisy: Stabilisation, frequency: float, damping: float) -> None:
+    found = 0
+    for order in range(7, 21):
+        place = at(noisy, frequency, order)
+        assert noisy.frequency_stable[place].any()
+        best = place[np.argmin(np.abs(noisy.damping[place] - damping))]
+        # 120 samples of two outputs with 1 % noise tell a damping of 1 % to about a tenth of it.
+        assert noisy.damping[best] == pytest.approx(damping, rel=0.3)
+        found += int(noisy.damping_stable[best])
+    assert found >= 12
+
+
+def test_spurious_poles_do_not_stabilise(noisy: Stabilisation) -> None:
+    true = np.array([np.abs(noisy.frequency_hz / frequency - 1.0) < 0.02 for frequency in FREQUENCIES_HZ]).any(axis=0)
+    spurious = ~true & (noisy.order > 7)
+    assert spurious.sum() > 20
+    # Chance alone puts some within 1 % and 5 %.
+    assert noisy.damping_stable[spurious].mean() < 0.2
+
+
+def test_without_noise_the_diagram_ends_at_the_true_order(modal: LinearModel) -> None:
+    svd = hankel_svd(impulse_response(modal, 121), 60, 60, np.ones(2), np.ones(2))
+    diagram = stabilisation_of_svd(svd, DT_S)
+    assert diagram.order.max() == 6
+    last = diagram.order == 6
+    np.testing.assert_allclose(np.sort(diagram.frequency_hz[last]), FREQUENCIES_HZ, rtol=1e-8)
+
+
+def test_leading_blocks_are_the_models_that_era_realises(modal: LinearModel) -> None:
+    ones = np.ones(2)
+    markov = impulse_response(modal, 41) + 1e-3 * np.random.default_rng(0).standard_normal((41, 2, 2))
+    svd = hankel_svd(markov, 20, 20, ones, ones)
+    one_by_one = stabilisation(lambda order: realise(svd, order, ones, ones)[0], range(1, 13), DT_S)
+    at_once = stabilisation_of_svd(svd, DT_S, 12)
+    np.testing.assert_array_equal(at_once.order, one_by_one.order)
+    np.testing.assert_allclose(at_once.frequency_hz, one_by_one.frequency_hz, rtol=1e-6)
+    np.testing.assert_array_equal(at_once.damping_stable, one_by_one.damping_stable)
+
+
+def test_the_lowest_order_has_nothing_below_it_to_be_stable_against(noisy: Stabilisation) -> None:
+    first = noisy.order == noisy.order.min()
+    assert not noisy.frequency_stable[first].any()
+
+
+def test_a_pole_stable_in_damping_is_stable_in_frequency(noisy: Stabilisation) -> None:
+    assert not (noisy.damping_stable & ~noisy.frequency_stable).any()
+
+
+def test_modes_of_special_poles() -> None:
+    # A growing pole has negative damping; an integrator has frequency zero; a pole at zero has no mode; a pair counts once.
+    frequency, damping = modes(np.array([0.5, 1.0, 1.1, 0.0, -0.5, 0.9j, -0.9j]).astype(complex), 0.5)
+    np.testing.assert_allclose(damping[:3], [1.0, 0.0, -1.0])
+    assert frequency[1] == 0.0
+    assert len(frequency) == 5
+    assert frequency[0] == pytest.approx(math.log(2.0) / math.pi)
+
+
+def test_no_orders_give_an_empty_diagram() -> None:
+    assert stabilisation(np.eye, range(0), 1.0).order.size == 0
