@@ -7,7 +7,7 @@ script and no request.
 import base64
 import json
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -143,20 +143,25 @@ def _series(folder: Path) -> figures.Series:
 
 
 def _render(folder: Path, template: str, drawn: dict[str, Figure], **values: Any) -> Path:
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format}
-    environment.filters.update(filters)
     texts = {name: figures.svg_of(figure) for name, figure in drawn.items()}
-    # Our own drawings, no user's text in them but numbers: the only markup that is not escaped.
-    inline = {name: Markup(_inlined(text, name)) for name, text in texts.items()}  # noqa: S704
-    page = environment.get_template(template).render(svg=inline, **values)
+    page = page_of(template, texts, **values)
     for name, text in texts.items():
         write_whole(folder / "figures" / f"{name}.svg", '<?xml version="1.0" encoding="utf-8"?>\n' + text)
     path = folder / "report.html"
     write_whole(path, page)
     return path
+
+
+def page_of(template: str, drawings: Mapping[str, str], **values: Any) -> str:
+    """Return a page: a template with drawings (name → SVG of our own) inline and every other value escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format}
+    environment.filters.update(filters)
+    # Our own drawings, in which text is paths: the only markup that is not escaped.
+    inline = {name: Markup(_inlined(text, name)) for name, text in drawings.items()}  # noqa: S704
+    return environment.get_template(template).render(svg=inline, **values)
 
 
 def _inlined(svg: str, name: str) -> str:
