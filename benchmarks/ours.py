@@ -1,0 +1,61 @@
+"""Treadline's own ways to identify, as far as the installed version has them."""
+
+import inspect
+from functools import cache
+from typing import Any
+
+import numpy as np
+from systems import StateSpace, driven, equation_12
+
+from treadline.errors import TreadlineError
+from treadline.identification import era, identify
+from treadline.identification.gram import gram
+from treadline.models import InputOutputRecord
+
+WAYS: dict[str, dict[str, str]] = {
+    "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
+    "okid-era (qr)": {"method": "okid-era", "solver": "qr"},
+    "pbsid": {"method": "pbsid"},
+    "best": {"method": "best"},
+}
+"""Arguments of ``identify`` by name."""
+
+
+@cache
+def known() -> dict[str, dict[str, str]]:
+    """Return the ways that this version knows."""
+    trial, found = driven(equation_12(), 400, 0.01, 0).record, {}
+    for name, asked in WAYS.items():
+        arguments = dict(asked)
+        if "solver" not in inspect.signature(identify).parameters and arguments.get("solver") == "gram":
+            arguments.pop("solver")
+        try:
+            identify(trial, order=2, **arguments)
+        except (TypeError, TreadlineError) as error:
+            print(f"treadline: {name} is not in this version ({error})")
+        else:
+            found[name] = arguments
+    return found
+
+
+def state_space(model: Any) -> StateSpace:
+    """Return a ``LinearModel`` in the benchmark's own terms."""
+    return StateSpace(
+        A=model.A,
+        B=model.B,
+        C=model.C,
+        D=model.D,
+        input_offset=model.input_offset,
+        output_offset=model.output_offset,
+    )
+
+
+def gram_alone(record: InputOutputRecord, lags: int) -> None:
+    """Accumulate the Gram matrix, and nothing else."""
+    scales = {"input_scale": record.u.std(axis=0), "output_scale": record.y.std(axis=0)}
+    gram(record, lags, feedthrough=True, **scales)
+
+
+def realise(markov: np.ndarray, order: int, rows: int) -> None:
+    """Decompose a Hankel matrix of ``rows`` blocks and realise an order."""
+    era(markov, order, rows=rows)

@@ -1,0 +1,83 @@
+"""Measured data: estimate on one half, judge a free run on the other.
+
+A peer's order and block rows are those whose model of the first 70 % of the first half runs best over its last 30 %;
+the model is then made again from the whole first half. Means are removed for peers and kept as offsets.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import ours
+from peers import Fit, PeerError, centred
+from score import fit_percent
+from systems import DataSet, StateSpace, halves, part
+
+from treadline.errors import TreadlineError
+from treadline.identification import identify
+from treadline.models import InputOutputRecord
+
+ORDERS = range(1, 13)
+BLOCK_ROWS = (10, 20, 30)
+HELD_OUT = 0.3
+QUICK_SAMPLES = 3_000
+"""Longer estimation halves are left out of a quick run."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """What one method made of one set."""
+
+    method: str
+    percent: float
+    choice: str
+    is_peer: bool
+    notes: tuple[str, ...] = ()
+
+
+def scores(data: DataSet, folder: Path, fits: dict[str, Fit]) -> Iterator[Score]:
+    """Yield a score per method, treadline's first."""
+    first, second = halves(data, folder)
+    for name, arguments in ours.known().items():
+        yield _ours(name, arguments, first, second)
+    for name, arguments in ours.known().items():
+        yield _like_a_peer(name, arguments, first, second)
+    for name, fit in fits.items():
+        yield _chosen(name, centred(fit), first, second, is_peer=True)
+
+
+def _ours(name: str, arguments: dict[str, str], first: InputOutputRecord, second: InputOutputRecord) -> Score:
+    try:
+        found = identify(first, **arguments)
+    except TreadlineError as error:
+        return Score(method=name, percent=-np.inf, choice="–", is_peer=False, notes=(str(error),))
+    percent = fit_percent(ours.state_space(found.model), second)
+    choice = f"order {found.report.order}, lags {found.report.lags}"
+    return Score(method=name, percent=percent, choice=choice, is_peer=False, notes=tuple(found.report.warnings))
+
+
+def _like_a_peer(name: str, arguments: dict[str, str], first: InputOutputRecord, second: InputOutputRecord) -> Score:
+    """Score a way of ours whose order and lags are chosen as a peer's are: tells the choice from the method."""
+
+    def fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
+        return ours.state_space(identify(record, order=order, lags=block_rows, **arguments).model)
+
+    return _chosen(f"{name}, chosen as a peer's", fit, first, second, is_peer=False)
+
+
+def _chosen(name: str, fit: Fit, first: InputOutputRecord, second: InputOutputRecord, *, is_peer: bool) -> Score:
+    cut = round(len(first.u) * (1.0 - HELD_OUT))
+    early, late = part(first, 0, cut), part(first, cut, len(first.u))
+    trials = {(n, s): _percent(fit, early, late, n, s) for s in BLOCK_ROWS for n in ORDERS}
+    order, rows = max(trials, key=lambda choice: trials[choice])
+    choice = f"order {order}, block rows {rows}"
+    return Score(method=name, percent=_percent(fit, first, second, order, rows), choice=choice, is_peer=is_peer)
+
+
+def _percent(fit: Fit, first: InputOutputRecord, second: InputOutputRecord, order: int, rows: int) -> float:
+    try:
+        percent = fit_percent(fit(first, order, rows), second)
+    except (PeerError, TreadlineError, np.linalg.LinAlgError, ValueError):  # peers raise what their libraries raise
+        return -np.inf
+    return percent if np.isfinite(percent) else -np.inf
