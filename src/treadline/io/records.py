@@ -1,27 +1,28 @@
-"""Input-output records: CSV files and run folders in, checked rows out.
+"""Input-output records: logs of any kind in, checked rows out.
 
-Errors name file, line and column. A row with NaN is refused unless gaps are allowed; then it stays, and identification
-leaves out the windows that hold it.
+The suffix says which kind: CSV (.csv, .txt, .tsv), NPZ, MAT, Parquet, MCAP, ROS bags; a folder is a run or a bag. Errors name the
+file and the place. A row with NaN is refused unless gaps are allowed; then it stays, and identification leaves out the
+windows that hold it.
 """
 
-import csv
-import math
+from bisect import bisect_right
+from collections.abc import Iterable
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch
+from treadline.errors import LogFormatError, PeriodMismatch
+from treadline.io.resample import period_of, resampled, uneven
+from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in
 from treadline.models import InputOutputRecord, write_whole
 
 TIME = "t_s"
 RECORD = "record.csv"
-IRREGULAR = 0.05
-"""Largest deviation of a sampling interval from the period, as a share of it."""
-MOST_ROWS = 10_000_000
-"""Most rows that resampling makes: four weeks at 4 Hz; one wild time stamp asks for more."""
-MOST_GAPS = 0.2
-"""Largest share of rows with NaN."""
+LOG = "log.mcap"
+DELIMITED = (".csv", ".txt", ".tsv")
+BAGS = (".mcap", ".bag", ".db3")
+KINDS = ".csv, .txt, .tsv, .npz, .mat, .parquet, .mcap, .bag, .db3"
 
 
 def read_record(
@@ -33,37 +34,43 @@ def read_record(
     resample: bool = False,
     allow_gaps: bool = False,
 ) -> InputOutputRecord:
-    """Return the record in a CSV file with a header, or in a run folder.
+    """Return the record in a file, a run folder or a bag.
 
     Args:
-        period_s: Sampling period; read from the column ``t_s`` when left out.
-        resample: Bring an irregular time axis to the period: inputs are held, outputs interpolated.
-        allow_gaps: Accept rows with NaN (an empty cell or ``nan``).
+        inputs: Columns that drove the system. In MCAP and bags ``topic.field``: ``/imu.angular_velocity.z``, ``/tracks.data[0]``.
+        outputs: Columns that answered.
+        period_s: Sampling period; read from the clock when left out (``t_s``, ``t``, ``time``, ``t_ns``, ``timestamp_ns``).
+        resample: Bring an irregular time axis to the period: inputs are held, outputs interpolated. Channels of a bag, each with
+            times of its own, are always brought to one.
+        allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag).
 
     Raises:
         RecordError: With file, line and column.
         PeriodMismatch: If time is irregular and ``resample`` is off.
     """
-    file = _file_of(path)
-    if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
-        raise PeriodMismatch(f"--period is {period_s}; it must be positive")
-    header, lines, cells = _cells(file)
-    wanted = [*inputs, *outputs]
-    for name in wanted:
-        if name not in header:
-            raise LogFormatError(f"{file}: no column '{name}' (there are: {', '.join(header)})")
-    places = [header.index(name) for name in wanted]
-    values = _numbers(file, header, lines, cells, places, allow_gaps=allow_gaps)
-    _check_gaps(file, values)
-    _check_units(file, wanted, values)
-    m = len(inputs)
-    u, y = values[:, :m], values[:, m:]
-    if TIME in header:
-        t = _numbers(file, header, lines, cells, [header.index(TIME)], allow_gaps=False)[:, 0]
-        u, y, period_s = _on_a_grid(file, lines, t, u, y, period_s, resample=resample)
-    elif period_s is None:
+    check_period(period_s)
+    file = file_of(path)
+    wanted = (*inputs, *outputs)
+    if file.is_dir() or file.suffix.lower() in BAGS:
+        from treadline.io.bags import read_bag
+
+        table, period_s = read_bag(file, inputs, outputs, period_s)
+    else:
+        table = joined(list(_tables(file, wanted)))
+    check_values(table, allow_gaps=allow_gaps)
+    check_gaps(file, gaps_in(table), len(table))
+    values = table.values
+    if table.t_s is not None:
+        period_s = period_of(table, table.t_s, period_s)
+        error = uneven(table, table.t_s, period_s)
+        if error is not None and not resample:
+            raise error
+        if error is not None:
+            values = resampled(table, table.t_s, len(inputs), period_s)
+    if period_s is None:
         raise PeriodMismatch(f"{file}: no column '{TIME}'; give --period")
-    return InputOutputRecord(u=u, y=y, dt_s=period_s, input_names=inputs, output_names=outputs)
+    m = len(inputs)
+    return InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
 
 
 def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> None:
@@ -75,105 +82,66 @@ def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> Non
     write_whole(path, "\n".join(lines) + "\n")
 
 
-def _file_of(path: Path) -> Path:
-    if path.is_dir():
-        file = path / RECORD
-        if not file.exists():
-            raise LogFormatError(f"{path}: a folder without {RECORD}; give a CSV file or a folder that excite wrote")
-        return file
+def file_of(path: Path) -> Path:
+    """Return the file to read: a run folder's record or log, a bag's folder as it is."""
     if not path.exists():
         raise LogFormatError(f"{path}: no such file")
-    return path
+    if not path.is_dir():
+        return path
+    for name in (RECORD, LOG):
+        if (path / name).exists():
+            return path / name
+    if any(item.suffix in BAGS for item in path.iterdir()):
+        return path
+    raise LogFormatError(f"{path}: a folder without {RECORD}, {LOG} or a bag; give a log, or a folder that excite wrote")
 
 
-def _cells(file: Path) -> tuple[list[str], list[int], list[list[str]]]:
-    """Return the header, the line number of each row, and the rows as text."""
-    try:
-        text = file.read_bytes().decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise LogFormatError(f"{file}: not UTF-8 (byte {error.start}); is it a CSV file?") from None
-    try:
-        rows = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), start=1) if row]
-    except csv.Error as error:
-        raise LogFormatError(f"{file}: not CSV: {error}") from None
-    if not rows:
-        raise LogFormatError(f"{file}: empty; a header and at least two rows are needed")
-    header = [name.strip() for name in rows[0][1]]
-    doubled = sorted({name for name in header if header.count(name) > 1})
-    if doubled:
-        raise LogFormatError(f"{file}:1: column '{doubled[0]}' stands twice")
-    if len(rows) < 3:
-        raise LogFormatError(f"{file}: {len(rows) - 1} rows of data; at least two rows are needed")
-    for number, row in rows[1:]:
-        if len(row) != len(header):
-            raise ShapeMismatch(f"{file}:{number}: {len(row)} cells, the header has {len(header)}")
-    return header, [number for number, _ in rows[1:]], [row for _, row in rows[1:]]
+def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
+    """Return a file that can be read row by row, open for reading; None for other kinds."""
+    suffix = file.suffix.lower()
+    if suffix in DELIMITED:
+        from treadline.io.delimited import CsvLog
+
+        return CsvLog(file, wanted)
+    if suffix == ".parquet":
+        from treadline.io.parquet import ParquetLog
+
+        return ParquetLog(file, wanted)
+    return None
 
 
-def _numbers(
-    file: Path, header: list[str], lines: list[int], cells: list[list[str]], places: list[int], *, allow_gaps: bool
-) -> Float[np.ndarray, "n k"]:
-    values = np.empty((len(cells), len(places)))
-    for i, row in enumerate(cells):
-        for j, place in enumerate(places):
-            text = row[place].strip()
-            try:
-                values[i, j] = float(text) if text else math.nan
-            except ValueError:
-                raise LogFormatError(f"{file}:{lines[i]}: column '{header[place]}' holds '{text}', not a number") from None
-    for test, word, remedy in (
-        (np.isinf, "Inf", "mend the recording"),
-        (np.isnan, "NaN", "drop the row or pass --allow-gaps"),
-    ):
-        bad = np.argwhere(test(values))
-        if bad.size and not (word == "NaN" and allow_gaps):
-            i, j = bad[0]
-            raise NotFinite(f"{file}:{lines[int(i)]}: column '{header[places[int(j)]]}' holds {word}; {remedy}")
-    return values
+def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
+    """Return a file of columns as tables that follow one another."""
+    log = open_log(file, wanted)
+    if log is not None:
+        return log
+    if file.suffix.lower() == ".npz":
+        from treadline.io.npz import read_npz
+
+        return [read_npz(file, wanted)]
+    if file.suffix.lower() == ".mat":
+        from treadline.io.mat import read_mat
+
+        return [read_mat(file, wanted)]
+    raise LogFormatError(f"{file}: '{file.suffix}' is no kind of log that is read: {KINDS}, a run folder or a bag's folder")
 
 
-def _check_gaps(file: Path, values: Float[np.ndarray, "n k"]) -> None:
-    share = float(np.isnan(values).any(axis=1).mean())
-    if share > MOST_GAPS:
-        raise NotFinite(f"{file}: {share:.0%} of the rows hold NaN; at most {MOST_GAPS:.0%} may: mend the recording")
+def joined(tables: list[Table]) -> Table:
+    """Return tables that follow one another as one."""
+    if len(tables) == 1:
+        return tables[0]
+    ends = list(accumulate(len(table) for table in tables))
 
+    def where(k: int) -> str:
+        part = bisect_right(ends, k)
+        return tables[part].where(k - ends[part] + len(tables[part]))
 
-def _check_units(file: Path, names: list[str], values: Float[np.ndarray, "n k"]) -> None:
-    for name, column in zip(names, values.T, strict=True):
-        largest = float(np.nanmax(np.abs(column), initial=0.0))
-        if name.endswith("_rad") and largest > math.pi:
-            raise RecordError(f"{file}: column '{name}' reaches {largest:.1f}, beyond π: degrees? convert it to radians")
-        if name.endswith("_m_s") and largest > 50.0:
-            raise RecordError(f"{file}: column '{name}' reaches {largest:.0f} m/s: millimetres? convert it to metres")
-
-
-def _on_a_grid(
-    file: Path,
-    lines: list[int],
-    t: Float[np.ndarray, " n"],
-    u: Float[np.ndarray, "n m"],
-    y: Float[np.ndarray, "n p"],
-    period_s: float | None,
-    *,
-    resample: bool,
-) -> tuple[Float[np.ndarray, "k m"], Float[np.ndarray, "k p"], float]:
-    steps = np.diff(t)
-    back = np.flatnonzero(steps <= 0.0)
-    if back.size:
-        raise RecordError(f"{file}:{lines[int(back[0]) + 1]}: column '{TIME}' does not increase")
-    period = float(np.median(steps)) if period_s is None else period_s
-    uneven = np.flatnonzero(np.abs(steps - period) > IRREGULAR * period)
-    if not uneven.size:
-        return u, y, period
-    if not resample:
-        raise PeriodMismatch(
-            f"{file}:{lines[int(uneven[0]) + 1]}: a step of {steps[uneven[0]]:.4g} s where the period is {period:.4g} s; "
-            "pass --resample"
-        )
-    count = (t[-1] - t[0]) / period + 1.0
-    if not count <= MOST_ROWS:
-        raise RecordError(f"{file}: {count:.3g} rows at {period:.4g} s; at most {MOST_ROWS} are made: give a longer --period")
-    grid = t[0] + period * np.arange(int(count))
-    held = np.clip(np.searchsorted(t, grid + 1e-9 * period, side="right") - 1, 0, len(t) - 1)
-    between = np.column_stack([np.interp(grid, t, column) for column in y.T])
-    return u[held], between, period
+    times = [table.t_s for table in tables if table.t_s is not None]
+    return Table(
+        file=tables[0].file,
+        names=tables[0].names,
+        values=np.concatenate([table.values for table in tables]),
+        clock=tables[0].clock,
+        t_s=np.concatenate(times) if times else None,
+        where=where,
+    )

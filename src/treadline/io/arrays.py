@@ -1,0 +1,85 @@
+"""Named arrays side by side: what NPZ and MAT files hold, and how a column of one is addressed.
+
+A vector is a column by its name, a matrix by ``name[0]``, ``name[1]`` (rows are samples), a field of a struct by ``struct.field``.
+"""
+
+import re
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Shaped
+
+from treadline.errors import LogFormatError, ShapeMismatch
+from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, row_of, seconds_of
+
+MAX_ARRAY_BYTES = 4 * 1024**3
+"""Unpacked, all wanted arrays of a file together."""
+
+_PLACE = re.compile(r"\[(\d{1,6})\]$")
+
+
+def name_of(column: str) -> str:
+    """Return the array that a column is taken from."""
+    return _PLACE.sub("", column)
+
+
+def table_of(
+    file: Path, wanted: tuple[str, ...], there: Collection[str], array: Callable[[str], Shaped[np.ndarray, "..."]]
+) -> Table:
+    """Return the wanted columns as one table; ``array`` reads one by its name."""
+    clock = clock_of(list(there), wanted)
+    every = {name: array(name) for name in dict.fromkeys([*map(name_of, wanted), *([clock] if clock else [])])}
+    columns = {name: _column(file, name, every[name_of(name)]) for name in wanted}
+    ticks = None if clock is None else _ticks(file, clock, _column(file, clock, every[clock]))
+    lengths = {name: len(values) for name, values in columns.items()} | ({} if ticks is None else {str(clock): len(ticks)})
+    if len(set(lengths.values())) > 1:
+        first, *others = lengths.items()
+        name, length = next(item for item in others if item[1] != first[1])
+        raise ShapeMismatch(f"{file}: '{first[0]}' has {first[1]} rows, '{name}' has {length}; cut them to one length")
+    rows = next(iter(lengths.values()), 0)
+    check_count(file, rows)
+    values = np.column_stack([column.astype(float) for column in columns.values()] or [np.empty((rows, 0))])
+    return Table(
+        file=file,
+        names=wanted,
+        values=values,
+        clock=clock,
+        t_s=None if ticks is None else seconds_of(ticks, int(ticks[0]) if ticks.dtype.kind == "i" else 0),
+        where=row_of(file),
+    )
+
+
+def check_kind(file: Path, name: str, kind: np.dtype) -> None:
+    """Refuse arrays of anything but real numbers."""
+    if kind.kind not in "biuf":
+        raise LogFormatError(f"{file}: '{name}' holds {kind}, not real numbers; save it as a plain array of numbers")
+
+
+def check_bytes(file: Path, size: int) -> None:
+    """Refuse what would not fit."""
+    if size > MAX_ARRAY_BYTES:
+        raise LogFormatError(f"{file}: unpacks to {size} bytes; at most {MAX_ARRAY_BYTES} are read: save it as Parquet or CSV")
+
+
+def _column(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
+    name, found = name_of(column), _PLACE.search(column)
+    place = int(found[1]) if found else None
+    if values.ndim <= 2 and values.size == max(values.shape, default=0) and place in {None, 0}:
+        return values.reshape(-1)  # a row or a column of MATLAB's is a vector too
+    if values.ndim != 2:
+        raise ShapeMismatch(f"{file}: '{name}' has {values.ndim} dimensions; a vector or a matrix is needed")
+    rows, count = values.shape
+    if rows < count:
+        raise ShapeMismatch(f"{file}: '{name}' is {rows} x {count}, but rows are samples; is it transposed?")
+    if place is None or place >= count:
+        raise LogFormatError(f"{file}: '{column}': '{name}' has {count} columns: {name}[0] to [{count - 1}]")
+    return values[:, place]
+
+
+def _ticks(file: Path, clock: str, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, " n"]:
+    if clock not in NANOSECONDS:
+        return values.astype(float)
+    if values.dtype.kind not in "iu":
+        raise LogFormatError(f"{file}: '{clock}' holds {values.dtype}; nanoseconds are whole numbers: save them as int64")
+    return values.astype(np.int64)

@@ -1,0 +1,83 @@
+"""Messages of any MCAP file, chunked or not, compressed or not; checksums are compared wherever the writer left one.
+
+``mcap_read`` is stricter, for it reads only what treadline wrote. The caps are its own.
+"""
+
+import dataclasses
+import mmap
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, cast
+
+import lz4.frame
+import zstandard
+from mcap.records import Channel, Chunk, McapRecord, Message, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from treadline.errors import LogFormatError
+from treadline.io import mcap_read
+from treadline.io.ros_types import Packet, Topic
+
+
+def mcap_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
+    """Yield the messages of the topics wanted, in the order of the file."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        if len(data) > mcap_read.MAX_FILE_BYTES:
+            raise LogFormatError(f"{len(data)} bytes; at most {mcap_read.MAX_FILE_BYTES} are read")
+        schemas: dict[int, Schema] = {}
+        topics: dict[int, Topic | None] = {}
+        for record in _unpacked(data):
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                topics[record.id] = _topic(record, schemas) if wants(record.topic) else None
+            elif isinstance(record, Message) and (topic := topics[record.channel_id]) is not None:
+                yield topic, record.log_time, record.data
+
+
+def _topic(channel: Channel, schemas: dict[int, Schema]) -> Topic:
+    schema = schemas.get(channel.schema_id)
+    return Topic(
+        name=channel.topic,
+        encoding=channel.message_encoding,
+        kind="" if schema is None else schema.name,
+        language="" if schema is None else schema.encoding,
+        definition="" if schema is None else schema.data.decode(),
+    )
+
+
+def _unpacked(data: mmap.mmap) -> Iterator[McapRecord]:
+    # A record longer than the file is broken: no memory for it. The map's read() stops at the end by itself.
+    reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=len(data))
+    for record in reader.records:
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
+        else:
+            yield record
+
+
+def _inflated(chunk: Chunk) -> bytes:
+    """Return what a chunk holds; never more than it announces."""
+    size = chunk.uncompressed_size
+    if size > mcap_read.MAX_CHUNK_BYTES:
+        raise LogFormatError(f"a chunk unpacks to {size} bytes; at most {mcap_read.MAX_CHUNK_BYTES} are read")
+    if chunk.compression not in _INFLATE:
+        raise LogFormatError(f"a chunk is compressed by '{chunk.compression}'; zstd and lz4 are read: mcap compress makes it so")
+    data = _INFLATE[chunk.compression](chunk.data, size + 1)
+    if len(data) != size:
+        raise LogFormatError(f"a chunk does not unpack to the {size} bytes that it announces")
+    return data
+
+
+def inflate_zstd(data: bytes, most: int) -> bytes:
+    """Return what a frame holds, at most so many bytes."""
+    return zstandard.ZstdDecompressor().stream_reader(data).read(most)
+
+
+def inflate_lz4(data: bytes, most: int) -> bytes:
+    """Return what a frame holds, at most so many bytes."""
+    plain: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
+    return plain
+
+
+_INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, "zstd": inflate_zstd, "lz4": inflate_lz4}

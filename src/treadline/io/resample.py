@@ -1,0 +1,74 @@
+"""Clocks: whether the rows of a table keep their period, and how rows that do not are brought to one.
+
+Inputs are held, for that is what acted; outputs are interpolated.
+"""
+
+import numpy as np
+from jaxtyping import Float64
+
+from treadline.errors import PeriodMismatch, RecordError
+from treadline.io.tables import Table
+
+Times = Float64[np.ndarray, " n"]
+
+IRREGULAR = 0.05
+"""Largest deviation of a sampling interval from the period, as a share of it."""
+MOST_ROWS = 10_000_000
+"""Most rows that resampling makes: four weeks at 4 Hz; one wild time stamp asks for more."""
+
+
+def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float | None = None) -> float:
+    """Return the period asked for, or the median step; time must increase.
+
+    Args:
+        t_s: The table's clock.
+        before_s: Time of the row before the table, when it continues another.
+    """
+    steps = _steps(t_s, before_s)
+    back = np.flatnonzero(steps <= 0.0)
+    if back.size:
+        raise RecordError(f"{_behind(table, int(back[0]), before_s)}: column '{table.clock}' does not increase")
+    return float(np.median(steps)) if period_s is None else period_s
+
+
+def uneven(table: Table, t_s: Times, period_s: float, before_s: float | None = None) -> PeriodMismatch | None:
+    """Return the error for the first step that is not the period, or None."""
+    steps = _steps(t_s, before_s)
+    off = np.flatnonzero(np.abs(steps - period_s) > IRREGULAR * period_s)
+    if not off.size:
+        return None
+    k = int(off[0])
+    return PeriodMismatch(
+        f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; pass --resample"
+    )
+
+
+def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64[np.ndarray, "k c"]:
+    """Return the columns at the period, the first ``inputs`` of them held."""
+    grid = t_s[0] + period_s * np.arange(rows_of(str(table.file), t_s[0], t_s[-1], period_s))
+    values = np.empty((len(grid), len(table.names)))
+    for j, column in enumerate(table.values.T):
+        values[:, j] = held(grid + 1e-9 * period_s, t_s, column) if j < inputs else np.interp(grid, t_s, column)
+    return values
+
+
+def held(grid: Float64[np.ndarray, " k"], times: Times, values: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
+    """Return the last value at or before each point of the grid."""
+    return values[np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 1)]
+
+
+def rows_of(what: str, first: float, last: float, period: float) -> int:
+    """Return how many points a grid has; times and period in one unit."""
+    count = (last - first) / period + 1.0
+    if not count <= MOST_ROWS:
+        raise RecordError(f"{what}: {count:.3g} rows at that period; at most {MOST_ROWS} are made: give a longer --period")
+    return int(count)
+
+
+def _steps(t_s: Times, before_s: float | None) -> Float64[np.ndarray, " k"]:
+    return np.diff(t_s) if before_s is None else np.diff(t_s, prepend=before_s)
+
+
+def _behind(table: Table, k: int, before_s: float | None) -> str:
+    """Return where the row stands that step k leads to."""
+    return table.where(k + 1 if before_s is None else k)

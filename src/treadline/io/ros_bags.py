@@ -1,0 +1,128 @@
+"""Messages of ROS bags: ``.bag`` of ROS 1, by rosbags, and ``.db3`` of ROS 2, which is SQLite.
+
+The files are not trusted: no read beyond the file, no chunk unpacked beyond the cap of MCAP's.
+"""
+
+import bz2
+import mmap
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import zstandard
+
+from treadline.errors import LogFormatError
+from treadline.io import mcap_read
+from treadline.io.mcap_messages import inflate_lz4, inflate_zstd
+from treadline.io.ros_types import Packet, Topic, needs_rosbags
+
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+def db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
+    """Yield the messages of the topics wanted of a ROS 2 SQLite file, in the order of time."""
+    with path.open("rb") as file:
+        magic = file.read(16)
+    if magic != b"SQLite format 3\0":
+        raise LogFormatError("not an SQLite file; was it cut short or compressed (unpack it: zstd -d)?")
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)) as base:
+        base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, mcap_read.MAX_CHUNK_BYTES)
+        base.execute("PRAGMA trusted_schema = OFF")
+        tables = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not {"topics", "messages"} <= tables:
+            raise LogFormatError("an SQLite file, but no ROS 2 bag: it has no topics and messages")
+        definitions: dict[str, tuple[str, str]] = {}
+        if "message_definitions" in tables:
+            query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            definitions = {kind: (language, text) for kind, language, text in base.execute(query)}
+        topics = {}
+        for key, name, kind, encoding in base.execute("SELECT id, name, type, serialization_format FROM topics"):
+            language, text = definitions.get(kind, ("", ""))
+            if wants(name):
+                topics[key] = Topic(name=name, encoding=encoding, kind=kind, language=language if text else "", definition=text)
+        marks = ",".join("?" * len(topics))
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"  # noqa: S608 - marks
+        for key, time_ns, data in base.execute(query, list(topics)):
+            yield topics[key], time_ns, _plain(data)
+
+
+def _plain(data: bytes) -> bytes:
+    """Return a message; rosbag2 may compress each by itself."""
+    if not data.startswith(_ZSTD):
+        return data
+    size = zstandard.get_frame_parameters(data).content_size
+    if not 0 < size <= mcap_read.MAX_CHUNK_BYTES:
+        raise LogFormatError(f"a message unpacks to {size} bytes; at most {mcap_read.MAX_CHUNK_BYTES} are read")
+    return inflate_zstd(data, size)
+
+
+class _Mapped:
+    """A path as rosbags opens it; the map's read() gives no more than the file has, whatever a broken header asks for."""
+
+    def __init__(self, data: mmap.mmap) -> None:
+        self._data = data
+
+    def exists(self) -> bool:
+        return True
+
+    def open(self, _mode: str) -> BinaryIO:
+        self._data.seek(0)
+        return cast("BinaryIO", _Open(self._data))
+
+
+class _Open:
+    """The part of a file that rosbags uses; a seek beyond the end is left to the next read, as files do."""
+
+    def __init__(self, data: mmap.mmap) -> None:
+        self._data = data
+        self.read, self.tell, self.readline = data.read, data.tell, data.readline
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        place = offset + (self._data.tell() if whence else 0)
+        self._data.seek(min(place, len(self._data)))
+        return place
+
+    def close(self) -> None:
+        """The map is closed by who opened it."""
+
+
+def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
+    """Yield the messages of the topics wanted of a ROS 1 bag, in the order of time."""
+    try:
+        from rosbags.rosbag1 import Reader
+    except ImportError:
+        raise needs_rosbags("a ROS 1 bag") from None
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        reader = Reader(cast("Any", _Mapped(data)))
+        with reader:
+            reader.chunks = {at: chunk._replace(decompressor=_capped(chunk.decompressor)) for at, chunk in reader.chunks.items()}
+            topics = {
+                item.id: Topic(item.topic, "ros1", item.msgtype, "ros1msg", item.msgdef.data)
+                for item in reader.connections
+                if wants(item.topic)
+            }
+            wanted = [item for item in reader.connections if item.id in topics]
+            for connection, time_ns, message in reader.messages(wanted) if wanted else ():
+                yield topics[connection.id], time_ns, message
+
+
+def _capped(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+    """Return a decompressor that gives up at the cap: a kilobyte can announce a terabyte."""
+    from rosbags.rosbag1.reader import decompressors
+
+    most = mcap_read.MAX_CHUNK_BYTES
+
+    def capped(data: bytes) -> bytes:
+        if decompress is decompressors["bz2"]:
+            plain = bz2.BZ2Decompressor().decompress(data, most + 1)
+        elif decompress is decompressors["lz4"]:
+            plain = inflate_lz4(data, most + 1)
+        else:
+            return data
+        if len(plain) > most:
+            raise LogFormatError(f"a chunk unpacks to more than {most} bytes")
+        return plain
+
+    return capped
