@@ -22,7 +22,7 @@ from treadline.identification import identify
 from treadline.models import InputOutputRecord
 
 GRID = ((1_000, 20), (100_000, 20), (1_000_000, 20), (1_000_000, 50), (10_000_000, 50))
-QUICK_GRID = GRID[:3]
+QUICK_GRID = GRID[:2]
 CONTROL_MOST = 100_000
 """python-control holds every regressor: 1.3 GB at a million samples."""
 HANKEL_ROWS = 1000

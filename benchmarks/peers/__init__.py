@@ -13,7 +13,7 @@ from systems import StateSpace
 from treadline.models import InputOutputRecord
 
 Fit = Callable[[InputOutputRecord, int, int], StateSpace]
-MODULES = ("slicot", "python_control", "sippy", "nfoursid")
+MODULES = ("slicot", "python_control", "modred_okid", "sippy", "nfoursid")
 
 
 class PeerError(Exception):
