@@ -1,0 +1,178 @@
+"""Linear models in files of other tools, and to and from python-control.
+
+``.json`` is treadline's own; ``.mat`` holds the matrices under the names that control engineers give them: A, B, C, D, dt, the
+observer gain K, the offsets u0 and y0, and the names of inputs and outputs. Every number comes back bit for bit.
+"""
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.io import savemat
+
+from treadline.errors import LogFormatError, ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.io.mat import load_mat
+from treadline.models import LinearModel
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+_MATRICES = ("A", "B", "C", "D")
+
+
+def write_model(model: LinearModel, path: Path) -> None:
+    """Write a model as JSON or as a MAT file (version 5), by the suffix.
+
+    Raises:
+        SettingsError: If the suffix is another.
+    """
+    if _suffix(path) == ".json":
+        model.save(path)
+        return
+    variables: dict[str, Any] = {
+        **{name: getattr(model, name) for name in _MATRICES},
+        "dt": model.dt_s,
+        "u0": model.input_offset,
+        "y0": model.output_offset,
+        "input_names": np.array(model.input_names, dtype=object),
+        "output_names": np.array(model.output_names, dtype=object),
+        "provenance": json.dumps(model.provenance),
+    }
+    if model.observer_gain is not None:
+        variables["K"] = model.observer_gain
+    data = io.BytesIO()
+    savemat(cast("Any", data), variables, oned_as="column")
+    _write_whole(path, data.getvalue())
+
+
+def read_model(path: Path) -> LinearModel:
+    """Return the model in a JSON or MAT file.
+
+    Raises:
+        SettingsError: If it is missing, broken, or no model.
+    """
+    if _suffix(path) == ".json":
+        return LinearModel.load(path)
+    if not path.is_file():
+        raise SettingsError(f"{path}: no such file")
+    try:
+        return _model_of(load_mat(path))
+    except LogFormatError as error:
+        raise SettingsError(str(error)) from None
+    except (ModelError, RecordError, TypeError, ValueError) as error:
+        raise SettingsError(f"{path}: not a model: {error}") from None
+
+
+@runtime_checkable
+class StateSpaceLike(Protocol):
+    """Anything with the four matrices and a period: python-control's StateSpace, scipy's dlti, harold's State."""
+
+    A: Any
+    B: Any
+    C: Any
+    D: Any
+    dt: Any
+
+
+def to_statespace(model: LinearModel) -> "StateSpace":
+    """Return the model as python-control's StateSpace.
+
+    It has no place for offsets (its inputs and outputs are deviations from ``input_offset`` and ``output_offset``), for the
+    observer gain, or for dots in a name (they become underscores).
+    """
+    try:
+        from control import StateSpace
+    except ImportError:
+        raise TreadlineError("python-control is missing: pip install 'treadline[control]'") from None
+    labels = {
+        key: [name.replace(".", "_") for name in names]
+        for key, names in (("inputs", model.input_names), ("outputs", model.output_names))
+        if names
+    }
+    return StateSpace(*(getattr(model, name) for name in _MATRICES), model.dt_s, remove_useless_states=False, **labels)
+
+
+def from_statespace(system: StateSpaceLike) -> LinearModel:
+    """Return a discrete-time system as a model without offsets.
+
+    Raises:
+        ModelError: If its time is continuous or its period unknown, or its matrices are not real and of one order.
+    """
+    dt = system.dt
+    if dt is None or dt is True or not dt > 0.0:
+        raise ModelError(f"the system's dt is {dt}; a model has a period: sample it first, as with control.sample_system")
+    try:
+        matrices = _matrices(lambda name: getattr(system, name))
+        return LinearModel(
+            **matrices,
+            dt_s=float(dt),
+            input_offset=np.zeros(matrices["B"].shape[1]),
+            output_offset=np.zeros(matrices["C"].shape[0]),
+            input_names=tuple(getattr(system, "input_labels", None) or ()),
+            output_names=tuple(getattr(system, "output_labels", None) or ()),
+        )
+    except (NotFinite, ShapeMismatch) as error:
+        raise ModelError(f"the system is no model: {error}") from None
+
+
+def _model_of(found: dict[str, Any]) -> LinearModel:
+    absent = [name for name in (*_MATRICES, "dt") if name not in found]
+    if absent:
+        raise ModelError(f"no {', '.join(absent)} (there are: {', '.join(found)}); a model has A, B, C, D and dt")
+    matrices = _matrices(found.__getitem__)
+    zeros = {"u0": np.zeros(matrices["B"].shape[1]), "y0": np.zeros(matrices["C"].shape[0])}
+    return LinearModel(
+        **matrices,
+        dt_s=float(_real("dt", found["dt"]).item()),
+        input_offset=_real("u0", found.get("u0", zeros["u0"])).reshape(-1),
+        output_offset=_real("y0", found.get("y0", zeros["y0"])).reshape(-1),
+        observer_gain=_real("K", found["K"]) if "K" in found else None,
+        input_names=_words(found.get("input_names", ())),
+        output_names=_words(found.get("output_names", ())),
+        provenance=dict(json.loads("".join(np.ravel(found.get("provenance", "{}"))))),
+    )
+
+
+def _matrices(matrix: Callable[[str], Any]) -> dict[str, Any]:
+    found = {name: _real(name, matrix(name)) for name in _MATRICES}
+    for name, value in found.items():
+        if value.ndim != 2:
+            raise ShapeMismatch(f"{name} has {value.ndim} dimensions; a matrix has two")
+    return found
+
+
+def _real(name: str, value: Any) -> Float64[np.ndarray, "..."]:
+    array = np.array(value)
+    if array.dtype.kind not in "biuf":
+        raise ModelError(f"{name} holds {array.dtype}, not real numbers")
+    return array.astype(float)
+
+
+def _words(cells: Any) -> tuple[str, ...]:
+    """Return the words of a MATLAB cell array of character rows."""
+    return tuple("".join(np.ravel(cell)) for cell in np.ravel(cells))
+
+
+def _suffix(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in {".json", ".mat"}:
+        raise SettingsError(f"{path}: '{suffix}' is no kind of model file: .json or .mat")
+    return suffix
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that readers see the old one or the new one, never a part."""
+    temporary = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
