@@ -1,0 +1,68 @@
+"""What a channel's name says: the quantity, and the unit its ending stands for."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+UNITS = {
+    "m_s2": "m/s²",
+    "rad_s2": "rad/s²",
+    "deg_s2": "°/s²",
+    "m_s": "m/s",
+    "rad_s": "rad/s",
+    "deg_s": "°/s",
+    "rad": "rad",
+    "deg": "°",
+    "mm": "mm",
+    "cm": "cm",
+    "n_m": "N m",
+    "m": "m",
+    "s": "s",
+    "hz": "Hz",
+    "kg": "kg",
+    "px": "px",
+    "percent": "%",
+}
+"""Endings of names, the longer before those they end in. Single letters other than m and s end too many plain words."""
+UNKNOWN = "own unit"
+"""On an axis, where a name says none."""
+LONGEST = 26
+"""Characters of a name that a panel has room for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """One column of a record."""
+
+    name: str
+    """As recorded."""
+    quantity: str
+    """For a figure: without the ending that is its unit, short, printable, and no formula."""
+    unit: str | None
+
+
+def channel(name: str) -> Channel:
+    """Return what a name says."""
+    for ending, unit in UNITS.items():
+        if name.lower().endswith("_" + ending) and len(name) > len(ending) + 1:
+            return Channel(name=name, quantity=_drawable(name[: -len(ending) - 1]), unit=unit)
+    return Channel(name=name, quantity=_drawable(name), unit=None)
+
+
+def _drawable(text: str) -> str:
+    shown = "".join(letter for letter in text if letter.isprintable())
+    shown = shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…"
+    return shown.replace("$", r"\$")  # matplotlib would read a formula between two
+
+
+def ratio_unit(output: Channel, given: Channel) -> str:
+    """Return the unit of an output per unit of an input."""
+    if output.unit is None or given.unit is None:
+        return "own units"
+    return "–" if output.unit == given.unit else f"{output.unit} per {given.unit}"
+
+
+def both_angles(channels: Sequence[Channel]) -> tuple[list[str], list[str]] | None:
+    """Return the names in degrees and those in radians where a record has both, else None."""
+    degrees = [item.name for item in channels if item.unit is not None and "°" in item.unit]
+    radians = [item.name for item in channels if item.unit is not None and "rad" in item.unit]
+    return (degrees, radians) if degrees and radians else None

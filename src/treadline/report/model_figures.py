@@ -1,0 +1,368 @@
+"""Figures of an identified model. Drawn with few artists and fixed margins: layout by the engine would double the time."""
+
+import math
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+from matplotlib.axes import Axes
+from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.ticker import MaxNLocator, NullFormatter
+
+from treadline.report.channels import UNKNOWN, Channel, ratio_unit
+from treadline.report.figures import BLUE, GREY, ORANGE, RED, STYLE
+from treadline.report.model_runs import decimated
+
+WIDTH_IN = 8.0
+NARROWEST_IN = 1.75
+"""Width of a panel at least: many make the figure wider."""
+LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.80, 0.14, 0.30, 0.48
+"""Margins that hold labels and titles in 9 points."""
+LABEL_IN = 0.60
+"""From an axis to its label, beyond tick labels as long as −0.0025."""
+SHOWN_VALUES = 40
+"""Singular values drawn."""
+ROUNDING = 1e-12
+"""Relative size of a singular value that is no more than rounding."""
+BAND = 1.96
+"""Deviations in a 95 % band."""
+
+
+DISC_MOST = 0.5
+"""Radius of a disc from which on it would hide the others."""
+
+
+@runtime_checkable
+class Stabilisation(Protocol):
+    """The poles of every order in one list, as ``treadline.identification.stabilisation`` makes it."""
+
+    @property
+    def order(self) -> Int[np.ndarray, " k"]:
+        """The order each pole belongs to."""
+
+    @property
+    def frequency_hz(self) -> Float[np.ndarray, " k"]:
+        """Natural frequency."""
+
+    @property
+    def damping(self) -> Float[np.ndarray, " k"]:
+        """Share of critical damping."""
+
+    @property
+    def frequency_stable(self) -> Bool[np.ndarray, " k"]:
+        """Whether the order below has it too, by frequency."""
+
+    @property
+    def damping_stable(self) -> Bool[np.ndarray, " k"]:
+        """Whether by damping as well."""
+
+
+def _grid(
+    rows: int, columns: int, panel_in: float, *, gap_in: tuple[float, float] = (0.85, 0.62)
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure of panels, ``gap_in`` (between columns, between rows) apart."""
+    width = max(WIDTH_IN, LEFT_IN + RIGHT_IN + columns * NARROWEST_IN + (columns - 1) * gap_in[0])
+    height = TOP_IN + BOTTOM_IN + rows * panel_in + (rows - 1) * gap_in[1]
+    figure = Figure(figsize=(width, height))
+    inner = (width - LEFT_IN - RIGHT_IN - (columns - 1) * gap_in[0]) / columns
+    axes = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        gridspec_kw={
+            "left": LEFT_IN / width,
+            "right": 1.0 - RIGHT_IN / width,
+            "top": 1.0 - TOP_IN / height,
+            "bottom": BOTTOM_IN / height,
+            "wspace": gap_in[0] / inner,
+            "hspace": gap_in[1] / panel_in,
+        },
+    )
+    for ax in axes.ravel():
+        ax.yaxis.set_label_coords(-LABEL_IN / inner, 0.5)
+    return figure, [list(row) for row in axes]
+
+
+@mpl.rc_context(STYLE)
+def singular_values(values: Float[np.ndarray, " k"], order: int, noise: float | None) -> Figure:
+    """Return the singular values, those of the chosen order filled."""
+    figure, ((ax,),) = _grid(1, 1, 2.2)
+    shown = values[:SHOWN_VALUES]
+    shown = shown[shown > ROUNDING * shown[0]]
+    index = np.arange(1, len(shown) + 1)
+    ax.semilogy(index, shown, "o", color=GREY, markersize=5, fillstyle="none")
+    ax.semilogy(index[:order], shown[:order], "o", color=BLUE, markersize=5, label=f"kept: order {order}")
+    ax.axvline(order + 0.5, color=BLUE, linestyle=":", linewidth=1.2)
+    if noise is not None and noise > 0.0:
+        ax.axhline(noise, color=RED, linestyle="--", linewidth=1.2, label="what noise alone shows")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlim(0.4, max(len(shown), order) + 0.6)
+    ax.set_xlabel("index")
+    ax.set_ylabel("singular value σ [–]")
+    ax.legend(loc="upper right")
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def stabilisation(diagram: Stabilisation, order: int, nyquist_hz: float) -> Figure:
+    """Return frequency against order, and damping against frequency."""
+    figure, ((left, right),) = _grid(1, 2, 3.0)
+    inside = diagram.frequency_hz <= nyquist_hz
+    both = inside & diagram.damping_stable
+    one = inside & diagram.frequency_stable & ~both
+    new = inside & ~diagram.frequency_stable
+    f = diagram.frequency_hz
+    left.plot(f[new], diagram.order[new], "x", color=GREY, markersize=3.5, markeredgewidth=0.8, label="new")
+    left.plot(f[one], diagram.order[one], "^", color=ORANGE, markersize=4.5, label="stable in frequency")
+    left.plot(f[both], diagram.order[both], "o", color=BLUE, markersize=4, label="and in damping")
+    left.axhline(order, color=BLUE, linestyle=":", linewidth=1.2)
+    left.set_ylim(0.0, float(diagram.order.max(initial=order)) * 1.22 + 1.0)
+    left.legend(loc="upper center", ncols=3, fontsize=7.5, handletextpad=0.2, columnspacing=0.8)
+    left.set_ylabel("order [–]")
+    left.yaxis.set_major_locator(MaxNLocator(integer=True))
+    right.plot(f[one], 100.0 * diagram.damping[one], "^", color=ORANGE, markersize=4.5)
+    right.plot(f[both], 100.0 * diagram.damping[both], "o", color=BLUE, markersize=4, alpha=0.6)
+    if not (one | both).any():
+        right.text(0.5, 0.5, "none is stable", transform=right.transAxes, ha="center")
+        right.set_ylim(-5.0, 105.0)
+    right.axhline(0.0, color=GREY, linewidth=0.8)
+    right.set_ylabel("damping [% of critical]")
+    for ax in (left, right):
+        ax.set_xlim(0.0, nyquist_hz)
+        ax.set_xlabel("natural frequency [Hz]")
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def impulse(
+    response: Float[np.ndarray, "steps p m"],
+    deviation: Float[np.ndarray, "steps p m"] | None,
+    dt_s: float,
+    inputs: Sequence[Channel],
+    outputs: Sequence[Channel],
+) -> Figure:
+    """Return impulse responses, one panel per pair."""
+    figure, panels = _grid(len(outputs), len(inputs), 1.35)
+    t = np.arange(len(response)) * dt_s
+    marks = "o-" if len(t) <= 60 else "-"
+    for i, row in enumerate(panels):
+        for j, ax in enumerate(row):
+            values = response[:, i, j]
+            low = high = values
+            if deviation is not None:
+                half = BAND * np.nan_to_num(deviation[:, i, j], posinf=0.0)
+                low, high = values - half, values + half
+                ax.fill_between(t, low, high, color=ORANGE, alpha=0.45, linewidth=0.0)
+            ax.axhline(0.0, color=GREY, linewidth=0.8)
+            ax.plot(t, values, marks, color=BLUE, linewidth=1.2, markersize=2.5)
+            ax.set_ylim(*_window(values, low, high))
+            _pair_labels(ax, outputs[i], inputs[j], "")
+            if i == len(outputs) - 1:
+                ax.set_xlabel("time after the impulse [s]")
+    return figure
+
+
+def _window(values: Float[np.ndarray, " k"], low: Float[np.ndarray, " k"], high: Float[np.ndarray, " k"]) -> tuple[float, float]:
+    """Return limits that show a line and its band; a band far wider than the line is cut."""
+    span = max(float(np.ptp(values)), 1e-12 * float(np.abs(values).max()), 1e-300)
+    bottom = max(float(low.min()), float(values.min()) - 2.0 * span)
+    top = min(float(high.max()), float(values.max()) + 2.0 * span)
+    return min(bottom, 0.0) - 0.06 * span, max(top, 0.0) + 0.06 * span
+
+
+def _pair_labels(ax: Axes, output: Channel, given: Channel, symbol: str) -> None:
+    ax.set_title(f"{given.quantity} → {output.quantity}", fontsize=_title_size(output, given))
+    ax.set_ylabel(f"{symbol}[{ratio_unit(output, given)}]", fontsize=8)
+
+
+@mpl.rc_context(STYLE)
+def frequency(
+    omega_rad: Float[np.ndarray, " w"],
+    response: Complex[np.ndarray, "w p m"],
+    deviation: Float[np.ndarray, "w p m"] | None,
+    dt_s: float,
+    inputs: Sequence[Channel],
+    outputs: Sequence[Channel],
+) -> Figure:
+    """Return magnitudes over frequency, one panel per pair."""
+    figure, panels = _grid(len(outputs), len(inputs), 1.35)
+    f = omega_rad / (2.0 * np.pi * dt_s)
+    for i, row in enumerate(panels):
+        for j, ax in enumerate(row):
+            size = np.abs(response[:, i, j])
+            there = np.isfinite(size) & (size > 0.0)
+            floor = 1e-3 * float(size[there].min(initial=np.inf))
+            low = high = size
+            if deviation is not None:
+                half = BAND * np.nan_to_num(deviation[:, i, j], posinf=0.0)
+                low, high = np.maximum(size - half, floor), size + half
+                ax.fill_between(f[there], low[there], high[there], color=ORANGE, alpha=0.45, linewidth=0.0)
+            if there.any():
+                ax.loglog(f[there], size[there], color=BLUE, linewidth=1.2)
+                ax.set_ylim(*_decades(size[there], high[there]))
+                ax.yaxis.set_minor_formatter(NullFormatter())
+            else:
+                ax.text(0.5, 0.5, "zero", transform=ax.transAxes, ha="center")
+            ax.set_xscale("log")
+            ax.set_xlim(float(f[0]), float(f[-1]))
+            _pair_labels(ax, outputs[i], inputs[j], "|G| ")
+            if i == len(outputs) - 1:
+                ax.set_xlabel("frequency [Hz], up to Nyquist")
+    return figure
+
+
+def _title_size(output: Channel, given: Channel) -> float:
+    """Return the type size at which two names fit over the narrowest panel."""
+    return min(9.0, max(5.0, 210.0 / (len(output.quantity) + len(given.quantity) + 3)))
+
+
+def _decades(size: Float[np.ndarray, " k"], upper: Float[np.ndarray, " k"]) -> tuple[float, float]:
+    """Return limits at whole decades, so that each axis has two labels at least; a band far above the line is cut."""
+    least, most = float(size.min()), float(size.max())
+    low = math.floor(math.log10(least / 1.5))
+    high = math.ceil(math.log10(min(max(1.2 * most, float(upper.max())), 10.0 * most)))
+    return 10.0**low, 10.0 ** max(high, low + 1)
+
+
+@mpl.rc_context(STYLE)
+def fit(
+    t: Float[np.ndarray, " T"],
+    measured: Float[np.ndarray, "T p"],
+    free: Float[np.ndarray, "T p"],
+    ahead: Float[np.ndarray, "T p"],
+    closer: slice | None,
+    outputs: Sequence[Channel],
+) -> Figure:
+    """Return measured and modelled outputs with residuals below; beside them, where given, a closer look at a stretch."""
+    parts = [slice(None)] if closer is None else [slice(None), closer]
+    figure, panels = _grid(2 * len(outputs), len(parts), 1.2, gap_in=(0.55, 0.5))
+    for i, output in enumerate(outputs):
+        for column, part in enumerate(parts):
+            upper, lower = panels[2 * i][column], panels[2 * i + 1][column]
+            near = closer is None or column == 1
+            y, y_free, y_ahead = measured[part, i], free[part, i], ahead[part, i]
+            upper.plot(*decimated(t[part], y), color=GREY, linewidth=2.2, alpha=0.75, label="measured")
+            upper.plot(*decimated(t[part], y_free), color=BLUE, linewidth=1.0, label="free run")
+            if near:
+                upper.plot(t[part], y_ahead, ":", color=RED, linewidth=1.4, label="one step ahead")
+            lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label="free run")
+            lower.plot(*decimated(t[part], y - y_ahead), color=RED, linewidth=0.9, label="one step ahead")
+            lower.axhline(0.0, color=GREY, linewidth=0.8)
+            for ax in (upper, lower):
+                ax.set_xlim(float(t[part][0]), float(t[part][-1]))
+            upper.tick_params(labelbottom=False)
+            _lower_edge(upper, 0.30 / figure.get_figheight())
+            if closer is not None and column == 0:
+                for ax in (upper, lower):
+                    ax.axvspan(float(t[closer][0]), float(t[closer][-1]), color=ORANGE, alpha=0.25, linewidth=0.0)
+        whole, last = panels[2 * i][0], panels[2 * i][-1]
+        whole.set_title(f"{output.quantity}: whole record" if closer is not None else output.quantity, loc="left")
+        last.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=7.5, borderpad=0.0, columnspacing=1.0)
+        whole.set_ylabel(f"output [{output.unit or UNKNOWN}]")
+        panels[2 * i + 1][0].set_ylabel(f"misfit [{output.unit or UNKNOWN}]")
+    for ax in panels[-1]:
+        ax.set_xlabel("time in the record [s]")
+    return figure
+
+
+def _lower_edge(ax: Axes, step: float) -> None:
+    """Let a panel reach down to the one that shares its time axis."""
+    box = ax.get_position()
+    ax.set_position((box.x0, box.y0 - step, box.width, box.height + 0.7 * step))
+
+
+@mpl.rc_context(STYLE)
+def residuals(
+    own: Float[np.ndarray, "p k"],
+    own_band: Float[np.ndarray, " p"],
+    across: Float[np.ndarray, "p m k"],
+    across_band: Float[np.ndarray, "p m"],
+    inputs: Sequence[Channel],
+    outputs: Sequence[Channel],
+) -> Figure:
+    """Return autocorrelation and cross-correlations of residuals: a row per output, the first column its own past."""
+    figure, panels = _grid(len(outputs), 1 + len(inputs), 1.3, gap_in=(0.48, 0.62))
+    lags = own.shape[1] // 2
+    both = np.arange(-lags, lags + 1)
+    for i, row in enumerate(panels):
+        _correlation(row[0], both[lags + 1 :], own[i, lags + 1 :], own_band[i])
+        row[0].set_title(f"{outputs[i].quantity} with itself", fontsize=_title_size(outputs[i], inputs[0]))
+        row[0].set_ylabel("correlation [–]")
+        for j, ax in enumerate(row[1:]):
+            _correlation(ax, both, across[i, j], across_band[i, j])
+            ax.axvline(0.0, color=GREY, linewidth=0.8)
+            ax.set_title(f"{outputs[i].quantity} with {inputs[j].quantity}", fontsize=_title_size(outputs[i], inputs[j]))
+        if i == len(outputs) - 1:
+            for ax in row:
+                ax.set_xlabel("lag [samples]")
+    return figure
+
+
+def _correlation(ax: Axes, lags: Int[np.ndarray, " k"], values: Float[np.ndarray, " k"], band: float) -> None:
+    ax.axhspan(-band, band, color=ORANGE, alpha=0.35, linewidth=0.0)
+    inside = np.abs(values) <= band
+    # One line through all stems: a bar each would be an artist each.
+    ax.plot(
+        np.repeat(lags, 3), np.column_stack([0 * values, values, np.full(len(values), np.nan)]).ravel(), color=GREY, linewidth=1.0
+    )
+    ax.plot(lags[inside], values[inside], "o", color=BLUE, markersize=2.2)
+    ax.plot(lags[~inside], values[~inside], "D", color=RED, markersize=3.0)
+    reach = 1.15 * max(float(np.abs(values).max()), 1.6 * band)
+    ax.set_ylim(-reach, reach)
+
+
+@mpl.rc_context(STYLE)
+def poles(values: Complex[np.ndarray, " n"], radii: Sequence[float] | None) -> Figure:
+    """Return the poles and their discs with the unit circle; beside it, where they crowd, a closer look."""
+    spread = np.zeros(len(values)) if radii is None else np.minimum(np.nan_to_num(radii, posinf=2.0), 2.0)
+    slow = np.abs(values) > 0.9
+    view = _close_view(values, spread) or _close_view(values[slow], spread[slow])
+    figure, (panels,) = _grid(1, 2, 3.55)
+    _pole_panel(panels[0], values, spread)
+    reach = max(1.15, 1.1 * float(np.abs(values).max()))
+    panels[0].set_xlim(-reach, reach)
+    panels[0].set_ylim(-reach, reach)
+    if view is None:
+        panels[1].set_visible(False)
+        return figure
+    middle, half = view
+    _pole_panel(panels[1], values, spread)
+    panels[1].set_xlim(middle.real - half, middle.real + half)
+    panels[1].set_ylim(middle.imag - half, middle.imag + half)
+    panels[1].set_title("closer", loc="left")
+    panels[0].add_patch(
+        mpl.patches.Rectangle((middle.real - half, middle.imag - half), 2 * half, 2 * half, fill=False, edgecolor=ORANGE)
+    )
+    return figure
+
+
+def _close_view(values: Complex[np.ndarray, " n"], spread: Float[np.ndarray, " n"]) -> tuple[complex, float] | None:
+    """Return centre and half width of a square around the slow poles; None where it would show no more."""
+    if not values.size:
+        return None
+    if values.imag.max() > 0.3:  # pairs far apart: the upper half says all
+        values, spread = values[values.imag >= 0.0], spread[values.imag >= 0.0]
+    reach = np.minimum(spread, 0.2)
+    low = complex((values.real - reach).min(), (values.imag - reach).min())
+    high = complex((values.real + reach).max(), (values.imag + reach).max())
+    half = 0.62 * max(high.real - low.real, high.imag - low.imag, 0.01)
+    return (0.5 * (low + high), half) if half < 0.5 else None
+
+
+def _pole_panel(ax: Axes, values: Complex[np.ndarray, " n"], spread: Float[np.ndarray, " n"]) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, 1441)
+    ax.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1.2)
+    ax.axhline(0.0, color=GREY, linewidth=0.6)
+    ax.axvline(0.0, color=GREY, linewidth=0.6)
+    discs = [Circle((pole.real, pole.imag), size) for pole, size in zip(values, spread, strict=True) if 0.0 < size < DISC_MOST]
+    ax.add_collection(PatchCollection(discs, facecolor=ORANGE, edgecolor=RED, linewidth=0.6, alpha=0.3))
+    inside = np.abs(values) <= 1.0
+    ax.plot(values.real[inside], values.imag[inside], "x", color=BLUE, markersize=6, markeredgewidth=1.6)
+    ax.plot(values.real[~inside], values.imag[~inside], "P", color=RED, markersize=6)
+    ax.set_aspect("equal")
+    ax.set_xlabel("real part [–]")
+    ax.set_ylabel("imaginary part [–]")

@@ -1,0 +1,197 @@
+"""The numbers behind the figures of a linear model: its runs over a record, its responses, what it leaves unexplained.
+
+A report imports nothing of the laboratory (``lint-imports``), so the few recursions it needs of a model stand here; tests
+hold them against those that identification judges by. Models may be unstable: what overflows is infinite, never an error.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from treadline.models import InputOutputRecord, LinearModel
+
+HEAD = 50
+"""Samples from which the state of the one-step predictor starts."""
+GROWTH_MOST = 1e3
+"""Growth of an unstable model up to which its responses are followed."""
+STEPS_LEAST, STEPS_MOST = 20, 400
+"""Of an impulse response: below, a panel looks empty; above, single steps cannot be seen."""
+TAIL = 1e-4
+"""Share of its energy that an impulse response may have left where the drawing ends: one per cent in amplitude."""
+DECADES = 4.0
+"""Of a frequency axis at most."""
+
+
+def run(
+    model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"], measured: Float[np.ndarray, "T p"] | None = None
+) -> Float[np.ndarray, "T p"]:
+    """Return the outputs of a free run, or one step ahead where measured outputs correct the state.
+
+    A missing input is the operating point's; a sample of the outputs with a NaN corrects nothing.
+    """
+    v = np.where(np.isnan(u), 0.0, u - model.input_offset)
+    drive, feed = v @ model.B.T, v @ model.D.T + model.output_offset
+    gain = np.zeros((model.order, len(model.C))) if model.observer_gain is None else model.observer_gain
+    seen = np.full(feed.shape, np.nan) if measured is None else measured
+    correcting = np.asarray(np.isfinite(seen).all(axis=1))
+    answers, x = np.empty(feed.shape), x0
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(len(u)):
+            answers[k] = model.C @ x + feed[k]
+            x = model.A @ x + drive[k]
+            if correcting[k]:
+                x += gain @ (seen[k] - answers[k])
+    return answers
+
+
+def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
+    """Return the state at the start that explains a free run best; of an unstable model, as far as it can be followed."""
+    steps, n = min(len(record), _followed(model)), model.order
+    response = np.empty((steps, model.C.shape[0], n))
+    reach = np.eye(n)
+    for k in range(steps):
+        response[k] = model.C @ reach
+        reach = model.A @ reach
+    misfit = record.y[:steps] - run(model, record.u[:steps], np.zeros(n))
+    whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
+    return np.asarray(np.linalg.lstsq(response[whole].reshape(-1, n), misfit[whole].ravel(), rcond=None)[0])
+
+
+def radius(model: LinearModel) -> float:
+    """Return the spectral radius of A."""
+    return float(np.abs(np.linalg.eigvals(model.A)).max())
+
+
+def is_unstable(model: LinearModel) -> bool:
+    """Whether a pole lies outside the unit circle by more than rounding."""
+    return radius(model) > 1.0 + 1e-6
+
+
+def _followed(model: LinearModel) -> int:
+    """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``HEAD``."""
+    if not is_unstable(model):
+        return 2**31
+    return max(HEAD, int(math.log(GROWTH_MOST) / math.log(radius(model))))
+
+
+def impulse_response(model: LinearModel) -> Float[np.ndarray, "steps p m"]:
+    """Return the outputs after a unit impulse of one sample, until they have died out or as far as they can be shown."""
+    limit = STEPS_MOST
+    if is_unstable(model):
+        limit = max(STEPS_LEAST // 2, min(limit, int(math.log(GROWTH_MOST) / math.log(radius(model)))))
+    response = np.array(list(itertools.islice(_markov(model), limit if is_unstable(model) else 5 * limit)))
+    if is_unstable(model):
+        return response
+    # An integrator's response stays: there, it is its change that has to die out.
+    ends = [_died_out(response), _died_out(np.diff(response, axis=0))]
+    return response[: max(STEPS_LEAST, next((end for end in ends if end <= limit), limit))]
+
+
+def _died_out(response: Float[np.ndarray, "steps p m"]) -> int:
+    """Return the step from which on each pair has only ``TAIL`` of its energy left."""
+    left = np.cumsum(response[::-1] ** 2, axis=0)[::-1]
+    return int(np.count_nonzero((left > TAIL * left[0]).any(axis=(1, 2))))
+
+
+def _markov(model: LinearModel) -> Iterator[Float[np.ndarray, "p m"]]:
+    yield np.asarray(model.D)
+    reach = model.B
+    while True:
+        yield model.C @ reach
+        reach = model.A @ reach
+
+
+def frequencies(model: LinearModel, samples: int, points: int = 160) -> Float[np.ndarray, " w"]:
+    """Return frequencies [rad per sample] up to Nyquist, closer together at the resonances."""
+    lowest = max(2.0 * math.pi / max(samples, 20), math.pi * 10.0**-DECADES)
+    grid = np.geomspace(lowest, math.pi, points)
+    poles = np.linalg.eigvals(model.A)
+    rates = np.log(poles[np.abs(poles) > 0.5].astype(complex))
+    offsets = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
+    near = (np.abs(rates.imag)[:, None] + np.abs(rates.real)[:, None] * offsets).ravel()
+    return np.unique(np.concatenate([grid, near[(near > lowest) & (near < math.pi)]]))
+
+
+def frequency_response(model: LinearModel, omega_rad: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
+    """Return ``G = C (zI - A)^-1 B + D`` at ``z = exp(jω)``; infinite where a pole lies on the point."""
+    values, vectors = np.linalg.eig(model.A)
+    if np.linalg.cond(vectors) < 1e8:
+        gaps = np.exp(1j * omega_rad)[:, None] - values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weighted = (model.C @ vectors) / gaps[:, None, :]
+            return np.asarray(weighted @ np.linalg.solve(vectors, model.B.astype(complex)) + model.D)
+    # Defective, such as a chain of delays: solve at every frequency, an integrator moved by rounding off the circle.
+    shifted = np.exp(1j * omega_rad)[:, None, None] * (1.0 + 1e-12) * np.eye(model.order) - model.A
+    return np.asarray(model.C @ np.linalg.solve(shifted, np.broadcast_to(model.B, (len(omega_rad), *model.B.shape))) + model.D)
+
+
+def correlation(a: Float[np.ndarray, " T"], b: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " k"]:
+    """Return the correlation of ``a[t]`` with ``b[t - lag]`` for lags ``-lags … lags``; missing samples count as mean."""
+    first, second = _centred(a), _centred(b)
+    size = math.sqrt(float(first @ first) * float(second @ second))
+    if size == 0.0:
+        return np.zeros(2 * lags + 1)
+    ahead = [float(first[lag:] @ second[: len(second) - lag]) for lag in range(lags + 1)]
+    behind = [float(first[: len(first) - lag] @ second[lag:]) for lag in range(lags, 0, -1)]
+    return np.array(behind + ahead) / size
+
+
+def _centred(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+    there = np.isfinite(values)
+    # A run that blew up must not overflow in its squares; a correlation does not know the size.
+    largest = float(np.abs(values[there]).max(initial=0.0))
+    if largest == 0.0:
+        return np.zeros(len(values))
+    scaled = values / largest
+    return np.where(there, scaled - scaled[there].mean(), 0.0)
+
+
+def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], count: int, *, quantile: float = 1.96) -> float:
+    """Return the half width that the correlation of two independent series keeps within 19 times of 20.
+
+    Bartlett's formula: the variance is ``Σ r_a(k) r_b(k) / N``; at least that of white series.
+
+    Args:
+        a: Autocorrelation of one series at lags ``-k … k``; likewise b.
+        count: Samples N.
+    """
+    return quantile * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
+
+
+def decimated(
+    t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return least and largest value of each of many short spans, or the series itself where it is short.
+
+    Peaks stay; a span without any value stays a gap.
+    """
+    if len(values) <= 2 * columns:
+        return t, values
+    edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
+    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
+    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
+
+
+def typical_span(error: Float[np.ndarray, "T p"], span: int) -> slice:
+    """Return the stretch of ``span`` samples whose error is the median of all stretches: neither the best nor the worst."""
+    count = len(error) // span
+    if count < 2:
+        return slice(0, len(error))
+    blocks = np.nan_to_num(np.abs(error[: count * span]), nan=0.0, posinf=1e150).clip(max=1e150).reshape(count, -1)
+    order = np.argsort(np.mean(blocks, axis=1), kind="stable")
+    start = int(order[(count - 1) // 2]) * span
+    return slice(start, start + span)
+
+
+def clipped(
+    values: Float[np.ndarray, "T p"], measured: Float[np.ndarray, "T p"]
+) -> tuple[Float[np.ndarray, "T p"], Bool[np.ndarray, " p"]]:
+    """Return a run kept within three spans of what was measured around its middle, and which outputs it left."""
+    low, high = np.fmin.reduce(measured, axis=0), np.fmax.reduce(measured, axis=0)
+    middle, reach = 0.5 * (low + high), 3.0 * np.maximum(high - low, 1e-12)
+    left = ~(np.abs(values - middle) <= reach) & np.isfinite(middle)
+    kept = np.clip(np.where(np.isnan(values), np.inf, values), middle - reach, middle + reach)
+    return kept, left.any(axis=0)

@@ -1,0 +1,446 @@
+"""The page of one identification: offline, escaped, honest about warnings, gaps and models that grow."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline import paper
+from treadline.errors import TreadlineError
+from treadline.identification import identify, validate
+from treadline.identification.era import hankel_svd
+from treadline.identification.stabilisation import stabilisation_of_svd
+from treadline.models import InputOutputRecord, LinearModel
+from treadline.report import model_runs as runs
+from treadline.report.channels import both_angles, channel, ratio_unit
+from treadline.report.identification import write_identification_page
+from treadline.report.model_figures import Stabilisation
+
+HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
+SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}
+SIZE_MOST = 1_500_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class FakeReport:
+    """A report with all that is there today."""
+
+    order: int
+    poles: list[tuple[float, float]]
+    pole_ci95: list[float] | None
+    fit_percent: dict[str, float]
+    one_step_vaf_percent: dict[str, float]
+    lags: int = 4
+    method: str = "okid-era"
+    feedthrough: bool = True
+    singular_values: list[float] = field(default_factory=lambda: [3.0, 1.0, 0.01, 0.005, 1e-17])
+    gap: float = 100.0
+    whiteness_p: float = 0.4
+    samples: int = 400
+    dropped: int = 0
+    warnings: list[str] = field(default_factory=list)
+    seconds: float = 0.01
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaterReport(FakeReport):
+    """A report with what may come."""
+
+    crosscorrelation_p: dict[str, float] = field(default_factory=lambda: {"left": 0.3, "right": 0.0001})
+    excitation_order: int = 12
+    delays: list[int] = field(default_factory=lambda: [0, 2])
+    noise_level: float = 0.02
+    candidates: list[dict[str, Any]] = field(
+        default_factory=lambda: [{"method": f"m{k}", "held_out_error": 0.1 * k, "kept": k == 0} for k in range(50)]
+    )
+
+
+class FakeIntervals:
+    """A deviation of a tenth of a unit everywhere."""
+
+    def __init__(self, outputs: int, inputs: int, deviation: float = 0.1) -> None:
+        self._shape, self._deviation = (outputs, inputs), deviation
+
+    def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
+        return np.full((steps, *self._shape), self._deviation)
+
+    def frequency(self, omega_rad: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
+        return np.full((len(omega_rad), *self._shape), self._deviation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What identification hands over."""
+
+    model: LinearModel
+    report: FakeReport
+    intervals: FakeIntervals | None = None
+
+
+class Outline(HTMLParser):
+    """Fails on a page whose elements do not close in order; collects ids and figures."""
+
+    VOID = frozenset({"meta", "br", "img"})
+
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.tags: set[str] = set()
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def outline_of(page: str) -> Outline:
+    outline = Outline()
+    outline.feed(page)
+    outline.close()
+    assert outline.open == []
+    assert len(outline.ids) == len(set(outline.ids))
+    return outline
+
+
+def model_with(A: Float[np.ndarray, "n n"], inputs: Sequence[str], outputs: Sequence[str], dt_s: float = 0.25) -> LinearModel:
+    rng = np.random.default_rng(1)
+    n, m, p = len(A), len(inputs), len(outputs)
+    return LinearModel(
+        A=A,
+        B=rng.standard_normal((n, m)),
+        C=rng.standard_normal((p, n)),
+        D=np.zeros((p, m)),
+        dt_s=dt_s,
+        input_offset=np.full(m, 0.2),
+        output_offset=np.zeros(p),
+        observer_gain=0.1 * rng.standard_normal((n, p)),
+        input_names=tuple(inputs),
+        output_names=tuple(outputs),
+    )
+
+
+def found_with(model: LinearModel, kind: type[FakeReport] = FakeReport, **changes: Any) -> Found:
+    poles = np.linalg.eigvals(model.A)
+    report = kind(
+        order=model.order,
+        poles=[(float(pole.real), float(pole.imag)) for pole in poles],
+        pole_ci95=[0.01] * len(poles),
+        fit_percent=dict.fromkeys(model.output_names, 91.234),
+        one_step_vaf_percent=dict.fromkeys(model.output_names, 99.5),
+    )
+    return Found(model=model, report=replace(report, **changes), intervals=FakeIntervals(*model.D.shape))
+
+
+def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOutputRecord:
+    """Return what a model answers to random inputs, with a little noise."""
+    rng = np.random.default_rng(seed)
+    u = 0.2 + rng.standard_normal((samples, model.B.shape[1]))
+    y = runs.run(model, u, np.zeros(model.order))
+    return InputOutputRecord(u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape), dt_s=model.dt_s)
+
+
+def page_of(tmp_path: Path, found: Found, judged: list[InputOutputRecord] | None = None, **more: Any) -> str:
+    records = more.pop("fitted", None) or [record_of(found.model)]
+    path = tmp_path / "page.html"
+    write_identification_page(path, found, records, judged or records, title=more.pop("title", "a chair"), **more)
+    return path.read_text(encoding="utf-8")
+
+
+def diagram_of(model: LinearModel) -> Stabilisation:
+    """Return the stabilisation diagram of a model's own impulse response."""
+    markov = validate.impulse_response(model, 41)
+    return stabilisation_of_svd(hankel_svd(markov, 20, 20, np.ones(model.B.shape[1]), np.ones(model.C.shape[0])), model.dt_s)
+
+
+A_CALM = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.0], [0.0, 0.0, 0.5]])
+TWO = (("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
+
+
+@pytest.fixture(scope="module")
+def calm() -> Found:
+    return found_with(model_with(A_CALM, *TWO))
+
+
+@pytest.fixture(scope="module")
+def small() -> Found:
+    """One input and one output: drawn three times as fast."""
+    return found_with(model_with(A_CALM, TWO[0][:1], TWO[1][:1]))
+
+
+@pytest.fixture(scope="module")
+def small_page(tmp_path_factory: pytest.TempPathFactory, small: Found) -> str:
+    return page_of(tmp_path_factory.mktemp("small"), small)
+
+
+def test_the_page_is_whole_and_has_a_figure_in_each_section(tmp_path: Path, calm: Found) -> None:
+    page = page_of(tmp_path, calm, stabilisation=diagram_of(calm.model))
+    outline = outline_of(page)
+    assert set(outline.ids) >= SECTIONS
+    parts = re.split(r'<h2 id="', page)[1:]
+    drawn = {part[: part.index('"')]: part.count("<svg") for part in parts}
+    assert drawn == {"identified": 0, "order": 2, "impulse": 1, "frequency": 1, "fit": 1, "residuals": 1, "poles": 1}
+    assert "91.23 %" in page
+    assert len(page.encode()) < SIZE_MOST
+
+
+def test_the_page_asks_for_nothing_and_runs_nothing(tmp_path: Path, calm: Found) -> None:
+    page = page_of(tmp_path, calm)
+    assert "http:" not in page
+    assert "https:" not in page
+    assert "@import" not in page
+    assert not re.search(r"\son\w+=", page)
+    assert outline_of(page).tags.isdisjoint({"script", "img", "link", "iframe", "object", "image", "foreignObject"})
+    assert "default-src 'none'" in page
+    assert all(target.startswith("#") for target in re.findall(r'(?:href|src)="([^"]*)"', page))
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", page))
+
+
+def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
+    model = model_with(A_CALM, (HOSTILE, "right\n\x00\x07" + "x" * 300), ("$\\frac{$", "見出し_rad"))
+    found = found_with(model, LaterReport, warnings=[HOSTILE], method=HOSTILE, candidates=[{HOSTILE: HOSTILE}])
+    page = page_of(tmp_path, found, title=HOSTILE)
+    outline = outline_of(page)
+    assert outline.tags.isdisjoint({"script", "img", "b"})
+    assert "<script" not in page
+    assert outline.text.count('<script>alert("x")</script>') >= 4
+    assert "{{ 7*7 }}" in page
+
+
+def test_warnings_stand_before_the_first_section(tmp_path: Path, small: Found) -> None:
+    said = "no clear gap in the singular values (largest ratio 1.3 at order 1); give --order, or more data"
+    page = page_of(tmp_path, replace(small, report=replace(small.report, warnings=[said])))
+    assert 0 < page.index(said) < page.index('<h2 id="identified"')
+
+
+def test_without_warnings_there_is_no_box(small_page: str) -> None:
+    assert 'class="note' not in small_page
+
+
+def test_fit_says_what_it_was_measured_on(tmp_path: Path, small: Found, small_page: str) -> None:
+    assert "on the data that were fitted, 400 samples" in small_page
+    other = record_of(small.model, 150, seed=7)
+    assert "on data that were not fitted, 150 samples" in page_of(tmp_path, small, [other])
+
+
+def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -> None:
+    bare = replace(small, report=replace(small.report, pole_ci95=None, singular_values=[]), intervals=None)
+    page = page_of(tmp_path, bare)
+    assert "No singular values in the report" in page
+    assert "No stabilisation diagram was made" in page
+    assert page.count("no bands are drawn") + page.count("so no bands are drawn") >= 2
+    assert "no discs are" in page
+
+
+def test_what_a_later_report_knows_is_shown(tmp_path: Path, small: Found) -> None:
+    text = outline_of(page_of(tmp_path, found_with(small.model, LaterReport))).text
+    assert "order the inputs excite12" in text.replace("\n", "")
+    assert "delays [samples]0, 2" in text.replace("\n", "")
+    assert "left: 0.3; right: 0.0001" in text
+    assert "held out error" in text
+    assert "10 more are not listed" in text
+    assert "dashed line" in text
+
+
+def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:
+    assert "not refused at 5 %" in small_page
+    page = page_of(tmp_path, replace(small, report=replace(small.report, whiteness_p=0.0)))
+    assert "p &lt; 0.001" in page
+    assert "not refused" not in page
+
+
+def test_gaps_are_drawn_around_and_counted(tmp_path: Path, small: Found) -> None:
+    record = record_of(small.model, 600)
+    record.y[100:110, 0] = np.nan
+    record.u[300, 0] = np.nan
+    page = page_of(tmp_path, small, [record])
+    assert "11 of them with a gap" in page
+    assert not re.search(r"\bnan\b", re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL), flags=re.IGNORECASE)
+
+
+def test_an_output_without_a_single_sample_is_drawn_empty(tmp_path: Path, calm: Found) -> None:
+    record = record_of(calm.model, 100)
+    record.y[:, 1] = np.nan
+    outline_of(page_of(tmp_path, calm, [record]))
+
+
+@pytest.mark.parametrize(("inputs", "outputs"), [(1, 1), (3, 4), (6, 1)])
+def test_any_number_of_channels_fits(tmp_path: Path, inputs: int, outputs: int) -> None:
+    model = model_with(A_CALM, [f"u{j}_m_s" for j in range(inputs)], [f"y{i}_rad" for i in range(outputs)])
+    page = page_of(tmp_path, found_with(model), [record_of(model, 1000, seed=2)])
+    outline_of(page)
+    assert len(page.encode()) < SIZE_MOST
+    assert ("the first 4 of each are drawn" in page) == (inputs > 4)
+
+
+@pytest.mark.parametrize("radius", [1.001, 1.05, 3.0])
+def test_an_unstable_model_is_cut_and_said_to_be(tmp_path: Path, radius: float) -> None:
+    model = model_with(np.diag([radius, 0.5]), TWO[0][:1], TWO[1][:1])
+    record = record_of(model_with(np.diag([0.9, 0.5]), TWO[0][:1], TWO[1][:1]), 3000)
+    page = page_of(tmp_path, found_with(model), [record], fitted=[record])
+    assert f"the model is unstable (spectral radius {radius:.4f})" in page
+    assert "grows" in page
+    assert len(page.encode()) < SIZE_MOST
+    if radius > 1.01:
+        assert "is cut there" in page
+
+
+def test_an_integrator_and_a_chain_of_delays_are_drawn(tmp_path: Path) -> None:
+    A = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    model = model_with(A, TWO[0][:1], TWO[1][:1])
+    page = page_of(tmp_path, found_with(model))
+    assert "cannot be told from an integrator" in page
+    assert "a delay of one sample" in page
+
+
+def test_channels_in_degrees_beside_radians_are_pointed_out(tmp_path: Path, small: Found, small_page: str) -> None:
+    model = replace(small.model, input_names=("wheel_rad_s",), output_names=("heading_deg",))
+    assert "channels in degrees (heading_deg) and in radians (wheel_rad_s)" in page_of(tmp_path, found_with(model))
+    assert "in degrees" not in small_page
+
+
+def test_a_long_record_is_thinned_to_a_small_page(tmp_path: Path, small: Found) -> None:
+    page = page_of(tmp_path, small, [record_of(small.model, 30_000)])
+    assert "the first 20000 of 30000 samples" in page
+    assert len(page.encode()) < SIZE_MOST
+
+
+def test_a_record_of_ten_samples_is_drawn(tmp_path: Path, small: Found) -> None:
+    outline_of(page_of(tmp_path, small, [record_of(small.model, 10)]))
+
+
+def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, small: Found, small_page: str) -> None:
+    assert page_of(tmp_path, small) == small_page
+
+
+def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path, small: Found) -> None:
+    with pytest.raises(TreadlineError, match="cannot be written"):
+        write_identification_page(tmp_path, small, [record_of(small.model)], [record_of(small.model)], title="a folder")
+
+
+def test_what_identify_returns_fits_the_page(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    true = LinearModel(
+        A=paper.A.copy(),
+        B=paper.B.copy(),
+        C=paper.C.copy(),
+        D=paper.D.copy(),
+        dt_s=1.0,
+        input_offset=np.zeros(2),
+        output_offset=np.zeros(2),
+    )
+    u = rng.standard_normal((1000, 2))
+    y = runs.run(true, u, np.zeros(2))
+    y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
+    whole = InputOutputRecord(u=u, y=y, dt_s=1.0, input_names=TWO[0], output_names=TWO[1])
+    fitted, kept = validate.part(whole, 0, 700), validate.part(whole, 700, 1000)
+    path = tmp_path / "page.html"
+    write_identification_page(path, identify(fitted, validation=kept), [fitted], [kept], title="Eq. (12)")
+    text = outline_of(path.read_text(encoding="utf-8")).text
+    assert "heading_rad" in text
+    assert "on data that were not fitted, 300 samples" in text
+
+
+def test_runs_are_those_that_identification_judges_by(calm: Found) -> None:
+    record = record_of(calm.model, 300)
+    record.y[50] = np.nan
+    x0 = validate.initial_state(calm.model, record)
+    np.testing.assert_allclose(runs.initial_state(calm.model, record), x0, atol=1e-9)
+    free = validate.simulate(calm.model, record.u, x0)
+    np.testing.assert_allclose(runs.run(calm.model, record.u, x0), free, atol=1e-9)
+    start = validate.initial_state(calm.model, validate.head(record, runs.HEAD))
+    ahead = runs.run(calm.model, record.u, start, record.y)
+    np.testing.assert_allclose(record.y - ahead, validate.one_step_residuals(calm.model, record), atol=1e-9)
+
+
+def test_responses_are_those_of_the_model(calm: Found) -> None:
+    response = runs.impulse_response(calm.model)
+    np.testing.assert_allclose(response, validate.impulse_response(calm.model, len(response)), atol=1e-12)
+    assert np.abs(response[-1]).max() < 0.05 * np.abs(response).max()
+    omega = runs.frequencies(calm.model, 1000)
+    assert omega[-1] == pytest.approx(math.pi)
+    markov = validate.impulse_response(calm.model, 400)
+    summed = np.einsum("wk,kpm->wpm", np.exp(-1j * np.outer(omega, np.arange(400))), markov)
+    np.testing.assert_allclose(runs.frequency_response(calm.model, omega), summed, atol=1e-6)
+
+
+def test_a_defective_model_has_its_frequency_response() -> None:
+    model = model_with(np.array([[0.5, 1.0], [0.0, 0.5]]), *TWO)
+    omega = np.array([0.1, 1.0])
+    markov = validate.impulse_response(model, 100)
+    summed = np.einsum("wk,kpm->wpm", np.exp(-1j * np.outer(omega, np.arange(100))), markov)
+    np.testing.assert_allclose(runs.frequency_response(model, omega), summed, atol=1e-9)
+
+
+def test_a_delayed_copy_correlates_at_its_positive_lag() -> None:
+    given = np.random.default_rng(0).standard_normal(500)
+    late = np.concatenate([np.zeros(3), given[:-3]])
+    r = runs.correlation(late, given, 10)
+    assert int(np.argmax(r)) - 10 == 3
+    assert r.max() > 0.95
+
+
+def test_independent_white_series_stay_within_the_band_as_often_as_said() -> None:
+    rng = np.random.default_rng(1)
+    a, b = rng.standard_normal((2, 4000))
+    band = runs.correlation_band(runs.correlation(a, a, 200), runs.correlation(b, b, 200), 4000)
+    inside = np.abs(runs.correlation(a, b, 200)) <= band
+    # 401 trials of 95 %: three deviations are 3.3 %.
+    assert inside.mean() > 0.917
+
+
+def test_thinning_keeps_peaks_and_gaps() -> None:
+    values = np.zeros(100_000)
+    values[54_321], values[60_000:70_000] = 7.0, np.nan
+    t, thin = runs.decimated(np.arange(100_000.0), values)
+    assert len(thin) <= 600
+    assert np.nanmax(thin) == 7.0
+    assert np.isnan(thin).any()
+    assert len(t) == len(thin)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "unit"),
+    [
+        ("left_m_s", "left", "m/s"),
+        ("heading_rad", "heading", "rad"),
+        ("yaw_rate_rad_s", "yaw_rate", "rad/s"),
+        ("pitch_deg", "pitch", "°"),
+        ("jerk_m_s2", "jerk", "m/s²"),
+        ("channel_a", "channel_a", None),
+        ("_m", "_m", None),
+        ("cost_$", r"cost_\$", None),
+    ],
+)
+def test_a_name_tells_its_unit(name: str, quantity: str, unit: str | None) -> None:
+    said = channel(name)
+    assert (said.quantity, said.unit) == (quantity, unit)
+
+
+def test_a_ratio_has_both_units_or_none() -> None:
+    assert ratio_unit(channel("yaw_rate_rad_s"), channel("left_m_s")) == "rad/s per m/s"
+    assert ratio_unit(channel("a_m"), channel("b_m")) == "–"
+    assert ratio_unit(channel("level"), channel("b_m")) == "own units"
+    assert both_angles([channel("a_rad"), channel("b_rad_s")]) is None
