@@ -13,7 +13,7 @@ from jaxtyping import Shaped
 from treadline.errors import LogFormatError, ShapeMismatch
 from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, row_of, seconds_of
 
-MAX_ARRAY_BYTES = 4 * 1024**3
+MAX_ARRAY_BYTES = 1024**3
 """Unpacked, all wanted arrays of a file together."""
 
 _PLACE = re.compile(r"\[(\d{1,6})\]$")

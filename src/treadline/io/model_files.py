@@ -131,9 +131,9 @@ def _model_of(found: dict[str, Any]) -> LinearModel:
         input_offset=_real("u0", found.get("u0", zeros["u0"])).reshape(-1),
         output_offset=_real("y0", found.get("y0", zeros["y0"])).reshape(-1),
         observer_gain=_real("K", found["K"]) if "K" in found else None,
-        input_names=_words(found.get("input_names", ())),
-        output_names=_words(found.get("output_names", ())),
-        provenance=dict(json.loads("".join(np.ravel(found.get("provenance", "{}"))))),
+        input_names=tuple(map(str, found.get("input_names", ()))),
+        output_names=tuple(map(str, found.get("output_names", ()))),
+        provenance=dict(json.loads(found.get("provenance", "{}"))),
     )
 
 
@@ -150,11 +150,6 @@ def _real(name: str, value: Any) -> Float64[np.ndarray, "..."]:
     if array.dtype.kind not in "biuf":
         raise ModelError(f"{name} holds {array.dtype}, not real numbers")
     return array.astype(float)
-
-
-def _words(cells: Any) -> tuple[str, ...]:
-    """Return the words of a MATLAB cell array of character rows."""
-    return tuple("".join(np.ravel(cell)) for cell in np.ravel(cells))
 
 
 def _suffix(path: Path) -> str:

@@ -6,6 +6,8 @@ hold no definition at all are rosbags' matter (the extra ``ros``).
 
 import re
 from collections.abc import Callable
+from contextlib import redirect_stderr
+from io import StringIO
 from typing import Any, NamedTuple
 
 from mcap.records import Schema
@@ -42,7 +44,8 @@ def decoder_of(topic: Topic) -> Callable[[bytes], Any]:
     """
     if topic.encoding == "cdr" and topic.language == "ros2msg":
         schema = Schema(id=1, data=topic.definition.encode(), encoding="ros2msg", name=topic.kind)
-        decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+        with redirect_stderr(StringIO()):  # the parser of definitions also prints what it raises
+            decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
         if decode is not None:
             return decode
     if topic.encoding not in {"cdr", "ros1"} or topic.language not in {"ros1msg", "ros2idl", "omgidl", ""}:
