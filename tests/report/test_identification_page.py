@@ -260,6 +260,7 @@ def test_what_a_later_report_knows_is_shown(tmp_path: Path, small: Found) -> Non
     assert "delays [samples]0, 2" in text.replace("\n", "")
     assert "left: 0.3; right: 0.0001" in text
     assert "held out error" in text
+    assert "50 structures tried" in text
     assert "10 more are not listed" in text
     assert "dashed line" in text
 
@@ -301,7 +302,8 @@ def test_an_unstable_model_is_cut_and_said_to_be(tmp_path: Path, radius: float) 
     record = record_of(model_with(np.diag([0.9, 0.5]), TWO[0][:1], TWO[1][:1]), 3000)
     page = page_of(tmp_path, found_with(model), [record], fitted=[record])
     assert f"the model is unstable (spectral radius {radius:.4f})" in page
-    assert "grows" in page
+    # The disc of 0.01 around 1.001 holds the integrator.
+    assert ("grows e-fold" if radius > 1.01 else "cannot be told from an integrator") in page
     assert len(page.encode()) < SIZE_MOST
     if radius > 1.01:
         assert "is cut there" in page

@@ -214,12 +214,12 @@ class _Page:
         free = runs.run(self.model, record.u, runs.initial_state(self.model, record))
         ahead = runs.run(self.model, record.u, runs.initial_state(self.model, _first(record, runs.HEAD)), record.y)
         p = len(self.drawn_out)
-        shown, left = runs.clipped(free[:, :p], record.y[:, :p])
-        ahead_shown, left_ahead = runs.clipped(ahead[:, :p], record.y[:, :p])
+        shown, left = runs.cut(free[:, :p], record.y[:, :p])
+        ahead_shown, left_ahead = runs.cut(ahead[:, :p], record.y[:, :p])
         names = [item.name for item, away in zip(self.drawn_out, left | left_ahead, strict=True) if away]
         if names:
             self.notes.append(f"the run of {', '.join(names)} leaves three spans of the data around their middle and is cut there")
-        closer = runs.typical_span(record.y[:, :p] - shown, CLOSER) if len(record) > 2 * CLOSER else None
+        closer = runs.typical_span(record.y[:, :p] - free[:, :p], CLOSER) if len(record) > 2 * CLOSER else None
         t = np.arange(len(record)) * record.dt_s
         self.drawn["fit"] = figures.fit(t, record.y[:, :p], shown, ahead_shown, closer, self.drawn_out)
         self.values["shown_record"] = f"record {place + 1} of {len(self.judged)}" if len(self.judged) > 1 else "the record"
@@ -277,7 +277,7 @@ def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float | None]
 
 def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
     pair = pole.imag > 1e-12
-    value = f"{pole.real:.5f} ± {pole.imag:.5f}i" if pair else f"{pole.real:.5f}"
+    value = (f"{pole.real:.5f} ± {pole.imag:.5f}i" if pair else f"{pole.real:.5f}").replace("-", "−")
     said = "–" if radius is None else f"{radius:.2g}"
     if pole == 0:
         return PoleRow(value=value, radius=said, frequency="–", damping="–", time_constant="0", remark="a delay of one sample")
@@ -287,7 +287,7 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
     remark = (
         "cannot be told from an integrator"
         if sure
-        else "grows"
+        else "grows e-fold in this time"
         if decay < -1e-9
         else "one sample up, one down: sampling, not motion"
         if not pair and pole.real < 0.0
@@ -297,8 +297,8 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
         value=value,
         radius=said,
         frequency=f"{size / (2.0 * math.pi * dt_s):.4g}",
-        damping=f"{decay / size:.4g}" if size > 0.0 else "–",
-        time_constant="∞" if abs(decay) < 1e-12 else f"{1.0 / decay * dt_s:.4g}",
+        damping=f"{decay / size:.4g}".replace("-", "−") if size > 0.0 else "–",
+        time_constant="∞" if abs(decay) < 1e-12 else f"{dt_s / abs(decay):.4g}",
         remark=remark,
     )
 

@@ -250,7 +250,7 @@ def fit(
             if near:
                 upper.plot(t[part], y_ahead, ":", color=RED, linewidth=1.4, label="one step ahead")
             lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label="free run")
-            lower.plot(*decimated(t[part], y - y_ahead), color=RED, linewidth=0.9, label="one step ahead")
+            lower.plot(*decimated(t[part], y - y_ahead), ":" if near else "-", color=RED, linewidth=0.9, label="one step ahead")
             lower.axhline(0.0, color=GREY, linewidth=0.8)
             for ax in (upper, lower):
                 ax.set_xlim(float(t[part][0]), float(t[part][-1]))

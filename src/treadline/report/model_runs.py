@@ -186,12 +186,11 @@ def typical_span(error: Float[np.ndarray, "T p"], span: int) -> slice:
     return slice(start, start + span)
 
 
-def clipped(
+def cut(
     values: Float[np.ndarray, "T p"], measured: Float[np.ndarray, "T p"]
 ) -> tuple[Float[np.ndarray, "T p"], Bool[np.ndarray, " p"]]:
-    """Return a run kept within three spans of what was measured around its middle, and which outputs it left."""
+    """Return a run without what lies beyond three spans of the measured outputs around their middle, and which left it."""
     low, high = np.fmin.reduce(measured, axis=0), np.fmax.reduce(measured, axis=0)
     middle, reach = 0.5 * (low + high), 3.0 * np.maximum(high - low, 1e-12)
-    left = ~(np.abs(values - middle) <= reach) & np.isfinite(middle)
-    kept = np.clip(np.where(np.isnan(values), np.inf, values), middle - reach, middle + reach)
-    return kept, left.any(axis=0)
+    away = ~(np.abs(values - middle) <= reach) & np.isfinite(middle)
+    return np.where(away, np.nan, values), away.any(axis=0)
