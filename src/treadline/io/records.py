@@ -93,7 +93,9 @@ def file_of(path: Path) -> Path:
             return path / name
     if any(item.suffix in BAGS for item in path.iterdir()):
         return path
-    raise LogFormatError(f"{path}: a folder without {RECORD}, {LOG} or a bag; give a log, or a folder that excite wrote")
+    raise LogFormatError(
+        f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder that excite wrote"
+    )
 
 
 def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:

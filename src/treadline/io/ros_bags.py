@@ -9,7 +9,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any, cast
 
 import zstandard
 
@@ -58,20 +58,6 @@ def _plain(data: bytes) -> bytes:
     return inflate_zstd(data, size)
 
 
-class _Mapped:
-    """A path as rosbags opens it; the map's read() gives no more than the file has, whatever a broken header asks for."""
-
-    def __init__(self, data: mmap.mmap) -> None:
-        self._data = data
-
-    def exists(self) -> bool:
-        return True
-
-    def open(self, _mode: str) -> BinaryIO:
-        self._data.seek(0)
-        return cast("BinaryIO", _Open(self._data))
-
-
 class _Open:
     """The part of a file that rosbags uses; a seek beyond the end is left to the next read, as files do."""
 
@@ -86,6 +72,20 @@ class _Open:
 
     def close(self) -> None:
         """The map is closed by who opened it."""
+
+
+class _Mapped:
+    """A path as rosbags opens it; the map's read() gives no more than the file has, whatever a broken header asks for."""
+
+    def __init__(self, data: mmap.mmap) -> None:
+        self._data = data
+
+    def exists(self) -> bool:
+        return True
+
+    def open(self, _mode: str) -> _Open:
+        self._data.seek(0)
+        return _Open(self._data)
 
 
 def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:

@@ -1,0 +1,237 @@
+"""Logs of all kinds: the same record comes out of each, bit for bit, and each fault is one line with place and remedy."""
+
+import bz2
+import io
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.io import arrays, mcap_read
+from treadline.io.mcap_log import RunLog
+from treadline.io.records import read_record
+from treadline.models import InputOutputRecord
+from treadline.signals import HeadingEstimate, TrackCommand
+
+
+def refused(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], words: str, **options: object) -> TreadlineError:
+    with pytest.raises(TreadlineError, match=words) as caught:
+        read_record(path, inputs, outputs, **options)
+    assert "\n" not in str(caught.value)
+    assert path.name in str(caught.value)
+    return caught.value
+
+
+def test_every_kind_of_log_gives_the_same_record(written, record: InputOutputRecord, kind: str) -> None:
+    log = written(kind, record)
+    back = read_record(log.path, log.inputs, log.outputs)
+    assert back.u.tobytes() == record.u.tobytes()
+    assert back.y.tobytes() == record.y.tobytes()
+    assert back.dt_s == record.dt_s
+    assert (back.input_names, back.output_names) == (log.inputs, log.outputs)
+
+
+def test_every_kind_says_what_it_holds_when_a_column_is_not_there(written, record: InputOutputRecord, kind: str) -> None:
+    log = written(kind, record)
+    there = log.outputs[0].partition(".")[0] if "run." not in log.outputs[0] else "run.out.y"
+    error = refused(log.path, log.inputs, ("/nowhere.x",), "nowhere")
+    assert isinstance(error, LogFormatError)
+    assert f"there are: {there.split('[')[0]}" in str(error) or f", {there.split('[')[0]}" in str(error)
+
+
+def test_every_kind_minds_units_and_gaps(written, record: InputOutputRecord, kind: str) -> None:
+    speed = replace(record, u=1000.0 * record.u)
+    if kind in {"csv", "txt", "tsv", "spreadsheet", "parquet"}:
+        log = written(kind, speed)
+        refused(log.path, log.inputs, log.outputs, "millimetres")
+        return
+    gap = replace(record, y=np.where(np.arange(40)[:, None] == 7, np.nan, record.y))
+    log = written(kind, gap)
+    assert isinstance(refused(log.path, log.inputs, log.outputs, "NaN.*--allow-gaps"), NotFinite)
+    assert np.isnan(read_record(log.path, log.inputs, log.outputs, allow_gaps=True).y[7, 0])
+
+
+def test_an_infinite_value_is_refused_even_where_gaps_are_allowed(written, record: InputOutputRecord, kind: str) -> None:
+    log = written(kind, replace(record, y=np.where(np.arange(40)[:, None] == 7, np.inf, record.y)))
+    refused(log.path, log.inputs, log.outputs, "Inf", allow_gaps=True)
+
+
+def test_every_kind_of_nothing_is_refused(tmp_path: Path) -> None:
+    for suffix in (".csv", ".npz", ".mat", ".parquet", ".mcap", ".bag", ".db3"):
+        path = tmp_path / f"log{suffix}"
+        refused(path, ("a",), ("b",), "no such file")
+        path.write_bytes(b"")
+        refused(path, ("a",), ("b",), "empty|not a whole|not an SQLite")
+        path.write_text("t_s,a\n0,1\n" if suffix != ".csv" else "\x00\xff")
+        refused(path, ("a",), ("b",), "not a|no column|end")
+    (tmp_path / "log.xlsx").write_bytes(b"PK")
+    refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
+
+
+# NPZ and MAT
+
+
+T = 0.25 * np.arange(10)
+FAULTS = {
+    "unequal lengths": ({"t_s": T, "a": T, "b": T[:9]}, ShapeMismatch, "'a' has 10 rows, 'b' has 9"),
+    "unequal clock": ({"t_s": T[:9], "a": T, "b": T}, ShapeMismatch, "'t_s' has 9"),
+    "transposed": ({"t_s": T, "a": np.ones((2, 10)), "b": T}, ShapeMismatch, "2 x 10.*transposed"),
+    "a matrix by its name": ({"t_s": T, "a": np.ones((10, 2)), "b": T}, LogFormatError, r"2 columns: a\[0\] to \[1\]"),
+    "three dimensions": ({"t_s": T, "a": np.ones((10, 2, 2)), "b": T}, ShapeMismatch, "3 dimensions"),
+    "one row": ({"t_s": T[:1], "a": T[:1], "b": T[:1]}, LogFormatError, "1 rows"),
+    "no rows": ({"t_s": T[:0], "a": T[:0], "b": T[:0]}, LogFormatError, "0 rows"),
+    "complex": ({"t_s": T, "a": 1j * T, "b": T}, LogFormatError, "'a' holds complex"),
+    "text": ({"t_s": T, "a": np.array(list("0123456789")), "b": T}, LogFormatError, "'a' (holds|is no array)"),
+    "time goes back": ({"t_s": T[::-1], "a": T, "b": T}, RecordError, "row 2: column 't_s' does not increase"),
+    "time with a hole": ({"t_s": np.where(T == 1.0, np.nan, T), "a": T, "b": T}, NotFinite, "row 5: column 't_s' holds NaN"),
+    "irregular": ({"t_s": T + 0.1 * (T > 1.0), "a": T, "b": T}, PeriodMismatch, "row 6: .*--resample"),
+    "no clock": ({"a": T, "b": T}, PeriodMismatch, "--period"),
+    "a float of nanoseconds": ({"t_ns": 1e9 * T, "a": T, "b": T}, LogFormatError, "int64"),
+    "mostly gaps": ({"t_s": T, "a": np.where(T < 1.0, np.nan, T), "b": T}, NotFinite, "40%"),
+}
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+@pytest.mark.parametrize("case", FAULTS)
+def test_arrays_that_are_no_record_say_why(tmp_path: Path, case: str, suffix: str) -> None:
+    variables, kind, words = FAULTS[case]
+    path = tmp_path / f"log{suffix}"
+    if suffix == ".npz":
+        np.savez(path, **variables)
+    else:
+        savemat(path, variables)
+    assert isinstance(refused(path, ("a",), ("b",), words, allow_gaps="gaps" in case), kind)
+
+
+def test_an_array_without_a_clock_takes_the_period_it_is_given(tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", a=T, b=T)
+    assert read_record(tmp_path / "log.npz", ("a",), ("b",), period_s=0.5).dt_s == 0.5
+
+
+@pytest.mark.parametrize("clock", ["t_s", "t", "time", "t_ns", "timestamp_ns"])
+def test_a_clock_has_one_of_five_names(tmp_path: Path, clock: str) -> None:
+    ticks = (4e9 * T).astype(np.int64) if clock.endswith("_ns") else 4.0 * T
+    np.savez(tmp_path / "log.npz", a=T, b=T, **{clock: ticks})
+    assert read_record(tmp_path / "log.npz", ("a",), ("b",)).dt_s == 1.0
+    np.savetxt(tmp_path / "log.csv", np.column_stack([T, T, ticks]), "%.0f", ",", header=f"a,b,{clock}", comments="")
+    assert read_record(tmp_path / "log.csv", ("a",), ("b",)).dt_s == 1.0
+
+
+def test_nanoseconds_since_1970_keep_their_digits_in_csv(tmp_path: Path) -> None:
+    lines = ["t_ns,a,b", *[f"{1_700_000_000_000_000_001 + 1000 * k},{k},{k}" for k in range(5)]]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    # A float of that size steps by 256 ns.
+    assert read_record(tmp_path / "log.csv", ("a",), ("b",)).dt_s == 1e-6
+    (tmp_path / "log.csv").write_text("\n".join([*lines, "1.7e18,0,0"]))
+    refused(tmp_path / "log.csv", ("a",), ("b",), ":7: column 't_ns' holds '1.7e18', not a whole number")
+
+
+def test_objects_are_never_unpickled(tmp_path: Path) -> None:
+    class Trap:
+        def __reduce__(self) -> tuple[object, ...]:
+            return print, ("sprung",)
+
+    np.savez(tmp_path / "log.npz", a=np.array([Trap()] * 10), b=T, t_s=T)
+    refused(tmp_path / "log.npz", ("a",), ("b",), "'a' holds object")
+
+
+def test_an_archive_that_unpacks_beyond_the_cap_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "MAX_ARRAY_BYTES", 100_000)
+    monkeypatch.setattr("treadline.io.mat.MAX_ARRAY_BYTES", 100_000)
+    zeros = np.zeros(100_000)
+    np.savez_compressed(tmp_path / "log.npz", a=zeros, b=zeros)
+    savemat(tmp_path / "log.mat", {"a": zeros, "b": zeros}, do_compression=True)
+    for name in ("log.npz", "log.mat"):
+        assert (tmp_path / name).stat().st_size < 10_000
+        refused(tmp_path / name, ("a",), ("b",), "100000 (bytes that )?are read", period_s=1.0)
+
+
+def test_a_header_that_promises_more_than_the_archive_holds_is_refused(tmp_path: Path) -> None:
+    data = io.BytesIO()
+    np.lib.format.write_array_header_1_0(data, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
+        archive.writestr("a.npy", data.getvalue() + b"\x00" * 80)
+    refused(tmp_path / "log.npz", ("a",), (), "not a whole NPZ file", period_s=1.0)
+
+
+def test_a_mat_file_of_version_7_3_names_the_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n" + bytes(100))
+    refused(path, ("a",), ("b",), "7.3.*-v7'")
+
+
+# Extras
+
+
+def test_what_needs_an_extra_says_how_to_get_it(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    for kind, module, extra in (
+        ("parquet", "pyarrow", "parquet"),
+        ("bag", "rosbags.rosbag1", "ros"),
+        ("mcap ros 1", "rosbags.typesys", "ros"),
+    ):
+        log = written(kind, record)
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, module, None)
+            refused(log.path, log.inputs, log.outputs, rf"pip install 'treadline\[{extra}\]'")
+
+
+def test_the_base_reads_mcap_of_ros_2_without_rosbags(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = written("mcap", record)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    assert len(read_record(log.path, log.inputs, log.outputs)) == 40
+
+
+# Folders
+
+
+def test_a_run_folder_without_a_record_is_read_from_its_log(tmp_path: Path) -> None:
+    with RunLog(tmp_path / "log.mcap") as log:
+        for k in range(20):
+            log(HeadingEstimate(t_s=0.25 * k, heading_rad=0.01 * k, heading_rate_rad_s=0.5, sigma_rad=0.1, source="gyro"))
+            log(TrackCommand(t_s=0.25 * k, left_m_s=0.1 * k, right_m_s=0.2))
+    record = read_record(tmp_path, ("/tracks/cmd.velocity[0]",), ("/stair/heading/detail.position[0]",))
+    np.testing.assert_array_equal(record.u[:, 0], 0.1 * np.arange(20))
+    np.testing.assert_array_equal(record.y[:, 0], 0.01 * np.arange(20))
+    assert record.dt_s == 0.25
+
+
+def test_a_folder_that_holds_no_log_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes.md").write_text("")
+    refused(tmp_path, ("a",), ("b",), r"without record\.csv")
+
+
+# Caps
+
+
+@pytest.mark.parametrize("kind", ["mcap", "mcap lz4", "mcap bare", "bag bz2", "bag lz4"])
+def test_a_chunk_that_unpacks_beyond_the_cap_is_refused(
+    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    log = written(kind, record)
+    monkeypatch.setattr(mcap_read, "MAX_CHUNK_BYTES", 1000)
+    refused(log.path, log.inputs, log.outputs, "1000")
+
+
+@pytest.mark.parametrize("kind", ["mcap", "bag", "db3"])
+def test_more_messages_than_the_cap_are_refused(
+    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    log = written(kind, record)
+    monkeypatch.setattr(mcap_read, "MAX_MESSAGES", 10)
+    refused(log.path, log.inputs, log.outputs, "more than 10 messages")
+
+
+def test_a_bomb_in_a_bag_is_not_unpacked(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = written("bag bz2", record)
+    data = log.path.read_bytes()
+    bomb = bz2.compress(bytes(10**7))
+    at = data.index(b"BZh")
+    log.path.write_bytes(data[:at] + bomb + data[at + len(bomb) :])
+    monkeypatch.setattr(mcap_read, "MAX_CHUNK_BYTES", 10**6)
+    refused(log.path, log.inputs, log.outputs, "more than 1000000 bytes")
