@@ -6,7 +6,7 @@ a change of coordinates; they are projected out, which leaves a minimal parametr
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import solve_triangular
+from scipy.linalg import qr, solve_triangular
 from score import markov
 from systems import Experiment, StateSpace
 
@@ -23,8 +23,9 @@ def relative_bound(experiment: Experiment, steps: int, *, start_known: bool) -> 
         used = J.shape[1] - len(system.A) - len(system.C)
         J, M, T = J[:, :used], M[:, :used], T[:used]
     kept = np.linalg.qr(T, mode="complete")[0][:, T.shape[1] :]
-    R = np.linalg.qr(J @ kept, mode="r")
-    deviation = solve_triangular(R, (M @ kept).T, trans="T")
+    # An unstable system's last rows are the largest: taken first, with pivoting, they do not swamp the others.
+    R, order = qr((J @ kept)[::-1], mode="r", pivoting=True)
+    deviation = solve_triangular(R[: kept.shape[1]], (M @ kept)[:, order].T, trans="T")
     return float(np.linalg.norm(deviation) / np.linalg.norm(markov(system, steps)))
 
 

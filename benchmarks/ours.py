@@ -2,6 +2,7 @@
 
 import inspect
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,9 @@ from systems import StateSpace, driven, equation_12
 
 from treadline.errors import TreadlineError
 from treadline.identification import era, identify
-from treadline.identification.gram import gram
 from treadline.models import InputOutputRecord
+
+gram = import_module("treadline.identification.gram")  # the package may offer a function of this name
 
 WAYS: dict[str, dict[str, str]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
@@ -51,9 +53,11 @@ def state_space(model: Any) -> StateSpace:
 
 
 def gram_alone(record: InputOutputRecord, lags: int) -> None:
-    """Accumulate the Gram matrix, and nothing else."""
-    scales = {"input_scale": record.u.std(axis=0), "output_scale": record.y.std(axis=0)}
-    gram(record, lags, feedthrough=True, **scales)
+    """Accumulate the Gram matrix, channel scales included, and nothing else."""
+    if hasattr(gram, "units_of"):
+        gram.gram(record, lags, gram.units_of([record]))
+    else:
+        gram.gram(record, lags, feedthrough=True, input_scale=record.u.std(axis=0), output_scale=record.y.std(axis=0))
 
 
 def realise(markov: np.ndarray, order: int, rows: int) -> None:
