@@ -61,6 +61,7 @@ class CsvLog:
     def __iter__(self) -> Iterator[Table]:
         sheet: _Sheet | None = None
         rows, line, origin = 0, 1, 0
+        self._done = 0
         with self._file.open("rb") as file:
             for block in _blocks(self._file, file):
                 body = block

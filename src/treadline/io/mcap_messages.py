@@ -18,6 +18,8 @@ from treadline.errors import LogFormatError
 from treadline.io import mcap_read
 from treadline.io.ros_types import Packet, Topic
 
+_PIECE = 1 << 20
+
 
 def mcap_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the topics wanted, in the order of the file."""
@@ -71,13 +73,23 @@ def _inflated(chunk: Chunk) -> bytes:
 
 def inflate_zstd(data: bytes, most: int) -> bytes:
     """Return what a frame holds, at most so many bytes."""
-    return zstandard.ZstdDecompressor().stream_reader(data).read(most)
+    stream = zstandard.ZstdDecompressor().stream_reader(data)
+    return _gathered(lambda: stream.read(_PIECE), most)
 
 
 def inflate_lz4(data: bytes, most: int) -> bytes:
     """Return what a frame holds, at most so many bytes."""
-    plain: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
-    return plain
+    frame = lz4.frame.LZ4FrameDecompressor()
+    rest = iter((data,))
+    return _gathered(lambda: b"" if frame.eof else frame.decompress(next(rest, b""), max_length=_PIECE), most)
+
+
+def _gathered(piece: Callable[[], bytes], most: int) -> bytes:
+    """Join pieces until they end: a size that is announced is no reason to allocate it."""
+    plain = bytearray()
+    while len(plain) < most and (more := piece()):
+        plain += more
+    return bytes(plain[:most])
 
 
 _INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, "zstd": inflate_zstd, "lz4": inflate_lz4}

@@ -1,0 +1,106 @@
+"""``identify`` on anybody's logs: each kind gives the same model, and a fault of each is one line and exit code 2."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from scipy.io import savemat
+
+from treadline.io.cdr import CdrWriter
+
+ROWS = 300
+
+
+def columns() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(7)
+    u = rng.uniform(-0.1, 0.1, (ROWS, 2))
+    y = np.zeros(ROWS)
+    for k in range(ROWS - 1):
+        y[k + 1] = 0.8 * y[k] + u[k] @ [0.3, -0.2]
+    return {"t_s": 0.25 * np.arange(ROWS), "left": u[:, 0], "right": u[:, 1], "turn": y}
+
+
+def write_csv(path: Path) -> None:
+    table = columns()
+    np.savetxt(path, np.column_stack(list(table.values())), "%.17g", ",", header=",".join(table), comments="")
+
+
+def write_parquet(path: Path) -> None:
+    arrow = pytest.importorskip("pyarrow", reason="pyarrow is an extra")
+    from pyarrow import parquet
+
+    parquet.write_table(arrow.table(columns()), path)
+
+
+def write_mcap(path: Path) -> None:
+    table = columns()
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("test_msgs/msg/Number", "ros2msg", b"float64 data")
+        channels = {name: writer.register_channel(f"/{name}", "cdr", schema) for name in table if name != "t_s"}
+        for k in range(ROWS):
+            for name, channel in channels.items():
+                message = CdrWriter()
+                message.doubles(float(table[name][k]))
+                writer.add_message(channel, k * 250_000_000, message.message(), 0)
+        writer.finish()
+
+
+WRITERS = {
+    "log.csv": write_csv,
+    "log.npz": lambda path: np.savez(path, **columns()),
+    "log.mat": lambda path: savemat(path, columns()),
+    "log.parquet": write_parquet,
+    "log.mcap": write_mcap,
+}
+
+
+def names(path: Path) -> list[str]:
+    field = ".data" if path.suffix == ".mcap" else ""
+    return ["--inputs", f"left{field},right{field}", "--outputs", f"turn{field}"]
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_identify_reads_every_kind(run, tmp_path: Path, name: str) -> None:
+    path, out = tmp_path / name, tmp_path / "model.json"
+    WRITERS[name](path)
+    outcome = run("identify", path, *names(path), "--out", out, "--json")
+    assert outcome.code == 0, outcome.err
+    assert outcome.values["order"] == 1
+    assert out.exists()
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize(
+    ("fault", "word"),
+    [("missing", "no such file"), ("cut short", ""), ("empty", ""), ("another column", "there are"), ("a bad period", "--period")],
+)
+def test_a_fault_of_each_kind_is_one_line(run, tmp_path: Path, name: str, fault: str, word: str) -> None:
+    path, out = tmp_path / name, tmp_path / "model.json"
+    WRITERS[name](path)
+    data = path.read_bytes()
+    if fault == "missing":
+        path.unlink()
+    elif fault == "cut short":
+        path.write_bytes(data[: len(data) // 2] if name != "log.csv" else data[:-6] + b",,,")
+    elif fault == "empty":
+        path.write_bytes(b"")
+    columns_asked = names(path) if fault != "another column" else ["--inputs", "nowhere.x", "--outputs", "turn"]
+    outcome = run("identify", path, *columns_asked, *(["--period", "-1"] if fault == "a bad period" else []), "--out", out)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert outcome.err.startswith("treadline: ")
+    assert outcome.err.count("\n") == 1
+    assert word in outcome.err
+    assert word == "--period" or name in outcome.err
+    assert not out.exists()
+
+
+def test_another_kind_of_file_is_answered_with_the_kinds_that_are_read(run, tmp_path: Path) -> None:
+    path = tmp_path / "log.xlsx"
+    path.write_bytes(b"PK")
+    outcome = run("identify", path, "--out", tmp_path / "model.json")
+    assert outcome.code == 2
+    assert ".parquet" in outcome.err

@@ -1,0 +1,137 @@
+"""Chunks: laid end to end they are the record, and what is wrong at a border is seen there."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
+from treadline.io import delimited
+from treadline.io.chunks import ChunkReader, read_chunks
+from treadline.io.records import read_record
+from treadline.models import InputOutputRecord
+
+KINDS = ("csv", "spreadsheet", "parquet")
+
+
+@pytest.fixture(params=["numpy", "pyarrow"])
+def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Read in tiny blocks, by each of the two fast parsers."""
+    monkeypatch.setattr(delimited, "BLOCK_BYTES", 200)
+    if request.param == "numpy":
+        monkeypatch.setattr(delimited, "_fastest", lambda: delimited._by_numpy)
+    else:
+        pytest.importorskip("pyarrow", reason="pyarrow is an extra")
+    return str(request.param)
+
+
+def chunks_of(log, **options: object) -> ChunkReader:
+    return read_chunks(log.path, log.inputs, log.outputs, **options)
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("rows", [2, 7, 40, 1000])
+def test_chunks_end_to_end_are_the_record(written, record: InputOutputRecord, kind: str, rows: int) -> None:
+    log = written(kind, record)
+    parts = list(chunks_of(log, rows=rows))
+    assert {len(part) for part in parts[:-1]} <= {rows}
+    assert np.concatenate([part.u for part in parts]).tobytes() == record.u.tobytes()
+    assert np.concatenate([part.y for part in parts]).tobytes() == record.y.tobytes()
+    assert {part.dt_s for part in parts} == {record.dt_s}
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_record_is_the_same_whatever_the_blocks(written, record: InputOutputRecord, kind: str) -> None:
+    log = written(kind, record)
+    assert read_record(log.path, log.inputs, log.outputs).u.tobytes() == record.u.tobytes()
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_fraction_grows_to_one_and_a_second_pass_is_the_first(written, record: InputOutputRecord, kind: str) -> None:
+    reader = chunks_of(written(kind, record), rows=5)
+    for _ in range(2):
+        seen = [reader.fraction for _ in reader]
+        assert seen == sorted(seen)
+        assert reader.fraction == 1.0
+        assert len(seen) == 8
+
+
+def faulty(path: Path, k: int, row: str) -> Path:
+    lines = ["t_s,u,y", *[f"{0.25 * i},{i},{i}" for i in range(30)]]
+    lines[k + 1] = row
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize(
+    ("row", "kind", "words"),
+    [
+        ("2.2,10,10", RecordError, ":12: column 't_s' does not increase"),
+        ("2.6,10,10", PeriodMismatch, ":12: a step of 0.35 s where the period is 0.25 s"),
+        ("2.5,fast,10", LogFormatError, ":12: column 'u' holds 'fast'"),
+        ("2.5,,10", NotFinite, ":12: column 'u' holds NaN"),
+        ("2.5,inf,10", NotFinite, ":12: column 'u' holds Inf"),
+        ("2.5,10", RecordError, ":12: 2 cells"),
+        ("2.5,\xff,10", LogFormatError, ":12: column 'u'"),
+    ],
+)
+def test_a_fault_is_named_with_its_line_wherever_it_stands(tmp_path: Path, row: str, kind: type[Exception], words: str) -> None:
+    path = faulty(tmp_path / "log.csv", 10, row)
+    for rows in (2, 5, 10, 100):  # row 10 is the first of a chunk in two of them
+        with pytest.raises(kind, match=words):
+            list(read_chunks(path, ("u",), ("y",), rows=rows))
+
+
+@pytest.mark.usefixtures("parser")
+def test_what_came_before_a_fault_has_been_yielded(tmp_path: Path) -> None:
+    reader = iter(read_chunks(faulty(tmp_path / "log.csv", 25, "x,x,x"), ("u",), ("y",), rows=4))
+    assert next(reader).u[:, 0].tolist() == [0, 1, 2, 3]
+    with pytest.raises(LogFormatError):
+        list(reader)
+
+
+def test_gaps_are_counted_over_the_whole_file(written, record: InputOutputRecord) -> None:
+    log = written("csv", replace(record, y=np.where(np.arange(40)[:, None] < 8, np.nan, record.y)))
+    assert sum(len(part) for part in chunks_of(log, rows=8, allow_gaps=True)) == 40
+    worse = written("csv", replace(record, y=np.where(np.arange(40)[:, None] < 9, np.nan, record.y)))
+    with pytest.raises(NotFinite, match="22%"):
+        list(chunks_of(worse, rows=8, allow_gaps=True))
+
+
+def test_a_stream_needs_rows_a_period_and_a_kind_that_streams(written, record: InputOutputRecord, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="two"):
+        chunks_of(written("csv", record), rows=1)
+    with pytest.raises(LogFormatError, match="CSV and Parquet"):
+        chunks_of(written("npz", record))
+    bare = tmp_path / "bare.csv"
+    bare.write_text("u,y\n1,2\n3,4\n")
+    with pytest.raises(PeriodMismatch, match="--period"):
+        list(read_chunks(bare, ("u",), ("y",)))
+    assert [part.dt_s for part in read_chunks(bare, ("u",), ("y",), period_s=0.5)] == [0.5]
+    with pytest.raises(PeriodMismatch, match="--period"):
+        read_chunks(bare, ("u",), ("y",), period_s=-1.0)
+    (tmp_path / "short.csv").write_text("t_s,u,y\n0,1,2\n")
+    with pytest.raises(LogFormatError, match="two rows"):
+        list(read_chunks(tmp_path / "short.csv", ("u",), ("y",)))
+
+
+def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(delimited, "BLOCK_BYTES", 1000)
+    monkeypatch.setattr(delimited, "MAX_LINE_BYTES", 8000)
+    (tmp_path / "log.csv").write_bytes(b"1" * 100_000)
+    with pytest.raises(LogFormatError, match="longer than 8000 bytes"):
+        list(read_chunks(tmp_path / "log.csv", ("u",), ("y",)))
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("text", ["+1", "1_0", " 2 ", "1e3", ".5", "5.", "-0", "1e-320", "0.1e1", "12345678901234567890"])
+def test_both_parsers_agree_with_pythons_float(tmp_path: Path, text: str) -> None:
+    lines = ["t_s,u,y", *[f"{0.25 * i},{i},{text}" for i in range(20)]]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    (part,) = read_chunks(tmp_path / "log.csv", ("u",), ("y",))
+    assert part.y.tobytes() == np.full((20, 1), float(text)).tobytes()
