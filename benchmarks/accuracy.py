@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import ours
@@ -91,7 +92,7 @@ def _row(name: str, errors: list[float], choice: str, best: float, bound: float)
     return (name, choice, float(np.median(whole)), spread, spread / best, spread / bound if bound else "", failed)
 
 
-def _errors_of_ours(arguments: dict[str, str], case: Case, experiments: list[Experiment]) -> list[float]:
+def _errors_of_ours(arguments: dict[str, Any], case: Case, experiments: list[Experiment]) -> list[float]:
     errors = []
     for experiment in experiments:
         try:
@@ -141,7 +142,7 @@ def _percents(inside: Float[np.ndarray, " n"]) -> tuple[str, str, str]:
 
 
 def _poles(
-    experiment: Experiment, order: int, arguments: dict[str, str]
+    experiment: Experiment, order: int, arguments: dict[str, Any]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]] | None:
     """Return |λ̂ - λ| and the declared half width of each true pole; None where no interval is offered."""
     try:

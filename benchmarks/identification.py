@@ -21,6 +21,7 @@ from pathlib import Path
 
 import accuracy
 import numpy as np
+import ours
 import peers
 import real
 import scipy
@@ -58,7 +59,7 @@ def real_part(fits: dict[str, peers.Fit], folder: Path, *, quick: bool) -> None:
             print(f"\n{data.name}: left out of a quick run")
         else:
             summary.append(_one_set(data, folder, fits))
-    own = list(real.ours.known())
+    own = list(ours.known())
     table(
         "free run on the second half, fit % (no seeds: nothing is drawn)",
         ("set", *own, "best peer", "which", "known before"),
@@ -73,7 +74,7 @@ def _one_set(data: DataSet, folder: Path, fits: dict[str, peers.Fit]) -> Row:
     for note in dict.fromkeys(note for score in scores for note in score.notes):
         print(f"  treadline: {note}")
     best = max((score for score in scores if score.is_peer), key=lambda score: score.percent, default=None)
-    shown = [percent(score.percent) for score in scores if score.method in real.ours.known()]
+    shown = [percent(score.percent) for score in scores if score.method in ours.known()]
     known = "–" if data.known_percent is None else f"{data.known_percent:.1f}"
     return (data.name, *shown, *(("–", "–") if best is None else (percent(best.percent), best.method)), known)
 

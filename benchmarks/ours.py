@@ -14,7 +14,7 @@ from treadline.models import InputOutputRecord
 
 gram = import_module("treadline.identification.gram")  # the package may offer a function of this name
 
-WAYS: dict[str, dict[str, str]] = {
+WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
     "okid-era (qr)": {"method": "okid-era", "solver": "qr"},
     "pbsid": {"method": "pbsid"},
@@ -24,7 +24,7 @@ WAYS: dict[str, dict[str, str]] = {
 
 
 @cache
-def known() -> dict[str, dict[str, str]]:
+def known() -> dict[str, dict[str, Any]]:
     """Return the ways that this version knows."""
     trial, found = driven(equation_12(), 400, 0.01, 0).record, {}
     for name, asked in WAYS.items():

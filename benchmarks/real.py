@@ -7,6 +7,7 @@ the model is then made again from the whole first half. Means are removed for pe
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import ours
@@ -47,7 +48,7 @@ def scores(data: DataSet, folder: Path, fits: dict[str, Fit]) -> Iterator[Score]
         yield _chosen(name, centred(fit), first, second, is_peer=True)
 
 
-def _ours(name: str, arguments: dict[str, str], first: InputOutputRecord, second: InputOutputRecord) -> Score:
+def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
     try:
         found = identify(first, **arguments)
     except TreadlineError as error:
@@ -57,7 +58,7 @@ def _ours(name: str, arguments: dict[str, str], first: InputOutputRecord, second
     return Score(method=name, percent=percent, choice=choice, is_peer=False, notes=tuple(found.report.warnings))
 
 
-def _like_a_peer(name: str, arguments: dict[str, str], first: InputOutputRecord, second: InputOutputRecord) -> Score:
+def _like_a_peer(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
     """Score a way of ours whose order and lags are chosen as a peer's are: tells the choice from the method."""
 
     def fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:

@@ -41,7 +41,7 @@ def free_run(model: StateSpace, record: InputOutputRecord) -> Float[np.ndarray, 
     scale = record.y.std(axis=0)
     free, misfit = response[:, :, :n] / scale[:, None], (record.y - forced) / scale
     x0 = np.linalg.lstsq(free.reshape(-1, n), misfit.ravel(), rcond=None)[0]
-    return forced + response[:, :, :n] @ x0
+    return np.asarray(forced + response[:, :, :n] @ x0)
 
 
 def fit_percent(model: StateSpace, record: InputOutputRecord) -> float:

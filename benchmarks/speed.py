@@ -1,6 +1,5 @@
 """Processor time on one thread, and the memory that a long record takes."""
 
-import resource
 import statistics
 import subprocess
 import sys
@@ -122,5 +121,9 @@ def memory_of(folder: Path, lags: int) -> None:
 
 
 def peak_mb() -> float:
-    """Return the largest resident size so far."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+    """Return the largest resident size so far (Linux).
+
+    ``getrusage`` would count the parent's as well: its figure survives the start of a new program.
+    """
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines())
+    return float(status["VmHWM"].split()[0]) * 1024.0 / 1e6

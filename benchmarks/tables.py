@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-Row = Sequence[str | float | int]
+Cell = str | float | int
+Row = Sequence[Cell]
 
 
 def table(title: str, header: Sequence[str], rows: Sequence[Row]) -> None:
@@ -19,7 +20,7 @@ def table(title: str, header: Sequence[str], rows: Sequence[Row]) -> None:
         print("  " + "  ".join([first, *others]).rstrip(), flush=True)
 
 
-def _text(value: str | float) -> str:
+def _text(value: Cell) -> str:
     if isinstance(value, float):
         return "–" if np.isnan(value) else f"{value:.3g}"
     return str(value)
