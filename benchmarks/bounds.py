@@ -5,7 +5,7 @@ a change of coordinates; they are projected out, which leaves a minimal parametr
 """
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from scipy.linalg import qr, solve_triangular
 from score import markov
 from systems import Experiment, StateSpace
@@ -16,8 +16,24 @@ def relative_bound(experiment: Experiment, steps: int, *, start_known: bool) -> 
 
     With ``start_known`` neither x0 nor an offset of the outputs is estimated; without, both are.
     """
-    system, u = experiment.system, experiment.record.u
-    J, M, T = output_jacobian(system, u), markov_jacobian(system, steps), coordinate_changes(system)
+    deviation = _deviation(experiment, markov_jacobian(experiment.system, steps), start_known=start_known)
+    return float(np.linalg.norm(deviation) / np.linalg.norm(markov(experiment.system, steps)))
+
+
+def pole_bound(experiment: Experiment) -> float:
+    """Return the bound of the root mean square of |λ̂ - λ| over all poles, x0 and offset unknown."""
+    poles, right = np.linalg.eig(experiment.system.A)
+    left = np.linalg.inv(right)
+    J = np.array([np.outer(left[k], right[:, k]).ravel() for k in range(len(poles))])  # dλ = w' dA v
+    count = sum(part.size for part in (experiment.system.B, experiment.system.C, experiment.system.D))
+    J = np.hstack([J, np.zeros((len(poles), count + len(poles) + len(experiment.system.C)))])
+    return float(np.linalg.norm(_deviation(experiment, J, start_known=False)) / np.sqrt(len(poles)))
+
+
+def _deviation(experiment: Experiment, M: Shaped[np.ndarray, "r q"], *, start_known: bool) -> Shaped[np.ndarray, "k r"]:
+    """Return a root V of the least covariance V'V of what depends on the parameters by the Jacobian M."""
+    system = experiment.system
+    J, T = output_jacobian(system, experiment.record.u), coordinate_changes(system)
     J = (J / experiment.noise_std[:, None]).reshape(-1, J.shape[2])
     if start_known:
         used = J.shape[1] - len(system.A) - len(system.C)
@@ -25,8 +41,7 @@ def relative_bound(experiment: Experiment, steps: int, *, start_known: bool) -> 
     kept = np.linalg.qr(T, mode="complete")[0][:, T.shape[1] :]
     # An unstable system's last rows are the largest: taken first, with pivoting, they do not swamp the others.
     R, order = qr((J @ kept)[::-1], mode="r", pivoting=True)
-    deviation = solve_triangular(R[: kept.shape[1]], (M @ kept)[:, order].T, trans="T")
-    return float(np.linalg.norm(deviation) / np.linalg.norm(markov(system, steps)))
+    return np.asarray(solve_triangular(R[: kept.shape[1]], (M @ kept)[:, order].T, trans="T"))
 
 
 def output_jacobian(system: StateSpace, u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T p q"]:
