@@ -1,5 +1,6 @@
 """Chunks: laid end to end they are the record, and what is wrong at a border is seen there."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
-from treadline.io import delimited
+from treadline.io import delimited, parquet
 from treadline.io.chunks import ChunkReader, read_chunks
 from treadline.io.records import read_record
 from treadline.models import InputOutputRecord
@@ -20,7 +21,7 @@ def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
     """Read in tiny blocks, by each of the two fast parsers."""
     monkeypatch.setattr(delimited, "BLOCK_BYTES", 200)
     if request.param == "numpy":
-        monkeypatch.setattr(delimited, "_fastest", lambda: delimited._by_numpy)
+        monkeypatch.setattr(delimited, "fastest", lambda: delimited.by_numpy)
     else:
         pytest.importorskip("pyarrow", reason="pyarrow is an extra")
     return str(request.param)
@@ -118,6 +119,25 @@ def test_a_stream_needs_rows_a_period_and_a_kind_that_streams(written, record: I
     (tmp_path / "short.csv").write_text("t_s,u,y\n0,1,2\n")
     with pytest.raises(LogFormatError, match="two rows"):
         list(read_chunks(tmp_path / "short.csv", ("u",), ("y",)))
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stream_holds_a_chunk_and_not_the_file(
+    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    long = replace(record, u=np.tile(record.u, (400, 1)), y=np.tile(record.y, (400, 1)))
+    monkeypatch.setattr(delimited, "BLOCK_BYTES", 20_000)
+    monkeypatch.setattr(parquet, "BATCH_ROWS", 200)
+    reader = chunks_of(written(kind, long), rows=200)
+    tracemalloc.start()
+    try:
+        assert sum(len(part) for part in reader) == len(long)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # As floats alone the file is 510 kB, as text a megabyte.
+    assert peak < 400_000
 
 
 def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Shaped
 
 from treadline.errors import LogFormatError, ShapeMismatch
-from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, row_of, seconds_of
+from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, seconds_of
 
 MAX_ARRAY_BYTES = 1024**3
 """Unpacked, all wanted arrays of a file together."""
@@ -46,7 +46,7 @@ def table_of(
         values=values,
         clock=clock,
         t_s=None if ticks is None else seconds_of(ticks, int(ticks[0]) if ticks.dtype.kind == "i" else 0),
-        where=row_of(file),
+        marks=np.arange(1, rows + 1),
     )
 
 

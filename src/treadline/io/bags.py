@@ -56,11 +56,10 @@ def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], peri
         t, column = series[name]
         values[:, j] = held(grid + HALF, t, column) if j < len(inputs) else np.interp(grid, t, column)
         values[_in_a_pause(grid, t, PAUSE * max(period_ns, medians[name])), j] = np.nan
-
-    def where(k: int) -> str:
-        return f"{path}: {1e-9 * (grid[k] - grid[0]):.3f} s after the first common time"
-
-    return Table(file=path, names=wanted, values=values, clock=None, t_s=None, where=where), period_ns / 1e9
+    since_first = 1e-9 * (grid - grid[0])
+    spot = ": {:.3f} s after the first common time"
+    table = Table(file=path, names=wanted, values=values, clock=None, t_s=None, marks=since_first, spot=spot)
+    return table, period_ns / 1e9 if period_s is None else period_s
 
 
 HALF = 0.5

@@ -103,4 +103,4 @@ def _of_length(tables: Iterable[Table], rows: int) -> Iterator[Table]:
 
 def _part(table: Table, first: int, last: int) -> Table:
     t_s = None if table.t_s is None else table.t_s[first:last]
-    return replace(table, values=table.values[first:last], t_s=t_s, where=lambda k: table.where(first + k))
+    return replace(table, values=table.values[first:last], t_s=t_s, marks=table.marks[first:last])

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Shaped
 
 from treadline.errors import LogFormatError
-from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, missing, row_of, seconds_of
+from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
 
 BATCH_ROWS = 65_536
 
@@ -66,7 +66,7 @@ class ParquetLog:
                 values=values,
                 clock=clock,
                 t_s=None if ticks is None else seconds_of(ticks, origin),
-                where=row_of(self._file, first),
+                marks=np.arange(first + 1, self._done + 1),
             )
         check_count(self._file, self._done)
 

@@ -5,9 +5,8 @@ file and the place. A row with NaN is refused unless gaps are allowed; then it s
 windows that hold it.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterable
-from itertools import accumulate
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,18 +131,10 @@ def joined(tables: list[Table]) -> Table:
     """Return tables that follow one another as one."""
     if len(tables) == 1:
         return tables[0]
-    ends = list(accumulate(len(table) for table in tables))
-
-    def where(k: int) -> str:
-        part = bisect_right(ends, k)
-        return tables[part].where(k - ends[part] + len(tables[part]))
-
     times = [table.t_s for table in tables if table.t_s is not None]
-    return Table(
-        file=tables[0].file,
-        names=tables[0].names,
+    return replace(
+        tables[0],
         values=np.concatenate([table.values for table in tables]),
-        clock=tables[0].clock,
         t_s=np.concatenate(times) if times else None,
-        where=where,
+        marks=np.concatenate([table.marks for table in tables]),
     )

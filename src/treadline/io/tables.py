@@ -4,7 +4,7 @@ A log of any format becomes one table or several that follow one another; ``reco
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -32,11 +32,16 @@ class Table:
     clock: str | None
     """Name of the column that told the time."""
     t_s: Float64[np.ndarray, " n"] | None
-    where: Callable[[int], str]
-    """Says where a row stands: file and line, or file and row."""
+    marks: Shaped[np.ndarray, " n"]
+    """What each row is called in an error: its line or its number; data and not a function, for a stream may not remember."""
+    spot: str = ": row {}"
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
+
+    def where(self, k: int) -> str:
+        """Return where a row stands: file and line, or file and row."""
+        return f"{self.file}{self.spot.format(self.marks[k])}"
 
 
 @runtime_checkable
@@ -71,11 +76,6 @@ def listed(names: Iterable[str]) -> str:
     every = list(names)
     more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
     return (", ".join(every[:MOST_NAMED]) + more) if every else "none"
-
-
-def row_of(file: Path, first: int = 0) -> Callable[[int], str]:
-    """Return what names a row of a file without lines."""
-    return lambda k: f"{file}: row {first + k + 1}"
 
 
 def check_count(file: Path, rows: int) -> None:

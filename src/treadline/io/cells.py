@@ -1,0 +1,146 @@
+"""Cells of a CSV file as numbers: a block at a time, and one by one where the block is not plain.
+
+A block is parsed as a whole by numpy, or by pyarrow where it is installed and the file is long (three times as fast, the same
+bits). Only a block that they refuse, or in which a cell is quoted or a row has another length, is read cell by cell: that
+finds the line and the column of the fault, or the number that the fast parsers do not know.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Int, Shaped
+
+from treadline.errors import LogFormatError, ShapeMismatch
+from treadline.io.tables import NANOSECONDS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """What the header says: how cells are parted, which columns there are, which are wanted."""
+
+    file: Path
+    delimiter: str
+    header: list[str]
+    places: list[int]
+    """Columns that are wanted."""
+    clock: int | None
+
+    @property
+    def clock_name(self) -> str | None:
+        """Return the name of the clock's column."""
+        return None if self.clock is None else self.header[self.clock]
+
+
+Parser = Callable[[Sheet, bytes, list[int], type], Shaped[np.ndarray, "n k"]]
+Cells = tuple[Shaped[np.ndarray, "n k"], Shaped[np.ndarray, " n"] | None, Int[np.ndarray, " n"]]
+"""The wanted columns, the clock's ticks, and the line of each row."""
+
+
+def cells_of(sheet: Sheet, block: bytes, line: int, parse: Parser) -> Cells:
+    """Return what is wanted of a block that begins at a line."""
+    rows = _rows_of_one_length(sheet, block)
+    if rows and sheet.places:
+        try:
+            values, ticks = _taken(sheet, lambda places, kind: parse(sheet, block, places, kind))
+        except ValueError:  # pyarrow's are children of it
+            pass
+        else:
+            if len(values) == rows:
+                return values, ticks, np.arange(line, line + rows)
+    text = decoded(sheet.file, block, line)
+    numbered = [(number, row) for number, row in enumerate(parted(sheet.file, text, sheet.delimiter), start=line) if row]
+    for number, row in numbered:
+        if len(row) != len(sheet.header):
+            raise ShapeMismatch(f"{sheet.file}:{number}: {len(row)} cells, the header has {len(sheet.header)}")
+    values, ticks = _taken(sheet, lambda places, kind: _one_by_one(sheet, numbered, places, kind))
+    return values, ticks, np.array([number for number, _ in numbered], dtype=int)
+
+
+def _taken(
+    sheet: Sheet, numbers: Callable[[list[int], type], Shaped[np.ndarray, "n k"]]
+) -> tuple[Shaped[np.ndarray, "n k"], Shaped[np.ndarray, " n"] | None]:
+    """Return the wanted columns and the clock; nanoseconds as whole numbers, for a float rounds them."""
+    if sheet.clock is None:
+        return numbers(sheet.places, float), None
+    if sheet.clock_name in NANOSECONDS:
+        return numbers(sheet.places, float), numbers([sheet.clock], int)[:, 0]
+    both = numbers([*sheet.places, sheet.clock], float)
+    return both[:, :-1], both[:, -1]
+
+
+def _rows_of_one_length(sheet: Sheet, block: bytes) -> int:
+    """Return the number of rows, or 0 where they differ in length or a cell is quoted."""
+    marks = np.frombuffer(block, np.uint8)
+    ends = np.flatnonzero(marks == ord("\n"))
+    if not block.endswith(b"\n"):
+        ends = np.append(ends, len(block))
+    parting = np.flatnonzero(marks == ord(sheet.delimiter))
+    per_row = len(sheet.header) - 1
+    if b'"' in block or len(parting) != per_row * len(ends):
+        return 0
+    grid = parting.reshape(len(ends), per_row)
+    return len(ends) if (grid < ends[:, None]).all() and (grid[1:] > ends[:-1, None]).all() else 0
+
+
+def by_numpy(sheet: Sheet, block: bytes, places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
+    """Return the columns of a plain block; a cell that is no number is a ValueError."""
+    text = io.StringIO(block.decode("ascii", "replace"))
+    return np.loadtxt(text, dtype=kind, delimiter=sheet.delimiter, comments=None, usecols=places, ndmin=2)
+
+
+def fastest() -> Parser:
+    """Return pyarrow's parser where it is installed, else numpy's."""
+    try:
+        from pyarrow import csv as arrow
+    except ImportError:
+        return by_numpy
+
+    def by_arrow(sheet: Sheet, block: bytes, places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
+        names = [str(i) for i in range(len(sheet.header))]
+        wanted = [names[place] for place in places]
+        types: dict[str, Any] = dict.fromkeys(wanted, np.dtype(kind).name.replace("float64", "double"))
+        table = arrow.read_csv(
+            io.BytesIO(block),
+            read_options=arrow.ReadOptions(column_names=names, use_threads=False, block_size=len(block) + 1),
+            parse_options=arrow.ParseOptions(delimiter=sheet.delimiter, quote_char=False),
+            convert_options=arrow.ConvertOptions(column_types=types, include_columns=wanted, null_values=["", "nan"]),
+        )
+        return np.column_stack([column.to_numpy() for column in table.columns])
+
+    return by_arrow
+
+
+def _one_by_one(sheet: Sheet, numbered: list[tuple[int, list[str]]], places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
+    values: Shaped[np.ndarray, "n k"] = np.empty((len(numbered), len(places)), dtype=kind)
+    for i, (line, row) in enumerate(numbered):
+        for j, place in enumerate(places):
+            text = row[place].strip()
+            try:
+                values[i, j] = kind(text) if text or kind is int else math.nan
+            except (ValueError, OverflowError):
+                what = "a number" if kind is float else "a whole number"
+                raise LogFormatError(f"{sheet.file}:{line}: column '{sheet.header[place]}' holds '{text}', not {what}") from None
+    return values
+
+
+def decoded(file: Path, block: bytes, line: int) -> str:
+    """Return a block that begins at a line as text."""
+    try:
+        return block.decode("utf-8")
+    except UnicodeDecodeError as error:
+        near = line + block[: error.start].count(b"\n")
+        raise LogFormatError(f"{file}:{near}: not UTF-8 (byte {block[error.start]:#04x}); is it a CSV file?") from None
+
+
+def parted(file: Path, text: str, delimiter: str) -> list[list[str]]:
+    """Return the cells of each line."""
+    try:
+        return list(csv.reader(text.splitlines(), delimiter=delimiter))
+    except csv.Error as error:
+        raise LogFormatError(f"{file}: not CSV: {error}") from None
