@@ -2,6 +2,7 @@
 
 import bz2
 import io
+import os
 import sys
 import zipfile
 from dataclasses import replace
@@ -71,6 +72,25 @@ def test_every_kind_of_nothing_is_refused(tmp_path: Path) -> None:
         refused(path, ("a",), ("b",), "not a|no column|end")
     (tmp_path / "log.xlsx").write_bytes(b"PK")
     refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("t_s a b\n0 1 2\n1 2 3\n", ":1: blanks part the names 't_s a b'"),
+        ("t_s;a;b\n0,0;1;2\n1,0;2;3\n", r":2: column 't_s' holds '0,0', not a number \(decimals have a point\)"),
+    ],
+)
+def test_text_of_another_make_says_what_to_change(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "log.txt").write_text(text)
+    refused(tmp_path / "log.txt", ("a",), ("b",), words)
+    (tmp_path / "wide.csv").write_text(text, encoding="utf-16")
+    refused(tmp_path / "wide.csv", ("a",), ("b",), "wide.csv:1: not UTF-8.*save it")
+
+
+def test_what_is_neither_file_nor_folder_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "log.csv")
+    refused(tmp_path / "log.csv", ("a",), ("b",), "neither a file nor a folder")
 
 
 # NPZ and MAT

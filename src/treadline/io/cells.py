@@ -124,7 +124,7 @@ def _one_by_one(sheet: Sheet, numbered: list[tuple[int, list[str]]], places: lis
             try:
                 values[i, j] = kind(text) if text or kind is int else math.nan
             except (ValueError, OverflowError):
-                what = "a number" if kind is float else "a whole number"
+                what = "a whole number" if kind is int else "a number (decimals have a point)" if "," in text else "a number"
                 raise LogFormatError(f"{sheet.file}:{line}: column '{sheet.header[place]}' holds '{text}', not {what}") from None
     return values
 
@@ -135,7 +135,7 @@ def decoded(file: Path, block: bytes, line: int) -> str:
         return block.decode("utf-8")
     except UnicodeDecodeError as error:
         near = line + block[: error.start].count(b"\n")
-        raise LogFormatError(f"{file}:{near}: not UTF-8 (byte {block[error.start]:#04x}); is it a CSV file?") from None
+        raise LogFormatError(f"{file}:{near}: not UTF-8 (byte {block[error.start]:#04x}); save it as CSV in UTF-8") from None
 
 
 def parted(file: Path, text: str, delimiter: str) -> list[list[str]]:

@@ -85,13 +85,15 @@ def _opened(file: Path, block: bytes, wanted: tuple[str, ...]) -> tuple[Sheet, b
     number = text[:blank].count(b"\n") + 1
     if b"\r" in head.rstrip(b"\r"):  # lines end with a return alone, or it is no text: the reader of cells will tell
         head, _, body = text[blank:].partition(b"\r")
-    line = decoded(file, head, 0)
+    line = decoded(file, head, number)
     delimiter = next((mark for mark in (",", ";", "\t") if mark in line), ",") if file.suffix.lower() != ".tsv" else "\t"
     header = [name.strip() for row in parted(file, line, delimiter) for name in row]
     doubled = sorted({name for name in header if header.count(name) > 1})
     if doubled:
         raise LogFormatError(f"{file}:{number}: column '{doubled[0]}' stands twice")
     for name in wanted:
+        if name not in header and len(header) == 1 and " " in line:
+            raise LogFormatError(f"{file}:{number}: blanks part the names '{line.strip()[:80]}'; use commas, semicolons or tabs")
         if name not in header:
             raise missing(file, name, header)
     clock = clock_of(header, wanted)

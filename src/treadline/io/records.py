@@ -85,8 +85,11 @@ def file_of(path: Path) -> Path:
     """Return the file to read: a run folder's record or log, a bag's folder as it is."""
     if not path.exists():
         raise LogFormatError(f"{path}: no such file")
-    if not path.is_dir():
+    if path.is_file():
+        _check_readable(path)
         return path
+    if not path.is_dir():
+        raise LogFormatError(f"{path}: neither a file nor a folder")
     for name in (RECORD, LOG):
         if (path / name).exists():
             return path / name
@@ -95,6 +98,13 @@ def file_of(path: Path) -> Path:
     raise LogFormatError(
         f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder that excite wrote"
     )
+
+
+def _check_readable(file: Path) -> None:
+    try:
+        file.open("rb").close()
+    except OSError as error:
+        raise LogFormatError(f"{file}: {error.strerror or error}") from None
 
 
 def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
