@@ -74,6 +74,24 @@ def test_every_kind_of_nothing_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
 
 
+@pytest.mark.parametrize("cut", ["npz", "mat", "mat compressed", "parquet", "mcap", "mcap bare", "bag", "bag bz2", "db3"])
+def test_a_log_that_was_cut_short_is_refused(written, record: InputOutputRecord, cut: str) -> None:
+    log = written(cut, record)
+    data = log.path.read_bytes()
+    for share in (0.3, 0.6, 0.99):
+        log.path.write_bytes(data[: int(share * len(data))])
+        assert isinstance(refused(log.path, log.inputs, log.outputs, "not a whole|not an SQLite|no ROS 2"), LogFormatError)
+
+
+@pytest.mark.parametrize("packed", ["npz", "mat compressed", "mcap"])
+def test_a_byte_that_changed_is_noticed_by_the_checksum(written, record: InputOutputRecord, packed: str) -> None:
+    log = written(packed, record)
+    data = bytearray(log.path.read_bytes())
+    data[len(data) // 3] ^= 1
+    log.path.write_bytes(data)
+    refused(log.path, log.inputs, log.outputs, "not a whole")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -26,6 +26,8 @@ from treadline.io.tables import Table, listed
 
 PAUSE = 3.0
 """Two messages lost in a row are bridged, three are a gap."""
+HALF = 0.5
+"""Stamps are whole nanoseconds: half of one absorbs rounding."""
 
 _READERS: dict[str, Callable[[Path, Callable[[str], bool]], Iterator[Packet]]] = {
     ".mcap": mcap_messages,
@@ -62,10 +64,6 @@ def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], peri
     return table, period_ns / 1e9 if period_s is None else period_s
 
 
-HALF = 0.5
-"""Stamps are whole nanoseconds: half of one absorbs rounding."""
-
-
 def _grid(path: Path, series: dict[str, Series], period_ns: float) -> Float64[np.ndarray, " k"]:
     first = max(t[0] for t, _ in series.values())
     last = min(t[-1] for t, _ in series.values())
@@ -96,6 +94,6 @@ def _damage(file: Path) -> Iterator[None]:
         raise LogFormatError(f"{file}: {error}") from None
     except TreadlineError:
         raise
-    except Exception as error:  # noqa: BLE001 - the readers of four formats have no error in common
+    except Exception as error:
         cause = " ".join(str(error).split())[:200] or type(error).__name__
-        raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from None
+        raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from error

@@ -1,6 +1,6 @@
 """Messages of any MCAP file, chunked or not, compressed or not; checksums are compared wherever the writer left one.
 
-``mcap_read`` is stricter, for it reads only what treadline wrote. The caps are its own.
+``mcap_read`` is stricter, for it reads only what treadline wrote; the caps are the same.
 """
 
 import dataclasses
@@ -24,8 +24,6 @@ _PIECE = 1 << 20
 def mcap_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the topics wanted, in the order of the file."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        if len(data) > mcap_read.MAX_FILE_BYTES:
-            raise LogFormatError(f"{len(data)} bytes; at most {mcap_read.MAX_FILE_BYTES} are read")
         schemas: dict[int, Schema] = {}
         topics: dict[int, Topic | None] = {}
         for record in _unpacked(data):
@@ -49,8 +47,9 @@ def _topic(channel: Channel, schemas: dict[int, Schema]) -> Topic:
 
 
 def _unpacked(data: mmap.mmap) -> Iterator[McapRecord]:
-    # A record longer than the file is broken: no memory for it. The map's read() stops at the end by itself.
-    reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=len(data))
+    # The map's read() stops at the end by itself; what it has is read record by record, however long the file.
+    most = mcap_read.MAX_CHUNK_BYTES
+    reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=most)
     for record in reader.records:
         if isinstance(record, Chunk):
             yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
