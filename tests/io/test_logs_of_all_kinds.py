@@ -67,9 +67,9 @@ def test_every_kind_of_nothing_is_refused(tmp_path: Path) -> None:
         path = tmp_path / f"log{suffix}"
         refused(path, ("a",), ("b",), "no such file")
         path.write_bytes(b"")
-        refused(path, ("a",), ("b",), "empty|not a whole|not an SQLite")
+        refused(path, ("a",), ("b",), "empty|not a whole|not an SQLite|pip install")
         path.write_text("t_s,a\n0,1\n" if suffix != ".csv" else "\x00\xff")
-        refused(path, ("a",), ("b",), "not a|no column|end")
+        refused(path, ("a",), ("b",), "not a|no column|pip install")
     (tmp_path / "log.xlsx").write_bytes(b"PK")
     refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
 

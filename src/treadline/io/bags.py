@@ -91,9 +91,14 @@ def _damage(file: Path) -> Iterator[None]:
     try:
         yield
     except LogFormatError as error:
-        raise LogFormatError(f"{file}: {error}") from None
+        raise LogFormatError(f"{file}: {_line(error)}") from None
     except TreadlineError:
         raise
     except Exception as error:
-        cause = " ".join(str(error).split())[:200] or type(error).__name__
+        cause = _line(error) or type(error).__name__
         raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from error
+
+
+def _line(error: Exception) -> str:
+    """Return what an error says on one line: names out of a file may hold anything."""
+    return " ".join(str(error).split())[:500]

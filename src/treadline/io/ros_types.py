@@ -17,6 +17,8 @@ from treadline.errors import LogFormatError
 
 MOST_ELEMENTS = 1 << 25
 """Longest sequence that is decoded: a broken message announces billions."""
+LONGEST_DEFINITION = 1 << 20
+"""Characters; the longest of the standard ones have some ten thousand."""
 
 
 class Topic(NamedTuple):
@@ -42,6 +44,9 @@ def decoder_of(topic: Topic) -> Callable[[bytes], Any]:
     Raises:
         LogFormatError: If its encoding is unknown, or rosbags is missing.
     """
+    # IDL knows constants that are computed: a shift writes a gigabyte in ten characters.
+    if len(topic.definition) > LONGEST_DEFINITION or "<<" in topic.definition:
+        raise LogFormatError(f"{topic.name}: the definition of '{topic.kind[:80]}' is too long or computes; no message type does")
     if topic.encoding == "cdr" and topic.language == "ros2msg":
         schema = Schema(id=1, data=topic.definition.encode(), encoding="ros2msg", name=topic.kind)
         with redirect_stderr(StringIO()):  # the parser of definitions also prints what it raises

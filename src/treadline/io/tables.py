@@ -20,6 +20,7 @@ MOST_GAPS = 0.2
 """Largest share of rows with NaN."""
 MOST_NAMED = 12
 """Names that an error lists before it says how many more there are."""
+LONGEST_NAME = 80
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +73,8 @@ def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names as a list of bearable length."""
-    every = list(names)
+    """Return names as a list of bearable length, on one line whatever a file calls its columns."""
+    every = [" ".join(name.split())[:LONGEST_NAME] for name in names]
     more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
     return (", ".join(every[:MOST_NAMED]) + more) if every else "none"
 
