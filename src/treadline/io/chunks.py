@@ -74,7 +74,7 @@ class ChunkReader:
             check_values(table, allow_gaps=self._allow_gaps)
             if table.t_s is not None:
                 period_s = period_of(table, table.t_s, period_s, before_s)
-                error = uneven(table, table.t_s, period_s, before_s)
+                error = uneven(table, table.t_s, period_s, before_s, remedy="a stream is not resampled: read it whole")
                 if error is not None:
                     raise error
                 before_s = float(table.t_s[-1])

@@ -31,7 +31,9 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
     return float(np.median(steps)) if period_s is None else period_s
 
 
-def uneven(table: Table, t_s: Times, period_s: float, before_s: float | None = None) -> PeriodMismatch | None:
+def uneven(
+    table: Table, t_s: Times, period_s: float, before_s: float | None = None, *, remedy: str = "pass --resample"
+) -> PeriodMismatch | None:
     """Return the error for the first step that is not the period, or None."""
     steps = _steps(t_s, before_s)
     off = np.flatnonzero(np.abs(steps - period_s) > IRREGULAR * period_s)
@@ -39,7 +41,7 @@ def uneven(table: Table, t_s: Times, period_s: float, before_s: float | None = N
         return None
     k = int(off[0])
     return PeriodMismatch(
-        f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; pass --resample"
+        f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
     )
 
 
