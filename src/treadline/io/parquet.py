@@ -35,7 +35,8 @@ class ParquetLog:
                 f"{self._file}: Parquet needs pyarrow: pip install 'treadline[parquet]', or save it as CSV"
             ) from None
         try:
-            with parquet.ParquetFile(self._file, page_checksum_verification=True) as file:
+            # pre_buffer would hold what has been read until the end.
+            with parquet.ParquetFile(self._file, page_checksum_verification=True, pre_buffer=False) as file:
                 yield from self._tables(file)
         except (ArrowException, OSError, ValueError, MemoryError) as error:
             raise LogFormatError(f"{self._file}: not a whole Parquet file: {str(error).splitlines()[0]}") from None
