@@ -17,6 +17,7 @@ gram = import_module("treadline.identification.gram")  # the package may offer a
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
     "okid-era (qr)": {"method": "okid-era", "solver": "qr"},
+    "era-dc": {"method": "era-dc"},
     "pbsid": {"method": "pbsid"},
     "best": {"method": "best"},
 }
