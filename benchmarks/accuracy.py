@@ -16,7 +16,6 @@ from systems import Experiment, driven, equation_12, in_closed_loop, light_dampi
 from tables import Row, table
 
 from treadline import paper
-from treadline.errors import TreadlineError
 from treadline.identification import identify
 
 STEPS = 20
@@ -100,7 +99,7 @@ def _errors_of_ours(arguments: dict[str, Any], case: Case, experiments: list[Exp
         try:
             model = identify(experiment.record, order=case.order, **arguments).model
             errors.append(relative_error(ours.state_space(model), experiment.system, STEPS))
-        except TreadlineError:
+        except ours.FAILURES:
             errors.append(np.inf)
     return errors
 
@@ -150,7 +149,7 @@ def _poles(
     """Return |λ̂ - λ| and the declared half width of each true pole; None where no interval is offered."""
     try:
         report = identify(experiment.record, order=order, **arguments).report
-    except TreadlineError:
+    except ours.FAILURES:
         return None
     if report.pole_ci95 is None:
         return None

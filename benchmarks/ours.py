@@ -23,6 +23,9 @@ WAYS: dict[str, dict[str, Any]] = {
 }
 """Arguments of ``identify`` by name."""
 
+FAILURES = (TreadlineError, np.linalg.LinAlgError)
+"""What counts as a failed run; the second would be a fault of ours, and is counted, not hidden by a crash."""
+
 
 @cache
 def known() -> dict[str, dict[str, Any]]:
@@ -34,7 +37,7 @@ def known() -> dict[str, dict[str, Any]]:
             arguments.pop("solver")
         try:
             identify(trial, order=2, **arguments)
-        except (TypeError, TreadlineError) as error:
+        except (TypeError, *FAILURES) as error:
             print(f"treadline: {name} is not in this version ({error})")
         else:
             found[name] = arguments

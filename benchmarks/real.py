@@ -15,7 +15,6 @@ from peers import Fit, PeerError, centred
 from score import fit_percent
 from systems import DataSet, StateSpace, halves, part
 
-from treadline.errors import TreadlineError
 from treadline.identification import identify
 from treadline.models import InputOutputRecord
 
@@ -54,7 +53,7 @@ def scores(data: DataSet, folder: Path, fits: dict[str, Fit]) -> Iterator[Score]
 def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
     try:
         found = identify(first, **arguments)
-    except TreadlineError as error:
+    except ours.FAILURES as error:
         return Score(method=name, percent=-np.inf, choice="–", is_peer=False, notes=(str(error),))
     percent = fit_percent(ours.state_space(found.model), second)
     choice = f"order {found.report.order}, lags {found.report.lags}"
@@ -82,6 +81,6 @@ def _chosen(name: str, fit: Fit, first: InputOutputRecord, second: InputOutputRe
 def _percent(fit: Fit, first: InputOutputRecord, second: InputOutputRecord, order: int, rows: int) -> float:
     try:
         percent = fit_percent(fit(first, order, rows), second)
-    except (PeerError, TreadlineError, np.linalg.LinAlgError, ValueError):  # peers raise what their libraries raise
+    except (PeerError, *ours.FAILURES, ValueError):  # peers raise what their libraries raise
         return -np.inf
     return percent if np.isfinite(percent) else -np.inf

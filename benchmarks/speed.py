@@ -17,7 +17,6 @@ from score import markov
 from systems import driven, equation_12, light_damping
 from tables import Row, table
 
-from treadline.errors import TreadlineError
 from treadline.identification import identify
 from treadline.models import InputOutputRecord
 
@@ -82,7 +81,7 @@ def cpu_s(work: Callable[[], object], repeats: int) -> float | None:
             started = time.process_time()
             work()
             spent.append(time.process_time() - started)
-    except (PeerError, TreadlineError, MemoryError) as error:
+    except (PeerError, *ours.FAILURES, MemoryError) as error:
         print(f"  not timed: {error}")
         return None
     return statistics.median(spent[1:] if repeats > 1 else spent)
