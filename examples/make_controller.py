@@ -17,7 +17,7 @@ from treadline.identification import identify
 SEED, SAMPLES = 100, 1000
 
 excited = excite(excitation(CONTROLLER_SLOPE_DEG), samples=SAMPLES, period_s=PERIOD_S, seed=SEED)
-found = identify(excited.record)
+found = identify(excited.record, method="okid-era")
 origin = {
     "made_by": "examples/make_controller.py",
     "slope_deg": CONTROLLER_SLOPE_DEG,

@@ -27,13 +27,14 @@ def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearM
     assert (found.report.order, found.report.feedthrough, found.report.warnings) == (2, True, [])
 
 
-@pytest.mark.parametrize(("noise", "best_peer"), [(0.01, 6.1e-4), (0.1, 6.0e-3)])
-def test_noise_costs_no_more_than_twice_what_it_costs_the_best_subspace_method(
-    draw: Draw, eq_12: LinearModel, noise: float, best_peer: float
+@pytest.mark.parametrize(("noise", "bound"), [(0.01, 7.8e-4), (0.1, 7.8e-3)])
+@pytest.mark.parametrize(("method", "times"), [("best", 1.15), ("okid-era", 1.3), ("pbsid", 1.3)])
+def test_noise_costs_hardly_more_than_it_must(
+    draw: Draw, eq_12: LinearModel, noise: float, bound: float, method: str, times: float
 ) -> None:
-    errors = [markov_error(identify(draw(seed, noise=noise), order=2).model, eq_12) for seed in range(10)]
-    # SLICOT's figures on the same case. The Cramér–Rao bound with a free initial state is 1.3 times them.
-    assert np.mean(errors) < 2.0 * best_peer
+    errors = [markov_error(identify(draw(seed, noise=noise), order=2, method=method).model, eq_12) for seed in range(10)]
+    # The Cramér–Rao bound with a free initial state; the mean of ten errors of this size scatters by 8 %.
+    assert np.mean(errors) < times * bound
 
 
 def test_a_chair_that_already_moves_is_identified_as_well(draw: Draw, eq_12: LinearModel) -> None:
@@ -78,7 +79,7 @@ def test_scattered_gaps_cost_the_windows_of_the_lags_that_are_used(draw: Draw, e
     whole, rng = draw(12, noise=0.05), np.random.default_rng(13)
     y = whole.y.copy()
     y[rng.choice(len(y), round(share * len(y)), replace=False)] = np.nan
-    found = identify(InputOutputRecord(u=whole.u, y=y, dt_s=whole.dt_s))
+    found = identify(InputOutputRecord(u=whole.u, y=y, dt_s=whole.dt_s), method="okid-era")
     # A window of p lags is whole with a chance of (1 - share)^(p + 1): 12 lags would leave 6 % of them.
     kept = (1.0 - share) ** (found.report.lags + 1)
     assert found.report.samples / len(y) == pytest.approx(kept, rel=0.1)
@@ -126,7 +127,7 @@ def test_figures_on_kept_back_data_are_of_data_that_were_not_fitted(draw: Draw) 
     record = draw(8, noise=0.1)
     found = identify(record, order=2, validation=0.3)
     # 700 samples are fitted; the first of them have no whole past.
-    assert found.report.samples == 700 - 12
+    assert found.report.samples == 700 - found.gram.lags
     # Independent noise of 10 % leaves 1 % of the variance, and the model hardly adds to it.
     assert min(found.report.one_step_vaf_percent.values()) == pytest.approx(99.0, abs=0.3)
     assert min(found.report.fit_percent.values()) == pytest.approx(90.0, abs=2.0)

@@ -105,7 +105,7 @@ def test_an_order_that_the_data_do_not_show_is_refused(draw: Draw) -> None:
     [
         ({"order": 0}, "order is 0; at least 1"),
         ({"lags": 0}, "lags is 0; at least 1"),
-        ({"method": "guess"}, "method is 'guess'; allowed: okid-era, deconvolution"),
+        ({"method": "guess"}, "method is 'guess'; allowed: best, okid-era, era-dc, pbsid, deconvolution"),
         ({"validation": 1.5}, r"the validation share is 1\.5"),
     ],
 )

@@ -8,6 +8,7 @@ from treadline.control import lqr_gain
 from treadline.control.reconstruct import static_reconstruction
 from treadline.experiments.literal import asked_at
 from treadline.experiments.plan import WHOLE
+from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov, system_markov
 from treadline.mechanics.chair import read_chair
 
@@ -90,7 +91,9 @@ def test_a_rank_of_2_is_all_that_the_printed_impulse_response_has() -> None:
         beta=still + paper.C @ paper.A @ np.linalg.inv(paper.C),
         residual_covariance=np.eye(2),
         parameter_covariance=np.eye(5),
-        count=1,
+        count=1.0,
+        units=Units(shift=np.zeros(4), scale=np.ones(4), input_count=2),
+        feedthrough=True,
     )
     Y = system_markov(observer, 9)
     H = np.block([[Y[1 + i + j] for j in range(4)] for i in range(4)])

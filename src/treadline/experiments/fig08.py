@@ -69,7 +69,7 @@ class Recording:
 
 def evaluate(fitted: Recording, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
     """Return the model of one slope, and Fig. 8's figures for it."""
-    found = identify(fitted.record, validation=fresh)
+    found = identify(fitted.record, method="okid-era", validation=fresh)
     model, report = found.model, found.report
     values = np.asarray(report.singular_values, dtype=float)
     steps = round(IMPULSE_S / model.dt_s)

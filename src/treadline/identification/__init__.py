@@ -1,7 +1,27 @@
 """From recorded belt speeds and motion to a linear model."""
 
+from treadline.identification.best import best
 from treadline.identification.era import era
-from treadline.identification.identify import METHODS, IdentificationReport, Identified, identify
+from treadline.identification.gram import Gram, gram
+from treadline.identification.identified import Identified
+from treadline.identification.identify import METHODS, SOLVERS, identify
 from treadline.identification.okid import observer_markov, system_markov
+from treadline.identification.pbsid import pbsid
+from treadline.identification.reduction import balanced_truncation
+from treadline.identification.report import IdentificationReport
 
-__all__ = ["METHODS", "IdentificationReport", "Identified", "era", "identify", "observer_markov", "system_markov"]
+__all__ = [
+    "METHODS",
+    "SOLVERS",
+    "Gram",
+    "IdentificationReport",
+    "Identified",
+    "balanced_truncation",
+    "best",
+    "era",
+    "gram",
+    "identify",
+    "observer_markov",
+    "pbsid",
+    "system_markov",
+]

@@ -4,12 +4,17 @@ import math
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import lapack
 
 from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, ShapeMismatch
+from treadline.identification.gram import Gram
 from treadline.models import InputOutputRecord
 
 GAP_SHARE = 0.2
 """Largest share of rows with a NaN: beyond it, what is left is not the experiment that was run."""
+
+NOTHING_NEW = 1e-9
+"""Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
 
 
 def check_records(records: list[InputOutputRecord]) -> None:
@@ -66,6 +71,22 @@ def _check_movement(records: list[InputOutputRecord]) -> None:
 def _centred(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T2 m"]:
     whole = u[np.isfinite(u).all(axis=1)]
     return np.asarray((whole - whole.mean(axis=0)) / whole.std(axis=0) / math.sqrt(len(whole)))
+
+
+def excitation_order(data: Gram) -> int:
+    """Return the largest order that the inputs excite persistently: how many samples on they still bring something new.
+
+    What of an input its own past and the other inputs cannot foretell is a pivot of the inputs' covariance (Ljung, System
+    Identification, 1999, section 13.2). Counted as far as the lags of the sums go.
+    """
+    m, r = data.units.input_count, len(data.units.scale)
+    at = (1 + r * np.arange(data.lags + 1)[:, None] + np.arange(m)).ravel()
+    mean = data.sums[0, at] / data.count
+    covariance = data.sums[np.ix_(at, at)] / data.count - np.outer(mean, mean)
+    factor, info = lapack.dpotrf(covariance, lower=1)
+    pivots = np.diag(factor)[: info - 1 if info > 0 else None] ** 2
+    new = int(np.argmax(np.append(pivots <= NOTHING_NEW, values=True)))
+    return new // m
 
 
 def channel_names(record: InputOutputRecord) -> tuple[str, ...]:

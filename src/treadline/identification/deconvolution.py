@@ -5,10 +5,16 @@ Toeplitz in the inputs, has a condition of about 1e17 at 50 random samples of on
 the rank it needs. OKID with an observer takes its place.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import PoorExcitation
+from treadline.errors import PoorExcitation, SettingsError
+from treadline.identification.era import HankelSvd, hankel_svd
+from treadline.identification.gram import Units
+from treadline.identification.okid import ObserverMarkov
+from treadline.models import InputOutputRecord
 
 CONDITION_LIMIT = 1e8
 """Beyond it, data of single precision leave no digit of the answer."""
@@ -49,3 +55,30 @@ def deconvolve(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> Floa
         )
     flat = np.linalg.solve(matrix.T, y)
     return np.moveaxis(flat.reshape(samples, m, y.shape[1]), 1, 2)
+
+
+def observer_of(records: Sequence[InputOutputRecord], units: Units) -> tuple[ObserverMarkov, HankelSvd]:
+    """Return Eq. (9c)'s impulse response as an observer without feedback, in units of deviations, and its Hankel matrix.
+
+    Raises:
+        SettingsError: If there is more than one experiment.
+        PoorExcitation: If the matrix of inputs has no usable inverse.
+    """
+    if len(records) > 1:
+        raise SettingsError("Eq. (9c) knows one experiment; give one record, or use method okid-era")
+    markov = deconvolve(records[0].u, records[0].y) * units.input_scale / units.output_scale[:, None]
+    _, p, m = markov.shape
+    blocks = (len(markov) - 1) // 2
+    lags, q = 2 * blocks, 1 + m + 2 * blocks * (m + p)
+    observer = ObserverMarkov(
+        bias=np.zeros(p),
+        D=markov[0],
+        alpha=np.ascontiguousarray(markov[1 : 1 + lags]),
+        beta=np.zeros((lags, p, p)),
+        residual_covariance=np.zeros((p, p)),
+        parameter_covariance=np.zeros((q, q)),
+        count=float(len(markov)),
+        units=Units(shift=np.zeros(m + p), scale=np.ones(m + p), input_count=m),
+        feedthrough=True,
+    )
+    return observer, hankel_svd(markov, blocks, blocks, np.ones(m), np.ones(p))

@@ -1,99 +1,306 @@
-"""The Gram matrix of lagged inputs and outputs: all that OKID needs of the data, in one pass.
+"""The Gram matrix of windows of inputs and outputs: all that identification needs of the data, in one pass.
 
-Rows of the regression are ``[1, u_k, z_{k-1}, …, z_{k-p}]`` with ``z = (u, y)``, targets ``y_k``. Sums of outer products
-add up over chunks and over experiments; a window that holds a NaN is left out and counted. The constant column takes
-the offsets, so that nobody has to subtract a mean that is not one.
+A window is ``[1, z_k, z_{k-1}, …, z_{k-p}]`` with ``z = (u, y)``. Summed over a whole record, products of two samples
+depend on their distance alone, but for the ends: the matrix is block-Toeplitz up to corrections, so its first block row
+is all that needs the data (2·N·r²·(p+1) flops for r channels instead of 2·N·r²·(p+1)²). Sums add up over chunks, over
+experiments and over parts that are left out; fewer lags are the leading block. A window that holds a NaN is left out and
+counted. The constant column takes the offsets, so that nobody has to subtract a mean that is not one.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from treadline.errors import LogFormatError, ShapeMismatch, TreadlineError
+from treadline.identification.kernels import column_moments, fold, lagged_products, normalise, slide
 from treadline.models import InputOutputRecord
 
-CHUNK = 65536
-"""Rows per pass: a few megabytes of regressors."""
+CHUNK = 1 << 18
+"""Samples per pass: eight megabytes of four channels."""
+BLOCK_LEAST = 10
+"""Samples per row of the products: matrices of less than 40 columns leave the processor waiting."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Units:
+    """What is subtracted from each channel, and what it is divided by: outputs after inputs."""
+
+    shift: Float[np.ndarray, " r"]
+    scale: Float[np.ndarray, " r"]
+    input_count: int
+
+    @property
+    def input_scale(self) -> Float[np.ndarray, " m"]:
+        """Deviation of the inputs."""
+        return self.scale[: self.input_count]
+
+    @property
+    def output_scale(self) -> Float[np.ndarray, " p"]:
+        """Deviation of the outputs."""
+        return self.scale[self.input_count :]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gram:
-    """Sums over all whole windows of one or more experiments, channels scaled to unit deviation."""
+    """Sums over all whole windows of one or more experiments, in units of each channel's deviation."""
 
     lags: int
-    feedthrough: bool
-    XX: Float[np.ndarray, "q q"]
-    XY: Float[np.ndarray, "q p"]
-    YY: Float[np.ndarray, "p p"]
-    count: int
+    units: Units
+    dt_s: float
+    sums: Float[np.ndarray, "q q"]
+    count: float
+    """Windows; less than were seen where old ones are forgotten."""
     dropped: int
-    input_scale: Float[np.ndarray, " m"]
-    output_scale: Float[np.ndarray, " p"]
+    root: Float[np.ndarray, "_ q"] | None = None
+    """R with R'R = sums, by orthogonal steps (``solver="qr"``): digits that squaring would lose."""
 
     def __add__(self, other: "Gram") -> "Gram":
-        return Gram(
-            lags=self.lags,
-            feedthrough=self.feedthrough,
-            XX=self.XX + other.XX,
-            XY=self.XY + other.XY,
-            YY=self.YY + other.YY,
+        if self.lags != other.lags or self.sums.shape != other.sums.shape:
+            raise ShapeMismatch(f"Gram matrices of {self.lags} and {other.lags} lags do not add up")
+        return replace(
+            self,
+            sums=self.sums + other.sums,
             count=self.count + other.count,
             dropped=self.dropped + other.dropped,
-            input_scale=self.input_scale,
-            output_scale=self.output_scale,
+            root=None if self.root is None or other.root is None else _stacked(self.root, other.root),
         )
 
+    def __sub__(self, other: "Gram") -> "Gram":
+        return replace(self, sums=self.sums - other.sums, count=self.count - other.count, root=None)
 
-def gram(
-    record: InputOutputRecord,
-    lags: int,
-    *,
-    feedthrough: bool,
-    input_scale: Float[np.ndarray, " m"],
-    output_scale: Float[np.ndarray, " p"],
-) -> Gram:
-    """Return the Gram matrix of one experiment."""
-    u, y = record.u / input_scale, record.y / output_scale
-    m, p = u.shape[1], y.shape[1]
-    width = 1 + (m if feedthrough else 0) + lags * (m + p)
-    XX, XY, YY = np.zeros((width, width)), np.zeros((width, p)), np.zeros((p, p))
-    count = dropped = 0
-    for start in range(lags, len(u), CHUNK):
-        stop = min(start + CHUNK, len(u))
-        X, Y = regressors(u, y, lags, start, stop, feedthrough=feedthrough)
-        whole = np.isfinite(X).all(axis=1) & np.isfinite(Y).all(axis=1)
-        X, Y = X[whole], Y[whole]
-        XX += X.T @ X
-        XY += X.T @ Y
-        YY += Y.T @ Y
-        count += len(X)
-        dropped += int(whole.size - len(X))
-    return Gram(
-        lags=lags,
-        feedthrough=feedthrough,
-        XX=XX,
-        XY=XY,
-        YY=YY,
-        count=count,
-        dropped=dropped,
-        input_scale=input_scale,
-        output_scale=output_scale,
-    )
+    def forgotten(self, factor: float) -> "Gram":
+        """Return the sums weighed down by a factor: what was seen before new data counts less."""
+        root = None if self.root is None else self.root * np.sqrt(factor)
+        return replace(self, sums=self.sums * factor, count=self.count * factor, root=root)
+
+    def fewer(self, lags: int) -> "Gram":
+        """Return the sums for fewer lags: the leading block."""
+        kept = 1 + len(self.units.scale) * (lags + 1)
+        root = None if self.root is None else self.root[:, :kept]
+        return replace(self, lags=lags, sums=self.sums[:kept, :kept], root=root)
+
+    def save(self, path: Path) -> None:
+        """Write the sums as NPZ: numbers alone, no code."""
+        temporary = path.with_name(path.name + ".part")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with temporary.open("wb") as file:
+                    np.savez(
+                        file,
+                        lags=self.lags,
+                        dt_s=self.dt_s,
+                        sums=self.sums,
+                        count=self.count,
+                        dropped=self.dropped,
+                        shift=self.units.shift,
+                        scale=self.units.scale,
+                        input_count=self.units.input_count,
+                    )
+                temporary.replace(path)
+            finally:
+                temporary.unlink(missing_ok=True)
+        except OSError as error:
+            raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    @classmethod
+    def load(cls, path: Path) -> "Gram":
+        """Return the sums in a file.
+
+        Raises:
+            LogFormatError: If it is missing, or not what ``save`` writes.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                units = Units(shift=file["shift"], scale=file["scale"], input_count=int(file["input_count"]))
+                made = cls(
+                    lags=int(file["lags"]),
+                    units=units,
+                    dt_s=float(file["dt_s"]),
+                    sums=file["sums"],
+                    count=float(file["count"]),
+                    dropped=int(file["dropped"]),
+                )
+        except FileNotFoundError:
+            raise LogFormatError(f"{path}: no such file") from None
+        except Exception as error:  # noqa: BLE001 - a broken archive fails in a dozen ways
+            raise LogFormatError(f"{path}: not a saved Gram matrix: {error}") from None
+        width = 1 + len(units.scale) * (made.lags + 1)
+        if made.sums.shape != (width, width) or not np.isfinite(made.sums).all():
+            raise LogFormatError(f"{path}: a Gram matrix of {made.sums.shape}, {made.lags} lags ask for {width} finite rows")
+        return made
 
 
-def regressors(
-    u: Float[np.ndarray, "T m"],
-    y: Float[np.ndarray, "T p"],
-    lags: int,
-    start: int,
-    stop: int,
-    *,
-    feedthrough: bool,
-) -> tuple[Float[np.ndarray, "N q"], Float[np.ndarray, "N p"]]:
-    """Return regression rows and targets for the samples ``start … stop - 1``."""
-    blocks = [np.ones((stop - start, 1))]
-    if feedthrough:
-        blocks.append(u[start:stop])
-    for lag in range(1, lags + 1):
-        blocks.extend((u[start - lag : stop - lag], y[start - lag : stop - lag]))
-    return np.hstack(blocks), y[start:stop]
+class GramBuilder:
+    """Takes data as they come; ``finish`` gives their Gram matrix."""
+
+    def __init__(self, lags: int, units: Units, dt_s: float, *, solver: str = "gram") -> None:
+        self._lags, self._units, self._dt_s = lags, units, dt_s
+        r = len(units.scale)
+        width = 1 + r * (lags + 1)
+        self._sums = np.zeros((width, width))
+        self._root = np.zeros((0, width)) if solver == "qr" else None
+        self._count, self._lost = 0, 0
+        self._past = np.zeros((0, r))
+        self._segment: _Segment | None = None
+        self._seen = 0
+
+    def begin(self) -> None:
+        """Begin a new experiment: no window reaches back into the one before."""
+        self._close()
+        self._lost += max(self._seen - self._lags, 0)
+        self._seen, self._past = 0, self._past[:0]
+
+    def add(self, u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> None:
+        """Add the samples that follow."""
+        for start in range(0, len(u), CHUNK):
+            self._add(u[start : start + CHUNK], y[start : start + CHUNK])
+
+    def finish(self) -> Gram:
+        """Return the sums of all that was added so far; more may follow."""
+        sums, count = self._sums.copy(), self._count
+        if self._segment is not None:
+            count += self._segment.into(sums)
+        return Gram(
+            lags=self._lags,
+            units=self._units,
+            dt_s=self._dt_s,
+            sums=sums if self._root is None else self._root.T @ self._root,
+            count=float(count),
+            dropped=self._lost + max(self._seen - self._lags, 0) - count,
+            root=None if self._root is None else self._root.copy(),
+        )
+
+    def _add(self, u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> None:
+        old = len(self._past)
+        z = np.empty((old + len(u), len(self._units.scale)))
+        z[:old] = self._past
+        gaps = normalise(u, y, self._units.shift, self._units.scale, z[old:])
+        self._seen += len(u)
+        for start, stop in _runs(z, old, gaps):
+            if self._segment is None or start > 0:
+                self._close()
+                self._segment = _Segment(self._lags, z.shape[1])
+                before = max(start, old)
+            else:
+                before = old
+            self._segment.add(z[start:stop], before - start)
+            self._add_rows(z[start:stop], max(before - start, self._lags))
+            if stop < len(z):
+                self._close()
+        if gaps and not np.isfinite(z[-1]).all():
+            self._close()
+        past = z[max(0, len(z) - self._lags) :]
+        self._past = past[_last_gap(past) :].copy()
+
+    def _close(self) -> None:
+        if self._segment is not None:
+            self._count += self._segment.into(self._sums)
+        self._segment = None
+
+    def _add_rows(self, z: Float[np.ndarray, "T r"], begin: int) -> None:
+        """Take the windows that end in the samples from ``begin`` on into the triangular root."""
+        if self._root is None:
+            return
+        rows = max(2 * self._root.shape[1], 4096)
+        for first in range(begin, len(z), rows):
+            last = min(first + rows, len(z))
+            blocks = [np.ones((last - first, 1)), *(z[first - lag : last - lag] for lag in range(self._lags + 1))]
+            self._root = _stacked(self._root, np.hstack(blocks))
+
+
+class _Segment:
+    """Products of samples at each distance, of an unbroken run of samples."""
+
+    def __init__(self, lags: int, r: int) -> None:
+        self._lags = lags
+        self._products = np.zeros((lags + 1, r, r))
+        self._total = np.zeros(r)
+        self._head = np.zeros((0, r))
+        self._tail = np.zeros((0, r))
+        self._length = 0
+
+    def add(self, z: Float[np.ndarray, "T r"], old: int) -> None:
+        """Add the samples from ``old`` on; those before are the run's last ones, at most as many as lags."""
+        lags, r = self._lags, z.shape[1]
+        # Whole rows of b samples by matrix products; what lies across a seam, and the rest, one by one.
+        block = max(lags, BLOCK_LEAST)
+        rows = (len(z) - old) // block
+        end = old + rows * block if rows > 1 else old
+        if end > old:
+            X = z[old:end].reshape(rows, block * r)
+            fold(X.T @ X, X[:-1].T @ X[1:], lags, r, self._products)
+            lagged_products(z, old, min(old + lags, end), old, self._products)
+        lagged_products(z, end, len(z), len(z), self._products)
+        if len(self._head) < lags:
+            self._head = np.vstack([self._head, z[old : old + lags - len(self._head)]])
+        self._total += z[old:].sum(axis=0)
+        self._tail = z[max(0, len(z) - lags) :]
+        self._length += len(z) - old
+
+    def into(self, sums: Float[np.ndarray, "q q"]) -> int:
+        """Add the sums over this run's windows; return their number."""
+        lags, r = self._lags, self._total.size
+        count = self._length - lags
+        if count <= 0:
+            return 0
+        head, tail = self._head[::-1], self._tail[::-1]
+        # Block row 0 takes t = p … N-1: what t = l … p-1 gave goes.
+        early = np.zeros_like(self._products)
+        lagged_products(self._head, 0, lags, lags, early)
+        first = (self._products - early).transpose(1, 0, 2).reshape(r, -1)
+        slide(np.ascontiguousarray(first), head.ravel(), tail.ravel(), sums[1:, 1:])
+        newest = self._total - self._head.sum(axis=0)
+        constant = np.concatenate([newest[None], newest + np.cumsum(head - tail, axis=0)]).ravel()
+        sums[0, 0] += count
+        sums[0, 1:] += constant
+        sums[1:, 0] += constant
+        return count
+
+
+def gram(record: InputOutputRecord, lags: int, units: Units, *, solver: str = "gram") -> Gram:
+    """Return the Gram matrix of one experiment.
+
+    Args:
+        solver: ``gram``, or ``qr``: orthogonal steps, ten times dearer, for data whose digits all count.
+    """
+    builder = GramBuilder(lags, units, record.dt_s, solver=solver)
+    builder.begin()
+    builder.add(record.u, record.y)
+    return builder.finish()
+
+
+def units_of(records: Sequence[InputOutputRecord]) -> Units:
+    """Return mean and deviation of each channel over all records; a NaN does not count."""
+    m = records[0].u.shape[1]
+    about = np.concatenate([np.nan_to_num(records[0].u[0]), np.nan_to_num(records[0].y[0])])
+    sums = np.zeros((3, about.size))
+    for _ in range(2):  # about a first value, then about the mean: no digit is lost to an offset
+        sums[:] = 0.0
+        for record in records:
+            column_moments(record.u, about[:m], sums[:, :m])
+            column_moments(record.y, about[m:], sums[:, m:])
+        count = np.maximum(sums[0], 1.0)
+        about += sums[1] / count
+    return Units(shift=about, scale=np.sqrt(np.maximum(sums[2] / count - (sums[1] / count) ** 2, 0.0)), input_count=m)
+
+
+def _runs(z: Float[np.ndarray, "T r"], old: int, gaps: int) -> list[tuple[int, int]]:
+    """Return start and stop of each run of whole samples that holds one from ``old`` on."""
+    if not gaps:
+        return [(0, len(z))]
+    whole = np.isfinite(z).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
+    return [(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop > old]
+
+
+def _last_gap(z: Float[np.ndarray, "T r"]) -> int:
+    gaps = np.flatnonzero(~np.isfinite(z).all(axis=1))
+    return int(gaps[-1]) + 1 if gaps.size else 0
+
+
+def _stacked(root: Float[np.ndarray, "_ q"], rows: Float[np.ndarray, "_ q"]) -> Float[np.ndarray, "_ q"]:
+    return np.asarray(np.linalg.qr(np.vstack([root, rows]), mode="r"))

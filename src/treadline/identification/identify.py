@@ -1,144 +1,281 @@
 """The whole of Section IV: records in, a linear model and an honest report out.
 
-Paper: Section IV, VI.B. Check → Gram → OKID → ERA → observer gain → validation.
+Paper: Section IV, VI.B. Check → sums → OKID → ERA or PBSID → refinement → what can be said of the model.
 """
 
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.errors import SettingsError
+from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
-from treadline.identification.checks import check_records
-from treadline.identification.deconvolution import deconvolve
-from treadline.identification.era import hankel_svd
-from treadline.identification.intervals import pole_intervals
+from treadline.identification.affine import Affine, to_model
+from treadline.identification.best import Trial, best
+from treadline.identification.checks import channel_names, check_records, excitation_order
+from treadline.identification.deconvolution import observer_of
+from treadline.identification.delays import input_delays, with_delays, without_delays
+from treadline.identification.era import HankelSvd
+from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
+from treadline.identification.gram import Gram, gram, units_of
+from treadline.identification.identified import Found, Identified
 from treadline.identification.okid import observer_markov
-from treadline.identification.realisation import markov_svd, model_of
+from treadline.identification.order import OrderChoice, stands_out
+from treadline.identification.realisation import realised
+from treadline.identification.reduction import stabilised
 from treadline.identification.structure import choose_structure, noise_level, settle_order, structural_order
-from treadline.identification.windows import joined, leading, parts_of, scales_of
-from treadline.models import InputOutputRecord, LinearModel
+from treadline.identification.threads import one_thread
+from treadline.identification.windows import carried_lags
+from treadline.models import InputOutputRecord
 
-METHODS = ("okid-era", "deconvolution")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentificationReport:
-    """What the data said, and how sure."""
-
-    order: int
-    lags: int
-    method: str
-    feedthrough: bool
-    singular_values: list[float]
-    gap: float
-    """σ_n / σ_{n+1}."""
-    poles: list[tuple[float, float]]
-    pole_ci95: list[float] | None
-    """Half width of each pole's 95 % interval in the complex plane (jackknife over ten parts)."""
-    fit_percent: dict[str, float]
-    one_step_vaf_percent: dict[str, float]
-    whiteness_p: float
-    samples: int
-    dropped: int
-    warnings: list[str]
-    seconds: float
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the report as JSON values."""
-        return asdict(self)
+METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
+SOLVERS = ("gram", "qr")
+PBSID_LAGS = 10
+"""Fewest lags of PBSID where they are not given: its states are seen through them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Identified:
-    """A model and its report."""
-
-    model: LinearModel
-    report: IdentificationReport
-
-
+@one_thread()
 def identify(
     records: InputOutputRecord | Sequence[InputOutputRecord],
     *,
     order: int | None = None,
     lags: int | None = None,
-    method: str = "okid-era",
+    method: str | None = None,
     feedthrough: bool | None = None,
+    delays: Sequence[int] | str | None = None,
+    solver: str = "gram",
+    stable: bool = False,
     validation: float | InputOutputRecord | None = None,
+    prior: Gram | None = None,
+    forgetting: float = 1.0,
+    told: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Return the linear model that fits one or more experiments.
 
     Args:
         records: Experiments with the same channels and period; they are joined as experiments, not as one.
-        order: Number of states; the largest gap of the singular values decides when left out.
+        order: Number of states; chosen when left out, by the largest gap of the singular values or, with ``best``, by
+            data held out.
         lags: Observer lags p; Schwarz's criterion decides when left out.
-        feedthrough: Whether an input may act within its own sample (D); the same criterion decides when left out.
+        method: ``best`` tries several ways and keeps what helps on data held out; ``okid-era`` is the paper's, ``era-dc``
+            the same by data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
+            printed. ``best`` when left out, ``pbsid`` where a prior is given.
+        feedthrough: Whether an input may act within its own sample (D); Schwarz's criterion decides when left out.
+        delays: Dead time of each input in samples, ``auto`` to find it, None to leave it to the states.
+        solver: ``gram``, or ``qr``: slower, and right to rounding on data without noise.
+        stable: Mirror poles outside the unit circle.
         validation: Share of each record, at its end, kept for validation, or another record; without it the report's
             figures are on the data that were fitted.
+        prior: Sums of earlier data (``Identified.gram``) to go on from.
+        forgetting: Weight that what was seen loses with each new sample: 1 forgets nothing.
+        told: Is told what ``best`` tries.
 
     Raises:
         RecordError: If the data cannot carry what is asked.
-        SettingsError: If the method is unknown or a number is out of range.
+        SettingsError: If an option is unknown or out of range.
     """
     started = time.perf_counter()
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
-    if not given:
-        raise SettingsError("identify needs at least one record")
-    if method not in METHODS:
-        raise SettingsError(f"method is '{method}'; allowed: {', '.join(METHODS)}")
-    if order is not None and order < 1:
-        raise SettingsError(f"order is {order}; at least 1")
-    if lags is not None and lags < 1:
-        raise SettingsError(f"lags is {lags}; at least 1")
+    method = method or ("best" if prior is None else "pbsid")
+    _check_options(given, method, solver, order, lags, forgetting, prior)
     check_records(given)
     fitted, judged = _split(given, validation)
-
     warnings: list[str] = []
-    scales = scales_of(fitted)
-    if method == "deconvolution":
-        observer, markov, used = None, _deconvolved(fitted), 0
-        svd = hankel_svd(markov, (len(markov) - 1) // 2, (len(markov) - 1) // 2, *scales)
-        count, dropped, has_d, parts = len(fitted[0]), 0, True, []
-    else:
-        parts = parts_of(fitted, lags, order, scales)
-        whole = joined(parts)
-        used, has_d = choose_structure(whole, lags, feedthrough)
-        if whole.dropped and used < whole.lags:  # fewer lags look back on fewer gaps
-            parts = parts_of(fitted, used, order, scales)
-            whole = joined(parts)
-        observer = observer_markov(leading(whole, used, has_d))
-        svd = markov_svd(observer, used, order, scales)
-        count, dropped = whole.count, whole.dropped
-    noise = noise_level(parts, used, has_d, order, scales) if order is None else 0.0
-    choice = settle_order(svd, order, structural_order(observer, fitted), noise, warnings)
-    if dropped:
-        warnings.append(f"{dropped} windows with a NaN were left out, {count} are used")
-    model = model_of(svd, choice.order, scales, fitted, observer, markov[0] if observer is None else observer.D)
-    poles = np.linalg.eigvals(model.A).astype(complex)
-    radius = float(np.abs(poles).max())
-    if radius > 1.0 + 1e-6:
-        warnings.append(f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data?")
-    spread = pole_intervals(parts, used, has_d, choice.order, scales, poles) if len(parts) > 2 else None
-    report = _judge(model, judged, warnings)
-    report = replace(
-        report,
-        order=choice.order,
-        lags=used,
-        method=method,
-        feedthrough=has_d,
-        singular_values=[float(value) for value in svd.s],
-        gap=choice.gap,
-        poles=[(float(pole.real), float(pole.imag)) for pole in poles],
-        pole_ci95=spread,
-        samples=count,
-        dropped=dropped,
-        seconds=time.perf_counter() - started,
+    shifts = _dead_time(fitted, delays, lags, order, feedthrough)
+    moved = without_delays(fitted, shifts) if any(shifts) else fitted
+    data, halves = _sums(moved, 1 if method == "deconvolution" else lags, order, solver, prior, forgetting)
+    found = from_sums(
+        data, halves, moved, order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, told=told
     )
-    return Identified(model=replace(model, provenance={"method": method, "order": choice.order, "lags": used}), report=report)
+    if stable:
+        found = replace(found, system=_stable(found))
+    model = to_model(found.system, found.units, data.dt_s, channel_names(given[0]))
+    if any(shifts):
+        model = with_delays(model, shifts)
+    provenance = {"method": method, "order": model.order, "lags": found.recipe.lags, "step": found.recipe.step}
+    return Identified(
+        model=replace(model, provenance=provenance),
+        found=found,
+        method=method,
+        fitted=fitted,
+        judged=judged,
+        shifts=shifts,
+        started=started,
+    )
+
+
+def from_sums(
+    data: Gram,
+    halves: tuple[Gram, Gram] | None,
+    records: Sequence[InputOutputRecord],
+    *,
+    order: int | None,
+    lags: int | None,
+    method: str,
+    feedthrough: bool | None,
+    warnings: list[str],
+    told: Callable[[str], None] = lambda _: None,
+) -> Found:
+    """Return the model of some data.
+
+    Args:
+        data: Their sums.
+        halves: The sums of two halves, for the noise's singular values; None where the order is given.
+        records: Samples for the steps that need them.
+        warnings: Takes what a user should know.
+    """
+    if method == "deconvolution":
+        return _printed(Fitting(data=data, records=records, feedthrough=True), order, warnings)
+    used, has_d = choose_structure(data, lags, feedthrough)
+    if data.dropped and used < data.lags and method != "best":
+        # Fewer lags look back on fewer gaps: the data again.
+        data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", None, 1.0)
+    fitting = Fitting(data=data, records=records, feedthrough=has_d)
+    observer, svd = fitting.observer(used, order)
+    structural = structural_order(observer)
+    noise = None
+    if order is None and halves is not None:
+        first, second = (observer_markov(half, used, feedthrough=has_d).scaled() for half in halves)
+        noise = noise_level(first, second, order)
+    choice = settle_order(svd, order, structural, noise or 0.0, warnings)
+    trials: Sequence[Trial] = []
+    if method == "best" and structural is not None:
+        chosen = best(fitting, lags=used, order=order, guess=choice.order, names=channel_names(records[0]), told=told)
+        recipe, system, trials = chosen.recipe, chosen.system, chosen.trials
+        choice = OrderChoice(order=recipe.order, gap=_gap(svd, recipe.order), clear=True)
+        if stands_out(svd.s, noise or 0.0):
+            warnings.clear()  # the singular values' doubt is settled by data held out
+    else:
+        # Without noise there is nothing to choose: OKID/ERA is exact.
+        recipe = _recipe("okid-era" if method == "best" else method, used, lags, choice.order, data)
+        system = _asked(fitting, recipe)
+        if lags is None and recipe.method != "pbsid" and structural is not None:
+            # An observer of few lags answers noise as those few lags let it: its gain is fitted for itself.
+            system = fitting.with_gain(system)
+    support = excitation_order(data)
+    if support < choice.order:
+        _refuse_excitation(support, choice.order, order, warnings)
+    if data.dropped:
+        warnings.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
+    return Found(
+        recipe=recipe,
+        system=system,
+        units=fitting.units(constants=recipe.constants),
+        fitting=fitting,
+        observer=observer,
+        svd=svd,
+        choice=choice,
+        noise=noise,
+        trials=trials,
+        excitation_order=support,
+        warnings=warnings,
+    )
+
+
+def _printed(fitting: Fitting, order: int | None, warnings: list[str]) -> Found:
+    """Return the model that ERA makes of Eq. (9c)'s impulse response."""
+    units = fitting.units()
+    observer, svd = observer_of(fitting.records, units)
+    choice = settle_order(svd, order, None, 0.0, warnings)
+    return Found(
+        recipe=Recipe(method="deconvolution", lags=0, order=choice.order),
+        system=realised(observer, svd, choice.order),
+        units=units,
+        fitting=fitting,
+        observer=observer,
+        svd=svd,
+        choice=choice,
+        noise=None,
+        trials=[],
+        excitation_order=excitation_order(fitting.data),
+        warnings=warnings,
+    )
+
+
+def _recipe(method: str, used: int, lags: int | None, order: int, data: Gram) -> Recipe:
+    if method == "pbsid" and lags is None:
+        used = min(max(used, PBSID_LAGS, order), data.lags)
+    return Recipe(method=method, lags=used, order=order)
+
+
+def _asked(fitting: Fitting, recipe: Recipe) -> Affine:
+    system = fitting.model(recipe)
+    if system is None:
+        s = fitting.observer(recipe.lags, recipe.order)[1].s
+        rank = int(np.sum(s > 1e-14 * s[0]))
+        raise PoorExcitation(f"order {recipe.order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+    return system
+
+
+def _refuse_excitation(support: int, order: int, asked: int | None, warnings: list[str]) -> None:
+    sentence = f"the inputs excite order {support} persistently, not {order}; give inputs that move more freely"
+    if asked is not None:
+        raise PoorExcitation(sentence + f", or ask for order {support} or less")
+    warnings.append(sentence)
+
+
+def _gap(svd: HankelSvd, order: int) -> float:
+    s = svd.s
+    return float(s[order - 1] / s[order]) if order < s.size and s[order] > 0.0 else float("inf")
+
+
+def _stable(found: Found) -> Affine:
+    system = stabilised(found.system)
+    if system is found.system:
+        return system
+    return with_inputs_again(system, found.fitting.experiments(constants=found.recipe.constants), found.fitting.fixed)
+
+
+def _dead_time(
+    records: Sequence[InputOutputRecord],
+    delays: Sequence[int] | str | None,
+    lags: int | None,
+    order: int | None,
+    feedthrough: bool | None,
+) -> list[int]:
+    """Return the samples by which each input is shifted."""
+    m = records[0].u.shape[1]
+    if delays is None:
+        return [0] * m
+    if not isinstance(delays, str):
+        without_delays(records, delays)
+        return list(delays)
+    if delays != "auto":
+        raise SettingsError(f"delays is '{delays}'; give auto, or one number per input")
+    data, _ = _sums(records, lags, order, "gram", None, 1.0)
+    used, has_d = choose_structure(data, lags, feedthrough)
+    # Where nothing acts within its own sample, the first sample's delay is the model's own.
+    return [max(0, d - 1) for d in input_delays(observer_markov(data, used, feedthrough=has_d))]
+
+
+def _sums(
+    records: Sequence[InputOutputRecord],
+    lags: int | None,
+    order: int | None,
+    solver: str,
+    prior: Gram | None,
+    forgetting: float,
+) -> tuple[Gram, tuple[Gram, Gram] | None]:
+    """Return the sums of all records, and where the order is open those of two halves of them."""
+    if prior is not None:
+        new = _joined([gram(record, prior.lags, prior.units, solver=solver) for record in records])
+        return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
+    most = carried_lags(records, lags, order)
+    units = units_of(records)
+    whole = _joined([gram(record, most, units, solver=solver) for record in records])
+    if order is not None:
+        return whole, None
+    parts = [validate.part(record, 0, most + (len(record) - most) // 2) for record in records]
+    first = _joined([gram(record, most, units) for record in parts if len(record) > most])
+    return whole, (first, whole - first)
+
+
+def _joined(parts: Sequence[Gram]) -> Gram:
+    whole = parts[0]
+    for item in parts[1:]:
+        whole = whole + item
+    return whole
 
 
 def _split(
@@ -158,31 +295,38 @@ def _split(
     )
 
 
-def _deconvolved(records: list[InputOutputRecord]) -> Float[np.ndarray, "T p m"]:
-    if len(records) > 1:
-        raise SettingsError("Eq. (9c) knows one experiment; give one record, or use method okid-era")
-    return deconvolve(records[0].u, records[0].y)
+def _check_options(
+    records: Sequence[InputOutputRecord],
+    method: str,
+    solver: str,
+    order: int | None,
+    lags: int | None,
+    forgetting: float,
+    prior: Gram | None,
+) -> None:
+    if not records:
+        raise SettingsError("identify needs at least one record")
+    for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
+        if value not in allowed:
+            raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(allowed)}")
+    for name, number in (("order", order), ("lags", lags)):
+        if number is not None and number < 1:
+            raise SettingsError(f"{name} is {number}; at least 1")
+    if not 0.0 < forgetting <= 1.0:
+        raise SettingsError(f"forgetting is {forgetting}; above 0, at most 1")
+    if prior is None and forgetting < 1.0:
+        raise SettingsError("forgetting needs earlier sums to forget; give a prior")
+    if prior is not None:
+        _check_prior(prior, records[0], method)
 
 
-def _judge(model: LinearModel, judged: list[InputOutputRecord], warnings: list[str]) -> IdentificationReport:
-    names = model.output_names
-    residuals = [validate.one_step_residuals(model, record) for record in judged]
-    vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
-    fit = np.mean([validate.fit_percent(model, record) for record in judged], axis=0)
-    return IdentificationReport(
-        order=0,
-        lags=0,
-        method="",
-        feedthrough=False,
-        singular_values=[],
-        gap=0.0,
-        poles=[],
-        pole_ci95=None,
-        fit_percent={name: float(value) for name, value in zip(names, fit, strict=True)},
-        one_step_vaf_percent={name: float(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=min(validate.whiteness_p(e) for e in residuals),
-        samples=0,
-        dropped=0,
-        warnings=warnings,
-        seconds=0.0,
-    )
+def _check_prior(prior: Gram, record: InputOutputRecord, method: str) -> None:
+    if method in ("best", "deconvolution"):
+        raise SettingsError(f"method '{method}' needs all samples; with a prior give okid-era, era-dc or pbsid")
+    if prior.units.input_count != record.u.shape[1] or len(prior.units.scale) != record.u.shape[1] + record.y.shape[1]:
+        raise SettingsError(
+            f"the prior has {prior.units.input_count} inputs of {len(prior.units.scale)} channels, the record "
+            f"{record.u.shape[1]} of {record.u.shape[1] + record.y.shape[1]}"
+        )
+    if abs(prior.dt_s - record.dt_s) > 1e-9 * prior.dt_s:
+        raise SettingsError(f"the prior's period is {prior.dt_s:g} s, the record's {record.dt_s:g} s")

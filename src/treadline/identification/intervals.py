@@ -1,38 +1,273 @@
-"""How sure the poles are: the fit again with each part of the data left out (jackknife)."""
+"""How sure a model is: standard deviations of its poles, impulse response and frequency response, to first order.
 
-from dataclasses import replace
+A model carries directions, changes of (A, B, C, D) per unit of independent standard normal numbers. For OKID/ERA they
+follow from the covariance of the regression through Markov parameters and realisation. For refined models they follow
+from the curvature of what was minimised, widened by what residuals remember (a sandwich with Bartlett weights: Newey and
+West, 1987). Neither knows of a wrong order, of a nonlinearity, or of the choice between recipes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Bool, Complex, Float
+from scipy.stats import chi2
 
-from treadline.identification.era import realise
-from treadline.identification.gram import Gram
-from treadline.identification.okid import observer_markov
-from treadline.identification.realisation import markov_svd
-from treadline.identification.windows import Scales, joined, leading
+from treadline.identification.affine import Affine
+from treadline.identification.era import HankelSvd
+from treadline.identification.gram import Gram, Units
+from treadline.identification.kernels import tangents, unroll
+from treadline.identification.okid import ObserverMarkov, system_markov
+from treadline.identification.refine import Directions, Experiment, directions, jacobian
+from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
+
+CONFIDENCE = 0.95
+PORTION = 256
+"""Directions carried through the Hankel matrix at once."""
+ROWS_MOST = 20_000
+"""Samples from which the curvature is taken; beyond, it is scaled."""
+SANDWICH_MOST = 400
+"""Coefficients up to which residuals of few lags are allowed to remember: their covariance has the square of it."""
+MEMORY_OF_FEW_LAGS = 10
+"""Lags over which they may."""
+MEMORY = 1.3
+"""Lags over which residuals may remember, per cube root of the samples (the rate of Bartlett weights)."""
+DOUBT = 0.05
+"""p-value of whiteness below which residuals are taken to remember."""
 
 
-def pole_intervals(
-    parts: list[Gram], lags: int, feedthrough: bool, order: int, scales: Scales, poles: Complex[np.ndarray, " n"]
-) -> list[float]:
-    """Return the half width of each pole's 95 % interval: the fit with each part left out in turn."""
-    whole = joined(parts)
-    found = []
-    for item in parts:
-        rest = replace(whole, XX=whole.XX - item.XX, XY=whole.XY - item.XY, YY=whole.YY - item.YY, count=whole.count - item.count)
-        svd = markov_svd(observer_markov(leading(rest, lags, feedthrough)), lags, order, scales)
-        found.append(_nearest(np.linalg.eigvals(realise(svd, order, *scales)[0]).astype(complex), poles))
-    values = np.array(found)
-    k = len(parts)
-    variance = (k - 1) / k * np.sum(np.abs(values - values.mean(axis=0)) ** 2, axis=0)
-    return [float(1.96 * np.sqrt(value)) for value in variance]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Intervals:
+    """Standard deviations of what a model says."""
+
+    system: Affine
+    ways: Directions
+    """Changes per standard normal number; the sum of their squares is a variance."""
+    units: Units
+
+    def pole_radii(self) -> Float[np.ndarray, " n"]:
+        """Return the radius of each pole's disc that holds the true one with 95 %.
+
+        A real pole moves on the real axis: there the disc is the interval. The law of a complex pole's distance, a sum of
+        two squares, is matched by its first two moments (Satterthwaite, 1946).
+        """
+        _, V = np.linalg.eig(self.system.A)
+        W = np.linalg.inv(V)
+        moves = np.einsum("in,nmk,mi->ik", W, self.ways.A, V, optimize=True)
+        parts = np.stack([moves.real, moves.imag], axis=1)
+        S = parts @ parts.transpose(0, 2, 1)
+        mean, square = np.trace(S, axis1=1, axis2=2), np.einsum("iab,iba->i", S, S)
+        freedom = np.where(square > 0.0, mean**2 / np.maximum(square, 1e-300), 1.0)
+        return np.sqrt(np.maximum(square, 0.0) / np.maximum(mean, 1e-300) * chi2.ppf(CONFIDENCE, freedom))
+
+    def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
+        """Return the standard deviation of the impulse response, in the record's units."""
+        m = self.units.input_count
+        found = np.empty((steps, len(self.system.C), m))
+        for j in range(m):
+            u = np.zeros((steps, self.system.B.shape[1]))
+            u[0, j] = 1.0
+            _, J = tangents(self.system.A, self.system.B, self.system.C, u, *self.ways.arrays())
+            found[:, :, j] = np.linalg.norm(J, axis=2)
+        return found * self._gain_units()
+
+    def frequency(self, omega: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
+        """Return the standard deviation of the magnitude of the frequency response, in the record's units.
+
+        Args:
+            omega: Frequencies [rad per sample].
+        """
+        _, magnitude = self._responses(omega)
+        return magnitude * self._gain_units()
+
+    def response(self, omega: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
+        """Return the frequency response itself, in the record's units."""
+        G, _ = self._responses(omega)
+        return G * self._gain_units()
+
+    def _responses(self, omega: Float[np.ndarray, " w"]) -> tuple[Complex[np.ndarray, "w p m"], Float[np.ndarray, "w p m"]]:
+        s, w, m = self.system, self.ways, self.units.input_count
+        B, D, n = s.B[:, :m], s.D[:, :m], s.order
+        G = np.empty((len(omega), len(s.C), m), dtype=complex)
+        spread = np.empty(G.shape)
+        for at, frequency in enumerate(omega):
+            Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
+            left, right = s.C @ Phi, Phi @ B
+            G[at] = s.C @ right + D
+            change = (
+                np.einsum("pn,nmk,mj->pjk", left, w.A, right, optimize=True)
+                + np.einsum("pnk,nj->pjk", w.C, right, optimize=True)
+                + np.einsum("pn,njk->pjk", left, w.B[:, :m], optimize=True)
+                + w.D[:, :m]
+            )
+            along = np.conj(G[at]) / np.maximum(np.abs(G[at]), 1e-300)
+            spread[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
+        return G, spread
+
+    def _gain_units(self) -> Float[np.ndarray, "p m"]:
+        return self.units.output_scale[:, None] / self.units.input_scale
 
 
-def _nearest(found: Complex[np.ndarray, " n"], poles: Complex[np.ndarray, " n"]) -> list[complex]:
-    left = [complex(pole) for pole in found]
-    ordered = []
-    for pole in poles:
-        best = min(left, key=lambda other: abs(other - pole))
-        left.remove(best)
-        ordered.append(best)
-    return ordered
+def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> Intervals:
+    """Return how sure ERA's realisation of an observer is, all in units of deviations.
+
+    With H = O·R of rank n, O and R held, a change of H and H' moves A by O⁺(H'-changes - H-changes·A)R⁺: what a change of
+    H alone does to the states is taken back by the second term.
+    """
+    n, (p, m) = system.order, observer.D.shape
+    root = np.sqrt(svd.s[:n])
+    left, right = (svd.U[:, :n] / root).T, svd.Vt[:n].T / root
+    blocks, columns = left.shape[1] // p, right.shape[0] // m
+    changes = _markov_changes(observer, data, blocks + columns + 1)
+    at = 1 + np.arange(blocks)[:, None] + np.arange(columns)
+    parts = []
+    for start in range(0, changes.shape[3], PORTION):
+        Y = changes[:, :, :, start : start + PORTION]
+        k = Y.shape[3]
+        H, shifted = (Y[at + shift].transpose(0, 2, 1, 3, 4).reshape(blocks * p, columns * m, k) for shift in (0, 1))
+        turn, moved = (np.einsum("na,abk,bj->njk", left, h, right, optimize=True) for h in (H, shifted))
+        entering = np.einsum("na,amk->nmk", left, H[:, :m], optimize=True)
+        parts.append((
+            moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True),
+            _with_constant(entering - np.einsum("njk,jm->nmk", turn, system.B[:, :m], optimize=True)),
+            np.einsum("pbk,bj->pjk", H[:p], right, optimize=True),
+            _with_constant(Y[0]),
+        ))  # fmt: skip
+    A, B, C, D = (np.ascontiguousarray(np.concatenate(arrays, axis=2)) for arrays in zip(*parts, strict=True))
+    return Intervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
+
+
+def _with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
+    """Return changes with a column for the constant, which stays."""
+    return np.concatenate([changes, np.zeros((len(changes), 1, changes.shape[2]))], axis=1)
+
+
+def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarray, "q p k"]:
+    """Return the changes of the regression's coefficients per standard normal number.
+
+    Few lags leave residuals that remember. Then the covariance is the sandwich ``P (Σ_l w_l R_l ⊗ Γ_l) P``, P the inverse of
+    the regressors' sums, R_l those sums l samples apart and Γ_l the residuals' covariance: all stand in sums of more lags.
+    """
+    lags, p, m = observer.alpha.shape
+    P = observer.parameter_covariance
+    q, r = len(P), m + p
+    memory = min(data.lags - lags, MEMORY_OF_FEW_LAGS)
+    if memory < 1 or q * p > SANDWICH_MOST:
+        return np.einsum("qa,ps->qpas", _root(P), _root(observer.residual_covariance)).reshape(q, p, q * p)
+    width = len(data.sums)
+    columns = np.concatenate([np.arange(1 + m if observer.feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
+    theta = P @ data.sums[np.ix_(columns, np.arange(1 + m, 1 + r))]
+    S = np.zeros((q, p, q, p))
+    for lag in range(memory + 1):
+        later = columns + np.where(columns > 0, r * lag, 0)
+        residual = np.zeros((2, p, width))
+        for row, (at, y) in zip(residual, ((columns, 1 + m), (later, 1 + m + r * lag)), strict=True):
+            row[:, at] = -theta.T
+            row[np.arange(p), y + np.arange(p)] += 1.0
+        cross = residual[0] @ data.sums @ residual[1].T / max(data.count - q, 1.0)
+        term = np.einsum("ab,ij->aibj", data.sums[np.ix_(columns, later)], cross)
+        S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.transpose(2, 3, 0, 1))
+    covariance = np.einsum("ab,bicj,cd->aidj", P, S, P, optimize=True).reshape(q * p, q * p)
+    return _root(covariance).reshape(q, p, q * p)
+
+
+def _markov_changes(observer: ObserverMarkov, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
+    """Return the changes of the Markov parameters per standard normal number.
+
+    Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and runs on through the β.
+    """
+    lags, p, m = observer.alpha.shape
+    changes = _coefficient_changes(observer, data)
+    Y = system_markov(observer, count)
+    first, k = 1 + (m if observer.feedthrough else 0), changes.shape[2]
+    entering = np.zeros((count, p, m, k))
+    if observer.feedthrough:
+        entering[0] = changes[1:first].transpose(1, 0, 2)
+    lagged = changes[first:].reshape(lags, m + p, p, k)
+    for at in range(1, count):
+        reach = min(at, lags)
+        if at <= lags:
+            entering[at] = lagged[at - 1, :m].transpose(1, 0, 2)
+        entering[at] += np.einsum("iopk,iom->pmk", lagged[:reach, m:], Y[at - reach : at][::-1], optimize=True)
+    answers = unroll(np.eye(p), observer.beta, observer.beta, count)
+    for at in range(count - 1, 0, -1):
+        entering[at] = np.tensordot(answers[: at + 1], entering[at::-1], axes=([0, 2], [0, 1]))
+    return entering
+
+
+def of_refined(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
+) -> Intervals | None:
+    """Return how sure a model is that minimises the error of free runs; None where the data are too short to tell."""
+    found = _curvature(system, experiments, fixed)
+    if found is None:
+        return None
+    ways, root = found
+    return Intervals(system=system, ways=ways.along(root), units=units)
+
+
+def of_predicting(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
+) -> Intervals | None:
+    """Return how sure a model is that minimises the error of one-step predictions; its experiments hold y as inputs."""
+    p, K = len(system.C), system.K
+    found = _curvature(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
+    if found is None or K is None:
+        return None
+    ways, root = found
+    w = ways.along(root)
+    dK, dD = w.B[:, -p:], w.D[:, :-p]
+    moved = Directions(
+        A=w.A + np.einsum("npk,pm->nmk", dK, system.C) + np.einsum("np,pmk->nmk", K, w.C),
+        B=w.B[:, :-p] + np.einsum("npk,pm->nmk", dK, system.D) + np.einsum("np,pmk->nmk", K, dD),
+        C=w.C,
+        D=np.ascontiguousarray(dD),
+    )
+    return Intervals(system=system, ways=moved, units=units)
+
+
+def _curvature(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]
+) -> tuple[Directions, Float[np.ndarray, "d d"]] | None:
+    """Return the directions of a fit, and a root of their covariance."""
+    ways, p = directions(system, fixed), len(system.C)
+    d = ways.A.shape[2]
+    total = sum(len(item.y) for item in experiments)
+    kept = [_recent(item, ROWS_MOST * len(item.y) // max(total, ROWS_MOST)) for item in experiments]
+    pairs = [jacobian(system, item, ways) for item in kept]
+    seen = sum(int(item.there.sum()) for item in kept)
+    if seen * p <= 2 * d:
+        return None
+    H = sum(J.T @ J for J, _ in pairs)
+    errors = [e.reshape(-1, p) for _, e in pairs]
+    freedom = seen / (seen - d / p)
+    memory = 0 if _white(errors) else min(int(MEMORY * seen ** (1.0 / 3.0)), seen // 4)
+    S = np.zeros((d, d))
+    for lag in range(memory + 1):
+        cross = freedom * sum(e[lag:].T @ e[: len(e) - lag] for e in errors if len(e) > lag) / seen
+        for J, e in pairs:
+            steps = len(e) // p
+            if steps <= lag:
+                continue
+            G = J.reshape(steps, p, d)
+            late = np.ascontiguousarray(G[lag:].transpose(0, 2, 1)) @ cross
+            term = late.transpose(1, 0, 2).reshape(d, -1) @ G[: steps - lag].reshape(-1, d)
+            S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.T)
+    inverse = np.linalg.pinv(H, rcond=1e-13, hermitian=True)
+    scale = total / max(sum(len(item.y) for item in kept), 1)
+    return ways, _root(inverse @ (0.5 * (S + S.T)) @ inverse / scale)
+
+
+def _recent(item: Experiment, rows: int) -> Experiment:
+    return item if rows >= len(item.y) else Experiment(u=item.u[-rows:], y=item.y[-rows:], there=item.there[-rows:])
+
+
+def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
+    longest = max(errors, key=len)
+    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > DOUBT
+
+
+def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
+    """Return L with LL' = covariance; what rounding left negative counts as zero."""
+    values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))

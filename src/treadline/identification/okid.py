@@ -5,13 +5,14 @@ of p lags the regression is short and well posed (Juang, Phan, Horta, Longman, 1
 experiment, whose past is unknown, are targets of no row.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, lapack, solve_triangular
 
-from treadline.identification.gram import Gram
+from treadline.identification.gram import Gram, Units
+from treadline.identification.kernels import unroll
 
 RIDGE = 1e-13
 """Relative eigenvalue below which a direction of the regressors counts as not excited."""
@@ -28,7 +29,63 @@ class ObserverMarkov:
     residual_covariance: Float[np.ndarray, "p p"]
     parameter_covariance: Float[np.ndarray, "q q"]
     """Of one output's scaled coefficients per unit of its residual variance."""
-    count: int
+    count: float
+    units: Units
+    feedthrough: bool
+
+    def scaled(self) -> "ObserverMarkov":
+        """Return the observer in units of deviations, about the means."""
+        into, out, m = self.units.input_scale, self.units.output_scale, self.units.input_count
+        u0, y0 = self.units.shift[:m], self.units.shift[m:]
+        bias = self.bias - y0 + self.beta.sum(axis=0) @ y0 + (self.D + self.alpha.sum(axis=0)) @ u0
+        ones = Units(shift=np.zeros_like(self.units.shift), scale=np.ones_like(self.units.scale), input_count=m)
+        return replace(
+            self,
+            bias=bias / out,
+            D=self.D * into / out[:, None],
+            alpha=self.alpha * into / out[:, None],
+            beta=self.beta * out / out[:, None],
+            residual_covariance=self.residual_covariance / np.outer(out, out),
+            units=ones,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Regression:
+    """Sums of regressors X = [1, u_k, z_{k-1}, …, z_{k-p}] and of targets Y = y_k."""
+
+    XX: Float[np.ndarray, "q q"]
+    XY: Float[np.ndarray, "q p"]
+    YY: Float[np.ndarray, "p p"]
+    root: Float[np.ndarray, "w w"] | None
+
+    def solve(self) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "q q"], Float[np.ndarray, "p p"]]:
+        """Return coefficients, the inverse of the normal matrix, and the residual sum of squares."""
+        if self.root is None:
+            theta, inverse = solve_normal(self.XX, self.XY)
+            return theta, inverse, self.YY - theta.T @ self.XY
+        q = len(self.XX)
+        R, target = self.root[:q, :q], self.root[:q, q:]
+        U, s, Vt = np.linalg.svd(R)
+        kept = s > RIDGE * s[0]
+        pseudo = (Vt[kept].T / s[kept]) @ U[:, kept].T
+        theta = pseudo @ target
+        misfit = np.vstack([target - R @ theta, self.root[q:, q:]])
+        return theta, pseudo @ pseudo.T, misfit.T @ misfit
+
+
+def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
+    """Return the sums that a regression of fewer lags needs, with or without the column of u_k."""
+    m, r = data.units.input_count, len(data.units.scale)
+    target = np.arange(1 + m, 1 + r)
+    columns = np.concatenate([np.arange(1 + m if feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
+    root: Float[np.ndarray, ...] | None = None
+    if data.root is not None:
+        root = np.asarray(np.linalg.qr(data.root[:, np.concatenate([columns, target])], mode="r"))
+        missing = columns.size + target.size - len(root)
+        root = np.vstack([root, np.zeros((missing, root.shape[1]))])
+    at = data.sums[columns]
+    return Regression(XX=at[:, columns], XY=at[:, target], YY=data.sums[1 + m : 1 + r, 1 + m : 1 + r], root=root)
 
 
 def solve_normal(
@@ -39,13 +96,15 @@ def solve_normal(
     Cholesky where the regressors are well excited; a truncated eigendecomposition where they are not.
     """
     try:
-        factor = cho_factor(XX)
+        factor = cho_factor(XX, check_finite=False)
         diagonal = np.abs(np.diag(factor[0]))
         if diagonal.min() > np.sqrt(RIDGE) * diagonal.max():
-            inverse = cho_solve(factor, np.eye(len(XX)))
-            theta = cho_solve(factor, XY)
+            theta = cho_solve(factor, XY, check_finite=False)
             # One step of refinement wins back the digits that squaring the condition lost.
-            return theta + cho_solve(factor, XY - XX @ theta), inverse
+            theta += cho_solve(factor, XY - XX @ theta, check_finite=False)
+            upper, _ = lapack.dpotri(factor[0], lower=factor[1])
+            inverse = np.triu(upper)
+            return theta, inverse + np.triu(upper, 1).T
     except LinAlgError:
         pass
     values, vectors = np.linalg.eigh(XX)
@@ -54,28 +113,57 @@ def solve_normal(
     return inverse @ XY, inverse
 
 
-def observer_markov(data: Gram) -> ObserverMarkov:
+def residuals_by_lags(data: Gram, *, feedthrough: bool) -> Float[np.ndarray, "lags p p"] | None:
+    """Return the residual sums of squares for 1, 2, … lags, by one factorisation; None where it fails.
+
+    The factor of fewer lags is the leading block of the factor of all.
+    """
+    whole = regression(data, data.lags, feedthrough=feedthrough)
+    try:
+        L = np.linalg.cholesky(whole.XX)
+    except np.linalg.LinAlgError:
+        return None
+    diagonal = np.diag(L)
+    if diagonal.min() <= np.sqrt(RIDGE) * diagonal.max():
+        return None
+    explained = solve_triangular(L, whole.XY, lower=True, check_finite=False)
+    squares = np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
+    r = len(data.units.scale)
+    first = len(whole.XX) - r * data.lags
+    return np.asarray(whole.YY - squares[first + r - 1 :: r])
+
+
+def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
     """Return the observer's Markov parameters that fit the data best.
 
     Paper: Eq. (9a), (9b).
+
+    Args:
+        lags: At most those of the sums; all of them when left out.
     """
-    theta, inverse = solve_normal(data.XX, data.XY)
-    m, p = data.input_scale.size, data.output_scale.size
-    residual = data.YY - theta.T @ data.XY
-    freedom = max(data.count - theta.shape[0], 1)
-    out, into = data.output_scale, data.input_scale
+    lags = data.lags if lags is None else lags
+    theta, inverse, squares = regression(data, lags, feedthrough=feedthrough).solve()
+    units = data.units
+    m = units.input_count
+    into, out = units.input_scale, units.output_scale
+    p = out.size
+    first = 1 + (m if feedthrough else 0)
     coefficients = theta.T * out[:, None]
-    first = 1 + (m if data.feedthrough else 0)
-    D = coefficients[:, 1:first] / into if data.feedthrough else np.zeros((p, m))
-    lagged = coefficients[:, first:].reshape(p, data.lags, m + p)
+    D = coefficients[:, 1:first] / into if feedthrough else np.zeros((p, m))
+    lagged = coefficients[:, first:].reshape(p, lags, m + p).transpose(1, 0, 2) / units.scale
+    alpha, beta = np.ascontiguousarray(lagged[:, :, :m]), np.ascontiguousarray(lagged[:, :, m:])
+    u0, y0 = units.shift[:m], units.shift[m:]
+    freedom = max(data.count - theta.shape[0], 1.0)
     return ObserverMarkov(
-        bias=coefficients[:, 0],
+        bias=coefficients[:, 0] + y0 - beta.sum(axis=0) @ y0 - (D + alpha.sum(axis=0)) @ u0,
         D=D,
-        alpha=np.ascontiguousarray(np.moveaxis(lagged[:, :, :m], 1, 0)) / into,
-        beta=np.ascontiguousarray(np.moveaxis(lagged[:, :, m:], 1, 0)) / out,
-        residual_covariance=0.5 * (residual + residual.T) / freedom * np.outer(out, out),
+        alpha=alpha,
+        beta=beta,
+        residual_covariance=0.5 * (squares + squares.T) / freedom * np.outer(out, out),
         parameter_covariance=inverse,
         count=data.count,
+        units=units,
+        feedthrough=feedthrough,
     )
 
 
@@ -84,12 +172,4 @@ def system_markov(observer: ObserverMarkov, count: int) -> Float[np.ndarray, "co
 
     Paper: Eq. (7). The recursion Y_k = α_k + Σ β_i Y_{k-i} takes the observer out again.
     """
-    lags, p, m = observer.alpha.shape
-    Y = np.zeros((count, p, m))
-    Y[0] = observer.D
-    for k in range(1, count):
-        if k <= lags:
-            Y[k] = observer.alpha[k - 1]
-        for i in range(1, min(k, lags) + 1):
-            Y[k] += observer.beta[i - 1] @ Y[k - i]
-    return Y
+    return np.asarray(unroll(observer.D, observer.alpha, observer.beta, count))

@@ -4,14 +4,13 @@ Lags and feedthrough by Schwarz's criterion, order by the largest gap of the sin
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram
-from treadline.identification.okid import ObserverMarkov, observer_markov, solve_normal
+from treadline.identification.okid import ObserverMarkov, regression, residuals_by_lags
 from treadline.identification.order import OrderChoice, choose_order, stands_out
 from treadline.identification.realisation import markov_svd
-from treadline.identification.windows import Scales, joined, leading
-from treadline.models import InputOutputRecord
 
 EXACT = 1e-12
 """Residual variance over the outputs' variance at which data are free of noise."""
@@ -19,37 +18,39 @@ EXACT = 1e-12
 
 def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple[int, bool]:
     """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients."""
-    tried_lags = [lags] if lags is not None else range(1, whole.lags + 1)
-    tried_d = [feedthrough] if feedthrough is not None else [False, True]
-    costs = {(p, has_d): _schwarz(leading(whole, p, has_d)) for p in tried_lags for has_d in tried_d}
+    tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
+    costs = {}
+    for has_d in (False, True) if feedthrough is None else (feedthrough,):
+        squares = residuals_by_lags(whole, feedthrough=has_d)
+        for p in tried:
+            left = regression(whole, p, feedthrough=has_d).solve()[2] if squares is None else squares[p - 1]
+            costs[p, has_d] = _schwarz(whole, left, p, has_d)
     return min(costs, key=lambda key: costs[key])
 
 
-def _schwarz(data: Gram) -> float:
-    theta, _ = solve_normal(data.XX, data.XY)
-    residual = data.YY - theta.T @ data.XY
-    values = np.linalg.eigvalsh(0.5 * (residual + residual.T) / data.count)
+def _schwarz(whole: Gram, squares: Float[np.ndarray, "p p"], lags: int, feedthrough: bool) -> float:
+    m, r = whole.units.input_count, len(whole.units.scale)
+    values = np.linalg.eigvalsh(0.5 * (squares + squares.T) / whole.count)
     # Residuals below rounding are all the same: exact.
-    floor = 1e-20 * float(np.trace(data.YY)) / data.count
-    return data.count * float(np.sum(np.log(np.maximum(values, floor)))) + theta.size * np.log(data.count)
+    floor = 1e-20 * (r - m)
+    coefficients = (1 + (m if feedthrough else 0) + lags * r) * (r - m)
+    return whole.count * float(np.sum(np.log(np.maximum(values, floor)))) + coefficients * np.log(whole.count)
 
 
-def structural_order(observer: ObserverMarkov | None, records: list[InputOutputRecord]) -> int | None:
-    """Return the rank that p lags alone give the Hankel matrix; None where the observer is exact, so that it is real."""
-    if observer is None:
-        return None
-    y = np.vstack([record.y for record in records])
-    exact = np.trace(observer.residual_covariance) < EXACT * np.sum(np.nanvar(y, axis=0))
+def structural_order(observer: ObserverMarkov) -> int | None:
+    """Return the rank that p lags alone give the Hankel matrix; None where the observer is exact, so that it is real.
+
+    Args:
+        observer: In units of deviations.
+    """
+    exact = np.trace(observer.residual_covariance) < EXACT * len(observer.D)
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
-def noise_level(parts: list[Gram], lags: int, feedthrough: bool, order: int | None, scales: Scales) -> float:
+def noise_level(first: ObserverMarkov, second: ObserverMarkov, order: int | None) -> float:
     """Return the largest singular value that noise alone would show: half of what two halves of the data differ by."""
-    if len(parts) < 2:
-        return 0.0
-    halves = [joined(parts[::2]), joined(parts[1::2])]
-    first, second = (markov_svd(observer_markov(leading(half, lags, feedthrough)), lags, order, scales) for half in halves)
-    return 0.5 * float(np.linalg.norm(first.matrix - second.matrix, 2))
+    difference = markov_svd(first, order).matrix - markov_svd(second, order).matrix
+    return 0.5 * float(np.linalg.norm(difference, 2))
 
 
 def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:

@@ -5,9 +5,11 @@ from jaxtyping import Float
 from scipy.stats import chi2
 
 from treadline.errors import PoorExcitation
+from treadline.identification.kernels import free_run, observability, observer_run
 from treadline.models import InputOutputRecord, LinearModel
 
 WHITENESS_LAGS = 10
+CROSS_LAGS = 10
 
 
 def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
@@ -26,14 +28,14 @@ def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps
 
 def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
     """Return the outputs of a free run from a state."""
-    v = u - model.input_offset
-    drive = v @ model.B.T
-    x = x0
-    states = np.empty((len(u), model.order))
-    for k in range(len(u)):
-        states[k] = x
-        x = model.A @ x + drive[k]
-    return states @ model.C.T + v @ model.D.T + model.output_offset
+    v = writeable(u - model.input_offset)
+    y = free_run(*(writeable(item) for item in (model.A, model.B, model.C, model.D, x0)), v)
+    return np.asarray(y + model.output_offset)
+
+
+def writeable(array: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Return an array as compiled code knows it: contiguous, and not read-only."""
+    return np.require(array, np.float64, ["C", "W"])
 
 
 def bridged(model: LinearModel, u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T m"]:
@@ -43,12 +45,8 @@ def bridged(model: LinearModel, u: Float[np.ndarray, "T m"]) -> Float[np.ndarray
 
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
     """Return the state at the record's start that explains its outputs best in a free run."""
-    steps, n = len(record), model.order
-    response = np.empty((steps, model.C.shape[0], n))
-    reach = np.eye(n)
-    for k in range(steps):
-        response[k] = model.C @ reach
-        reach = model.A @ reach
+    n = model.order
+    response = observability(writeable(model.A), writeable(model.C), len(record))
     misfit = record.y - simulate(model, bridged(model, record.u), np.zeros(n))
     whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
     design, target = response[whole].reshape(-1, n), misfit[whole].ravel()
@@ -69,18 +67,13 @@ def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarr
 def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     """Return the state of the model's observer before each sample; a missing sample is bridged by the model."""
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
-    x = initial_state(model, head(record, 50))
-    states = np.empty((len(record), model.order))
+    x0 = initial_state(model, head(record, 50))
     v = bridged(model, record.u) - model.input_offset
     # x⁺ = (A - KC) x + (B - KD) v + K y: a sample with a NaN corrects nothing.
     whole = np.isfinite(record.y).all(axis=1)
-    drive = v @ model.B.T
     correction = np.where(whole[:, None], record.y - model.output_offset - v @ model.D.T, 0.0) @ gain.T
     closed = model.A - gain @ model.C
-    for k in range(len(record)):
-        states[k] = x
-        x = (closed if whole[k] else model.A) @ x + drive[k] + correction[k]
-    return states
+    return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
 
 
 def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
@@ -122,6 +115,31 @@ def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS)
         C = e[lag:].T @ e[:-lag] / count
         statistic += count * count / (count - lag) * float(np.trace(C.T @ C0 @ C @ C0))
     return float(chi2.sf(statistic, p * p * lags))
+
+
+def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = CROSS_LAGS) -> float:
+    """Return the p-value of the residuals having nothing to do with inputs up to some samples ago.
+
+    The covariance of residuals and past inputs, weighed by both covariances, is χ² where they are independent (Ljung,
+    System Identification, 1999, section 16.6, for all pairs at once). What they share says the model misses dynamics.
+    """
+    whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
+    past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
+    whole &= np.isfinite(past).all(axis=1)
+    e, phi = residuals[whole], past[whole]
+    e, phi = e - e.mean(axis=0), phi - phi.mean(axis=0)
+    count, (p, q) = len(e), (e.shape[1], phi.shape[1])
+    if count <= 2 * q:
+        return float("nan")
+    cross = phi.T @ e / count
+    weight_e, weight_phi = np.linalg.pinv(e.T @ e / count), np.linalg.pinv(phi.T @ phi / count, rcond=1e-9)
+    rank = int(np.linalg.matrix_rank(weight_phi, tol=1e-12 * float(np.abs(weight_phi).max())))
+    statistic = count * float(np.trace(weight_phi @ cross @ weight_e @ cross.T))
+    return float(chi2.sf(statistic, p * rank))
+
+
+def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
+    return np.vstack([np.full((lag, u.shape[1]), np.nan), u[: len(u) - lag]])
 
 
 def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:

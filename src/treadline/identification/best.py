@@ -1,0 +1,308 @@
+"""The best model the data can tell: recipes are judged on data they have not seen, each step kept only if it helps.
+
+Experiments are cut into blocks; each block in turn judges what was fitted to the others (cross-validation). Rows of
+recipes, a method and a number of lags each, climb in order until nothing is gained; the leaders of different order are
+refined; constants are taken for zero where that helps. The recipe with the smallest error wins, a smaller order where two
+are equal, and is run on all data. One rule for all data: nothing is chosen by hand.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.errors import PoorExcitation
+from treadline.identification.affine import Affine
+from treadline.identification.fitting import BRIEF, Fitting, Recipe
+from treadline.identification.gram import Units, gram
+from treadline.identification.kernels import observer_run
+from treadline.identification.refine import Experiment, cost, misfit, predictors_of
+from treadline.identification.validate import part
+from treadline.models import InputOutputRecord
+
+BLOCKS = 5
+"""Blocks that judge in turn."""
+ORDER_MOST = 16
+PATIENCE = 3
+"""Orders that may pass without gain before a row ends."""
+LAGS = (10, 20, 40)
+"""Lags tried beside those of Schwarz's criterion, as far as the data carry them."""
+FOREMOST = 8
+"""Recipes that are judged by all blocks; the others by two of them."""
+LEADERS = 3
+"""Recipes of different order that are refined."""
+DESCENT = 2
+"""Smaller orders that may do worse before the descent ends: modes come in pairs."""
+EQUAL = 1.005
+"""Ratio of errors within which the smaller order is taken."""
+REFINED_EQUAL = 1.1
+"""Ratio of errors within which a refined model is taken: it uses the data fully, where a subspace step does not."""
+RATES = ("_m_s", "_rad_s")
+"""Units whose zero is rest. Where all channels have one, constants are zero unless the data speak against it."""
+ZERO_COSTS = 1.25
+"""Ratio of errors beyond which they do."""
+HOPELESS = 0.95
+"""Error of free runs from which forecasts judge instead: no free run explains anything."""
+HORIZON = 10
+"""Steps of those forecasts."""
+JUDGED_MOST = 20_000
+"""Samples that are cut into blocks; more would not change the choice."""
+
+REFINEMENTS = ("output-error", "prediction-error")
+Squares = Float[np.ndarray, "2 p"]
+"""Sums of squares of what a model leaves of some outputs, and of those outputs about the data's mean."""
+Criterion = Callable[[Affine, Fitting, Recipe], Squares]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """A recipe and its error on data held out, over the outputs' spread."""
+
+    recipe: Recipe
+    error: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fold:
+    """What is fitted, and the block that judges it."""
+
+    fitted: Fitting
+    held: Fitting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Choice:
+    """The recipe that won, its model of all data, and all that were tried."""
+
+    recipe: Recipe
+    system: Affine
+    units: Units
+    trials: list[Trial]
+    by_forecasts: bool
+    """Whether forecasts judged, not free runs."""
+
+
+def best(
+    whole: Fitting,
+    *,
+    lags: int,
+    order: int | None,
+    guess: int,
+    names: Sequence[str],
+    told: Callable[[str], None] = lambda _: None,
+) -> Choice:
+    """Return the best model of some data.
+
+    Args:
+        lags: Lags of Schwarz's criterion.
+        order: Number of states; chosen when left out.
+        guess: Order that the singular values show; it is tried in any case.
+        names: Channel names, for the units among them.
+        told: Is told what is tried.
+    """
+    folds = folds_of(whole)
+    orders = range(1, ORDER_MOST + 1) if order is None else range(order, order + 1)
+    rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted({lags, *(n for n in LAGS if n <= whole.data.lags)})]
+    search = Search(folds=folds, criterion=free_runs, told=told)
+    first = Recipe(method="okid-era", lags=lags, order=0)
+    search.climb([replace(row, step="inputs-again") for row in [first, *rows]], orders)
+    by_forecasts = not search.trials or search.least > HOPELESS
+    if by_forecasts:
+        search = Search(folds=folds, criterion=forecasts, told=told)
+        search.climb([first, *rows], orders)
+    if not search.trials or not np.isfinite(search.least):
+        raise PoorExcitation("no model explains data that it has not seen; give a longer record, or inputs that move more")
+    search.refine("prediction-error" if by_forecasts else "output-error", guess if order is None else order)
+    if not by_forecasts and all(name.endswith(RATES) for name in names):
+        search.settle_constants()
+    recipe = search.winner()
+    system = whole.with_gain(_on_all(whole, recipe, [first, *rows]))
+    units = whole.units(constants=recipe.constants)
+    return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Search:
+    """Recipes tried so far."""
+
+    folds: Sequence[Fold]
+    criterion: Criterion
+    told: Callable[[str], None]
+    trials: list[Trial] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        self.trials = []
+
+    @property
+    def least(self) -> float:
+        """Smallest error."""
+        return min(trial.error for trial in self.trials)
+
+    def climb(self, rows: Sequence[Recipe], orders: range) -> None:
+        """Try rising orders of each row until they bring nothing more; then judge the foremost by all folds."""
+        seen: list[Trial] = []
+        for row in rows:
+            least, since = float("inf"), 0
+            for order in orders:
+                trial = self._judged(replace(row, order=order), self.folds[1::2])
+                if trial is None:
+                    break
+                seen.append(trial)
+                since = 0 if trial.error * EQUAL < least else since + 1
+                least = min(least, trial.error)
+                if since >= PATIENCE:
+                    break
+        for trial in sorted(seen, key=lambda trial: trial.error)[:FOREMOST]:
+            self.judge(trial.recipe)
+
+    def refine(self, step: str, guess: int) -> None:
+        """Try a further step on the best recipe of each leading order, then on smaller orders while they do as well."""
+        by_order: dict[int, Trial] = {}
+        for trial in sorted(self.trials, key=lambda trial: trial.error):
+            by_order.setdefault(trial.recipe.order, trial)
+        foremost = list(by_order.values())[:LEADERS]
+        tried: dict[int, Trial | None] = {trial.recipe.order: self.judge(replace(trial.recipe, step=step)) for trial in foremost}
+        leader = min((trial for trial in tried.values() if trial is not None), key=lambda trial: trial.error, default=None)
+        if leader is None:
+            return
+        if guess not in tried:
+            tried[guess] = self.judge(replace(leader.recipe, order=guess))
+        worse = 0
+        for order in range(leader.recipe.order - 1, 0, -1):
+            smaller = tried[order] if order in tried else self.judge(replace(leader.recipe, order=order))
+            worse = 0 if smaller is not None and smaller.error <= EQUAL * leader.error else worse + 1
+            if worse >= DESCENT:
+                return
+
+    def settle_constants(self) -> None:
+        """Try the best of each step with rest at zero, and leave in the running the kind that is to be believed."""
+        leaders = {trial.recipe.step: trial for trial in sorted(self.trials, key=lambda trial: -trial.error)}
+        free = self.least
+        zero = [self.judge(replace(trial.recipe, constants=False)) for trial in leaders.values()]
+        constants = min(trial.error for trial in zero if trial is not None) > ZERO_COSTS * free
+        self.trials.sort(key=lambda trial: trial.recipe.constants is not constants)
+        self._running = sum(trial.recipe.constants is constants for trial in self.trials)
+
+    _running: int | None = None
+
+    def winner(self) -> Recipe:
+        """Return the recipe of the smallest order among those with the smallest error."""
+        running = self.trials[: self._running]
+        least = min(trial.error for trial in running)
+        refined = [trial for trial in running if trial.recipe.step in REFINEMENTS and trial.error <= REFINED_EQUAL * least]
+        running = refined or running
+        least = min(trial.error for trial in running)
+        near = [trial for trial in running if trial.error <= EQUAL * least]
+        return min(near, key=lambda trial: (trial.recipe.order, trial.error)).recipe
+
+    def judge(self, recipe: Recipe) -> Trial | None:
+        """Add the trial of a recipe; None where the data of a fold do not show as many states."""
+        trial = self._judged(recipe, self.folds)
+        if trial is not None:
+            self.trials.append(trial)
+            self.told(f"{recipe.method}, {recipe.lags} lags, order {recipe.order}, {recipe.step}: {trial.error:.3f}")
+        return trial
+
+    def _judged(self, recipe: Recipe, folds: Sequence[Fold]) -> Trial | None:
+        total = np.zeros((2, 1))
+        with np.errstate(all="ignore"):
+            for fold in folds:
+                system = fold.fitted.model(recipe, effort=BRIEF)
+                if system is None:
+                    return None
+                total = total + self.criterion(system, fold.held, recipe)
+            error = float(np.mean(np.sqrt(total[0] / np.maximum(total[1], 1e-300))))
+        return Trial(recipe=recipe, error=error if np.isfinite(error) else float("inf"))
+
+
+def free_runs(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
+    """Judge by free runs, initial states estimated."""
+    left = sum(np.sum(misfit(system, item) ** 2, axis=0) for item in held.experiments(constants=recipe.constants))
+    return np.stack([left, _spread(held.experiments())])
+
+
+def forecasts(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
+    """Judge by forecasts some steps ahead, for plants that no free run can follow."""
+    del recipe
+    runs = predictors_of(held.experiments(), least=2 * HORIZON)
+    left = sum(np.sum(_forecast_errors(system, item) ** 2, axis=0) for item in runs)
+    return np.stack([left, _spread(runs)])
+
+
+def folds_of(whole: Fitting) -> list[Fold]:
+    """Return the data cut into blocks that judge in turn; each fits with what the others hold."""
+    records = _recent(whole.records)
+    total = sum(len(record) for record in records)
+    least = 4 * (whole.data.lags + 1)
+    blocks = max(2, min(BLOCKS, total // least))
+    cuts = np.linspace(0, total, blocks + 1).round().astype(int)
+    folds = []
+    for start, stop in pairwise(cuts.tolist()):
+        fitted, held = [], []
+        begin = 0
+        for record in records:
+            a, b = (min(max(edge - begin, 0), len(record)) for edge in (start, stop))
+            pieces = [(0, a), (b, len(record))] if b > a else [(0, len(record))]
+            fitted += [part(record, *piece) for piece in pieces if piece[1] > piece[0]]
+            held += [part(record, a, b)] if b > a else []
+            begin += len(record)
+        folds.append(Fold(fitted=_fitting(fitted, whole), held=_fitting(held, whole)))
+    return folds
+
+
+def _fitting(records: Sequence[InputOutputRecord], whole: Fitting) -> Fitting:
+    data = whole.data
+    parts = [gram(record, data.lags, data.units) for record in records]
+    joined = parts[0]
+    for item in parts[1:]:
+        joined = joined + item
+    return Fitting(data=joined, records=records, feedthrough=whole.feedthrough)
+
+
+def _recent(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
+    """Return the last records, cut to what judges."""
+    kept: list[InputOutputRecord] = []
+    left = JUDGED_MOST
+    for record in reversed(records):
+        if left > 0:
+            kept.insert(0, part(record, max(0, len(record) - left), len(record)))
+            left -= len(record)
+    return kept
+
+
+def _on_all(whole: Fitting, recipe: Recipe, rows: Sequence[Recipe]) -> Affine:
+    """Return the recipe's model of all data; where a step may end in a side valley, from several starts."""
+    refines = recipe.step in REFINEMENTS
+    recipes = [replace(recipe, method=row.method, lags=row.lags) for row in rows] if refines else [recipe]
+    starts = [start for start in (whole.model(item, effort=BRIEF) for item in recipes) if start is not None]
+    if not starts:
+        raise PoorExcitation(f"order {recipe.order} is above what the whole data show; give a smaller --order")
+    first = min(starts, key=_training_cost(whole, recipe)) if refines else starts[0]
+    return whole.model(recipe, first) or first
+
+
+def _training_cost(whole: Fitting, recipe: Recipe) -> Callable[[Affine], float]:
+    if recipe.step == "prediction-error":
+        runs = predictors_of(whole.experiments(), least=4 * recipe.order + 4)
+        return lambda system: cost(system.predictor(), runs)
+    experiments = whole.experiments(constants=recipe.constants)
+    return lambda system: cost(system, experiments)
+
+
+def _spread(experiments: Sequence[Experiment]) -> Float[np.ndarray, " p"]:
+    return np.asarray(sum(np.sum(item.y**2, axis=0) for item in experiments))
+
+
+def _forecast_errors(system: Affine, run: Experiment) -> Float[np.ndarray, "T2 p"]:
+    """Return the errors of forecasts ``HORIZON`` steps ahead, by the model's observer."""
+    K = np.zeros((system.order, len(system.C))) if system.K is None else system.K
+    m1 = system.B.shape[1]
+    u, steps = run.u[:, :m1], len(run.y) - HORIZON
+    closed = system.A - K @ system.C
+    drive, correction = u @ system.B.T, (run.y - u @ system.D.T) @ K.T
+    x = observer_run(system.A, closed, drive, correction, run.there, np.zeros(system.order))[:steps]
+    for k in range(HORIZON):
+        x = x @ system.A.T + u[k : k + steps] @ system.B.T
+    return np.asarray(run.y[HORIZON:] - x @ system.C.T - u[HORIZON:] @ system.D.T)

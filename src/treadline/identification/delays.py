@@ -1,0 +1,72 @@
+"""Dead time of each input: found in the observer's coefficients, taken out of the data, put back into the model."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from treadline.errors import SettingsError
+from treadline.identification.okid import ObserverMarkov
+from treadline.models import InputOutputRecord, LinearModel
+
+SURE = 1e-4
+"""p-value at which an input's coefficients of one lag are taken to differ from zero."""
+
+
+def input_delays(observer: ObserverMarkov) -> list[int]:
+    """Return after how many samples each input shows in the outputs: 0 with feedthrough, 1 without, more with dead time.
+
+    Coefficients of inputs at smaller lags are zero then; each lag's are tested against their covariance (Wald).
+    """
+    o = observer.scaled()
+    lags, _, m = o.alpha.shape
+    weight = np.linalg.pinv(o.residual_covariance)
+    first = 1 + (m if o.feedthrough else 0)
+    spread = np.diag(o.parameter_covariance)
+    r = m + len(o.D)
+    found = []
+    for j in range(m):
+        effects = [(lag, o.alpha[lag - 1, :, j], spread[first + (lag - 1) * r + j]) for lag in range(1, lags + 1)]
+        if o.feedthrough:
+            effects.insert(0, (0, o.D[:, j], spread[1 + j]))
+        sure = (lag for lag, a, s in effects if chi2.sf(float(a @ weight @ a) / max(s, 1e-300), a.size) < SURE)
+        found.append(next(sure, 1))
+    return found
+
+
+def without_delays(records: Sequence[InputOutputRecord], shifts: Sequence[int]) -> list[InputOutputRecord]:
+    """Return the records with each input as late as it acts.
+
+    Raises:
+        SettingsError: If there is not one shift per input, or one is negative or as long as a record.
+    """
+    m, most = records[0].u.shape[1], max(shifts, default=0)
+    if len(shifts) != m or min(shifts) < 0 or most >= min(len(record) for record in records):
+        raise SettingsError(f"delays are {list(shifts)}; one per input ({m}), from 0 to less than a record's length")
+    made = []
+    for record in records:
+        u = np.column_stack([record.u[most - d : len(record) - d, j] for j, d in enumerate(shifts)])
+        made.append(replace(record, u=u, y=record.y[most:]))
+    return made
+
+
+def with_delays(model: LinearModel, shifts: Sequence[int]) -> LinearModel:
+    """Return the model with each input's dead time as a chain of states."""
+    n, m, p = model.order, model.B.shape[1], len(model.C)
+    total = n + sum(shifts)
+    A, B = np.zeros((total, total)), np.zeros((total, m))
+    C, D = np.zeros((p, total)), np.zeros((p, m))
+    A[:n, :n], C[:, :n] = model.A, model.C
+    at = n
+    for j, d in enumerate(shifts):
+        if d == 0:
+            B[:n, j], D[:, j] = model.B[:, j], model.D[:, j]
+            continue
+        # The last of the chain is the input as it acts.
+        B[at, j] = 1.0
+        A[at + 1 : at + d, at : at + d - 1] = np.eye(d - 1)
+        A[:n, at + d - 1], C[:, at + d - 1] = model.B[:, j], model.D[:, j]
+        at += d
+    gain = None if model.observer_gain is None else np.vstack([model.observer_gain, np.zeros((total - n, p))])
+    return replace(model, A=A, B=B, C=C, D=D, observer_gain=gain)

@@ -1,0 +1,200 @@
+"""Models by recipe: subspace steps from the sums, further steps from the samples.
+
+A recipe is a method, a number of lags, an order and the last step that is taken:
+
+``subspace``          as OKID/ERA, ERA/DC or PBSID give it
+``inputs-again``      B, D and the constants that fit the free run best, A and C kept: linear least squares
+``output-error``      all of A, B, C, D: the free run itself
+``prediction-error``  and K: the one-step prediction, for unstable plants and loops that are closed
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool
+
+from treadline.errors import PoorExcitation
+from treadline.identification.affine import Affine
+from treadline.identification.era import HankelSvd
+from treadline.identification.gram import Gram, Units
+from treadline.identification.modal import linear_sums, modes_of
+from treadline.identification.okid import ObserverMarkov, observer_markov
+from treadline.identification.pbsid import StateMap, pbsid, state_map
+from treadline.identification.realisation import block_rows, markov_svd, realised
+from treadline.identification.refine import Directions, Experiment, cost, descended, experiments_of, predictors_of, refined
+from treadline.models import InputOutputRecord
+
+GAIN_SAMPLES = 20_000
+"""Samples, the last ones, that the innovation gain is fitted to."""
+EXPLODES = 1.05
+"""Modulus of a pole beyond which a free run says nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How far a refinement goes: most steps, and the relative gain of a step at which it ends."""
+
+    steps: int
+    enough: float
+
+
+THOROUGH = Effort(steps=200, enough=1e-7)
+BRIEF = Effort(steps=25, enough=1e-4)
+"""To compare recipes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """How a model comes about."""
+
+    method: str
+    """``okid-era``, ``era-dc`` or ``pbsid``."""
+    lags: int
+    order: int
+    step: str = "subspace"
+    constants: bool = True
+    """Whether offsets are estimated; without, rest is zero. A subspace step estimates them always."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Fitting:
+    """What models are made of; what recipes share is computed once."""
+
+    data: Gram
+    records: Sequence[InputOutputRecord]
+    feedthrough: bool
+    _observers: dict[int, tuple[ObserverMarkov, HankelSvd]] = field(default_factory=dict)
+    _maps: dict[int, StateMap] = field(default_factory=dict)
+    _experiments: dict[bool, list[Experiment]] = field(default_factory=dict)
+
+    def units(self, *, constants: bool = True) -> Units:
+        """Return the units in which models are: about the means, or about zero."""
+        units = self.data.units
+        return units if constants else replace(units, shift=np.zeros_like(units.shift))
+
+    @property
+    def fixed(self) -> Bool[np.ndarray, "p m1"]:
+        """Entries of D that are zero by choice."""
+        m = self.data.units.input_count
+        fixed = np.zeros((len(self.data.units.output_scale), m + 1), dtype=bool)
+        fixed[:, :m] = not self.feedthrough
+        return fixed
+
+    def experiments(self, *, constants: bool = True) -> list[Experiment]:
+        """Return the samples; without constants the column of ones is zero."""
+        if constants not in self._experiments:
+            made = experiments_of(self.records, self.units(constants=constants))
+            for item in made:
+                item.u[:, -1] = float(constants)
+            self._experiments[constants] = made
+        return self._experiments[constants]
+
+    def model(self, recipe: Recipe, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
+        """Return the model of a recipe; None where the data do not show as many states.
+
+        Args:
+            start: Model from which the last step sets out, instead of the recipe's own.
+            effort: How far refinements go.
+        """
+        system = self.subspace(recipe.method, recipe.lags, recipe.order) if start is None else start
+        if system is None or recipe.step == "subspace":
+            return system
+        if recipe.step == "prediction-error":
+            return self._predicting(system, effort)
+        experiments = self.experiments(constants=recipe.constants)
+        if start is None:
+            system = with_inputs_again(system, experiments, self.fixed)
+        if recipe.step == "inputs-again":
+            return system
+        return refined(system, experiments, fixed=self.fixed, steps=effort.steps, enough=effort.enough)
+
+    def with_gain(self, system: Affine) -> Affine:
+        """Return the system with the innovation gain that predicts best, all else kept."""
+        n, m1, p = system.order, system.B.shape[1], len(system.C)
+        runs = predictors_of(_last(self.experiments(), GAIN_SAMPLES), least=4 * n + 4)
+        if not runs:
+            return system
+        starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
+        starts = [start for start in starts if start.predictor().radius < 1.0]
+        if not starts:
+            return system
+        best = min(starts, key=lambda start: cost(start.predictor(), runs))
+        # K enters the predictor as A - KC, B - KD and K itself.
+        k = np.eye(n * p).reshape(n, p, n * p)
+        ways = Directions(
+            A=-np.einsum("npk,pj->njk", k, system.C),
+            B=np.concatenate([-np.einsum("npk,pj->njk", k, system.D), k], axis=1),
+            C=np.zeros((p, n, n * p)),
+            D=np.zeros((p, m1 + p, n * p)),
+        )
+        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, steps=BRIEF.steps, enough=BRIEF.enough))
+
+    def subspace(self, method: str, lags: int, order: int) -> Affine | None:
+        """Return the model that the sums alone give."""
+        if method == "pbsid":
+            states = self._state_map(lags)
+            return pbsid(self.data, states, order, lags, feedthrough=self.feedthrough) if order <= len(states.s) else None
+        observer, svd = self.observer(lags, order)
+        try:
+            return realised(observer, svd, order, correlated=method == "era-dc")
+        except PoorExcitation:
+            return None
+
+    def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
+        """Return OKID's observer in units of deviations, and its Hankel matrix, long enough for an order."""
+        if lags not in self._observers or len(self._observers[lags][1].matrix) < len(self.data.units.output_scale) * block_rows(
+            self._observers[lags][0], order
+        ):
+            observer = observer_markov(self.data, lags, feedthrough=self.feedthrough).scaled()
+            self._observers[lags] = observer, markov_svd(observer, order)
+        return self._observers[lags]
+
+    def _state_map(self, lags: int) -> StateMap:
+        if lags not in self._maps:
+            self._maps[lags] = state_map(self.data, lags, feedthrough=self.feedthrough)
+        return self._maps[lags]
+
+    def _predicting(self, system: Affine, effort: Effort) -> Affine | None:
+        if system.K is None:
+            return None
+        p = len(system.C)
+        fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
+        runs = predictors_of(self.experiments(), least=4 * system.order + 4)
+        return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, steps=effort.steps, enough=effort.enough))
+
+
+def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
+    """Return the last samples."""
+    kept: list[Experiment] = []
+    for item in reversed(experiments):
+        if samples > 0:
+            kept.insert(0, Experiment(u=item.u[-samples:], y=item.y[-samples:], there=item.there[-samples:]))
+            samples -= len(item.y)
+    return kept
+
+
+def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:
+    """Return the system with B, D and the constants that fit its free run best, A and C kept.
+
+    In modal coordinates each state is one scalar filter of one input, whatever the order. K belongs to A and C: it stays.
+    """
+    modes = modes_of(system)
+    if modes is None or np.abs(modes.poles).max() > EXPLODES:
+        return system
+    sums = [linear_sums(modes, item.u, item.y, item.there) for item in experiments]
+    square, right = np.sum([item.square for item in sums], axis=0), np.sum([item.right for item in sums], axis=0)
+    n, m1 = system.order, system.B.shape[1]
+    free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
+    square, right = square[np.ix_(free, free)], right[free]
+    scale = np.sqrt(np.maximum(np.diag(square).real, 1e-300))
+    with np.errstate(all="ignore"):
+        scaled = square / np.outer(scale, scale)
+    if not np.isfinite(scaled).all():
+        return system
+    values, Q = np.linalg.eigh(scaled)
+    kept = values > 1e-10 * values[-1]
+    found = (Q[:, kept] / values[kept]) @ (Q[:, kept].conj().T @ (right / scale)) / scale
+    D = np.zeros(fixed.shape)
+    D[~fixed] = found[n * m1 :].real
+    return replace(system, B=(modes.V @ found[: n * m1].reshape(n, m1)).real, D=D)

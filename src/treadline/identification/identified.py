@@ -1,0 +1,148 @@
+"""What an identification hands over: the model at once, and what can be said of it when it is asked."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from treadline.identification import report as reports
+from treadline.identification.affine import Affine
+from treadline.identification.best import Trial
+from treadline.identification.delays import input_delays
+from treadline.identification.era import HankelSvd
+from treadline.identification.fitting import Fitting, Recipe
+from treadline.identification.gram import Gram, Units
+from treadline.identification.intervals import Intervals, of_observer, of_predicting, of_refined
+from treadline.identification.okid import ObserverMarkov
+from treadline.identification.order import OrderChoice
+from treadline.identification.refine import predictors_of
+from treadline.identification.report import Candidate, IdentificationReport
+from treadline.identification.threads import one_thread
+from treadline.models import InputOutputRecord, LinearModel
+
+DEAD_TIME = 3
+"""Delay in samples from which a model is better off without it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """A model in units of deviations, and what it was made of."""
+
+    recipe: Recipe
+    system: Affine
+    units: Units
+    fitting: Fitting
+    observer: ObserverMarkov
+    svd: HankelSvd
+    choice: OrderChoice
+    noise: float | None
+    trials: Sequence[Trial]
+    excitation_order: int
+    warnings: Sequence[str]
+
+
+class Identified:
+    """A model and, computed when first read, its report and its intervals: neither delays who wants the model alone."""
+
+    def __init__(
+        self,
+        *,
+        model: LinearModel,
+        found: Found,
+        method: str,
+        fitted: Sequence[InputOutputRecord],
+        judged: Sequence[InputOutputRecord],
+        shifts: Sequence[int],
+        started: float,
+    ) -> None:
+        self.model = model
+        self.fitted = fitted
+        self.judged = judged
+        self._found, self._method, self._shifts = found, method, shifts
+        self._seconds = time.perf_counter() - started
+
+    @property
+    def gram(self) -> Gram:
+        """The sums of the data, from which a later identification can go on."""
+        return self._found.fitting.data
+
+    @property
+    def svd(self) -> HankelSvd:
+        """The decomposed Hankel matrix of the observer's system."""
+        return self._found.svd
+
+    @cached_property
+    @one_thread()
+    def intervals(self) -> Intervals | None:
+        """How sure the model is; None where the data are too short to tell. Dead time counts as known."""
+        found = self._found
+        recipe, fitting = found.recipe, found.fitting
+        if recipe.method == "deconvolution":
+            return None
+        if recipe.step == "subspace" and recipe.method != "pbsid":
+            observer, svd = fitting.observer(recipe.lags, recipe.order)
+            return of_observer(observer, svd, found.system, found.units, fitting.data)
+        if recipe.step in ("subspace", "prediction-error") and found.system.K is not None:
+            runs = predictors_of(fitting.experiments(), least=4 * recipe.order + 4)
+            return of_predicting(found.system, runs, fitting.fixed, found.units) if runs else None
+        return of_refined(found.system, fitting.experiments(constants=recipe.constants), fitting.fixed, found.units)
+
+    @cached_property
+    @one_thread()
+    def report(self) -> IdentificationReport:
+        """What the data said of the model."""
+        started = time.perf_counter()
+        found, model = self._found, self.model
+        judgement = reports.judge(model, self.judged)
+        delays = [d + shift for d, shift in zip(input_delays(found.observer), self._shifts, strict=True)]
+        warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning()]
+        warnings += reports.doubts(judgement, model, self.fitted, self.judged)
+        poles = np.linalg.eigvals(found.system.A).astype(complex)
+        radii = None if self.intervals is None else self.intervals.pole_radii()
+        chain = [0.0] * (model.order - found.system.order)
+        return IdentificationReport(
+            order=model.order,
+            lags=found.recipe.lags,
+            method=self._method,
+            step=found.recipe.step,
+            feedthrough=found.fitting.feedthrough,
+            delays=delays,
+            singular_values=[float(value) for value in found.svd.s],
+            gap=found.choice.gap,
+            noise_level=found.noise,
+            poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
+            pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,
+            fit_percent=judgement.fit_percent,
+            one_step_vaf_percent=judgement.one_step_vaf_percent,
+            whiteness_p=judgement.whiteness_p,
+            crosscorrelation_p=judgement.crosscorrelation_p,
+            excitation_order=found.excitation_order,
+            samples=round(found.fitting.data.count),
+            dropped=found.fitting.data.dropped,
+            candidates=[
+                Candidate(
+                    method=trial.recipe.method,
+                    lags=trial.recipe.lags,
+                    order=trial.recipe.order,
+                    step=trial.recipe.step,
+                    constants=trial.recipe.constants,
+                    error=trial.error,
+                )
+                for trial in found.trials
+            ],
+            warnings=warnings,
+            seconds=self._seconds + time.perf_counter() - started,
+        )
+
+    def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:
+        late = [
+            f"'{name}' acts after {d} samples"
+            for name, d, shift in zip(self.model.input_names, delays, self._shifts, strict=True)
+            if d >= DEAD_TIME and not shift
+        ]
+        return [f"dead time: {', '.join(late)}; --delays auto takes it out of the states"] if late else []
+
+    def _excitation_warning(self) -> list[str]:
+        return reports.together(self.fitted, self.model.input_names)

@@ -1,0 +1,73 @@
+"""PBSID_opt: states out of the observer's Markov parameters and the past, without a second pass over the data.
+
+Chiuso, 2007. The long regression of OKID predicts each future output from the past; the predictions, stacked, are the
+observability matrix of the predictor times the state. Weighted with the past's covariance, its leading singular
+directions are the state as a linear function of the past, and A, B, C, D and K are regressions on it. All moments they
+need stand in the Gram matrix. Closed-loop data are welcome: what feeds back is in the past.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.identification.affine import Affine
+from treadline.identification.gram import Gram
+from treadline.identification.okid import regression
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StateMap:
+    """The past's directions that predict the future, strongest first."""
+
+    s: Float[np.ndarray, " k"]
+    rows: Float[np.ndarray, "k q"]
+    """x = rows @ [z_{k-1}, …, z_{k-p}], each of variance s."""
+
+
+def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
+    """Return how the state follows from the past."""
+    m, r = data.units.input_count, len(data.units.scale)
+    p = r - m
+    theta, _, _ = regression(data, lags, feedthrough=feedthrough).solve()
+    first = len(theta) - lags * r
+    response = theta[first:].reshape(lags, r, p).transpose(0, 2, 1)
+    padded = np.concatenate([response, np.zeros_like(response)])
+    future = np.arange(lags)[:, None] + np.arange(lags)
+    predictor = padded[future].transpose(0, 2, 1, 3).reshape(lags * p, lags * r)
+    past = slice(1 + r, 1 + r * (lags + 1))
+    mean = data.sums[0, past]
+    covariance = (data.sums[past, past] - np.outer(mean, mean) / data.count) / data.count
+    spread = predictor @ covariance @ predictor.T
+    values, U = np.linalg.eigh(0.5 * (spread + spread.T))
+    s = np.sqrt(np.maximum(values[::-1], 0.0))
+    kept = s > 1e-12 * s[0]
+    return StateMap(s=s[kept], rows=(U[:, ::-1][:, kept] / np.sqrt(s[kept])).T @ predictor)
+
+
+def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: bool) -> Affine:
+    """Return the model of an order, in the units of the Gram matrix."""
+    m, r = data.units.input_count, len(data.units.scale)
+    p, n = r - m, order
+    T = states.rows[:n]
+    width = 1 + r * (lags + 1)
+    # Rows: x_k, u_k, 1 | y_k | x_{k+1}, each as a function of the window.
+    select = np.zeros((n + m + 1 + p + n, width))
+    select[:n, 1 + r :] = T
+    select[n : n + m, 1 : 1 + m] = np.eye(m)
+    select[n + m, 0] = 1.0
+    select[n + m + 1 : n + m + 1 + p, 1 + m : 1 + r] = np.eye(p)
+    select[n + m + 1 + p :, 1 : 1 + r * lags] = T
+    sums = select @ data.sums[:width, :width] @ select.T
+    y, following = slice(n + m + 1, n + m + 1 + p), slice(n + m + 1 + p, None)
+    into = np.arange(n + m + 1)
+    seen = into if feedthrough else np.delete(into, np.arange(n, n + m))
+    CD = np.zeros((p, n + m + 1))
+    CD[:, seen] = np.linalg.lstsq(sums[np.ix_(seen, seen)], sums[seen, y], rcond=1e-13)[0].T
+    # The innovation e = y - [C D c][x u 1] as one more row.
+    change = np.eye(len(sums))
+    change[y, into] = -CD
+    sums = change @ sums @ change.T
+    both = np.arange(n + m + 1 + p)
+    AB = np.linalg.lstsq(sums[np.ix_(both, both)], sums[both, following], rcond=1e-13)[0].T
+    return Affine(A=AB[:, :n], B=AB[:, n : n + m + 1], C=CD[:, :n], D=CD[:, n:], K=AB[:, n + m + 1 :])

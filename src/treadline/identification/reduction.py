@@ -1,0 +1,70 @@
+"""Models made stable, and models made smaller."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_discrete_lyapunov
+
+from treadline.errors import ModelError
+from treadline.identification.affine import Affine
+from treadline.models import LinearModel
+
+INSIDE = 1.0 - 1e-4
+"""Largest modulus of a pole that was moved inside the unit circle."""
+
+
+def stabilised(system: Affine) -> Affine:
+    """Return the system with poles outside the unit circle mirrored in it, those on it moved just inside.
+
+    Mirrored, 1/λ*, a pole keeps the magnitude of its frequency response. Modes stay as they are.
+    """
+    poles, V = np.linalg.eig(system.A)
+    outside = np.abs(poles) >= 1.0
+    if not outside.any():
+        return system
+    mirrored = np.where(outside, 1.0 / np.conj(poles), poles)
+    size = np.abs(mirrored)
+    mirrored = np.where(size > INSIDE, mirrored / np.maximum(size, 1e-300) * INSIDE, mirrored)
+    return replace(system, A=np.asarray((V * mirrored @ np.linalg.inv(V)).real))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reduced:
+    """A smaller model, the Hankel singular values of the larger one, and the bound on what was cut."""
+
+    model: LinearModel
+    hankel_values: Float[np.ndarray, " n"]
+    bound: float
+    """Largest gain of the difference, at any frequency: twice the sum of the values cut (Al-Saggaf and Franklin, 1987)."""
+
+
+def balanced_truncation(model: LinearModel, order: int) -> Reduced:
+    """Return the model cut to its ``order`` strongest states.
+
+    Moore, 1981: in balanced coordinates each state is as hard to reach as to see, and its Hankel singular value says how
+    much it carries.
+
+    Raises:
+        ModelError: If the model is not stable, or not larger than the order.
+    """
+    radius = float(np.abs(np.linalg.eigvals(model.A)).max())
+    if radius >= 1.0:
+        raise ModelError(f"balanced truncation needs a stable model, this one's spectral radius is {radius:.4f}")
+    if not 1 <= order <= model.order:
+        raise ModelError(f"the model has {model.order} states; it cannot be cut to {order}")
+    reach = _root(solve_discrete_lyapunov(model.A, model.B @ model.B.T))
+    see = _root(solve_discrete_lyapunov(model.A.T, model.C.T @ model.C))
+    U, s, Vt = np.linalg.svd(see.T @ reach)
+    root = np.sqrt(np.maximum(s[:order], 1e-300))
+    T, left = reach @ Vt[:order].T / root, (see @ U[:, :order] / root).T
+    gain = None if model.observer_gain is None else left @ model.observer_gain
+    if gain is not None and np.abs(np.linalg.eigvals(left @ model.A @ T - gain @ model.C @ T)).max() >= 1.0:
+        gain = None
+    smaller = replace(model, A=left @ model.A @ T, B=left @ model.B, C=model.C @ T, observer_gain=gain)
+    return Reduced(model=smaller, hankel_values=s, bound=2.0 * float(s[order:].sum()))
+
+
+def _root(square: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    values, V = np.linalg.eigh(0.5 * (square + square.T))
+    return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,295 @@
+"""Output-error and prediction-error refinement: Gauss–Newton on the free run, or on the one-step prediction.
+
+The model moves along directions that change what it does: those that only choose other states (similarity, and a
+shift of the state) are left out (data-driven local coordinates: McKelvey, Helmersson and Ribarits, 2004). Initial states
+are linear, so each experiment's is eliminated exactly (variable projection: Golub and Pereyra, 1973). The prediction
+error of (A, B, C, D, K) is the output error of its predictor with the outputs as further inputs: one routine serves both.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+
+from treadline.identification.affine import Affine
+from treadline.identification.gram import Units
+from treadline.identification.kernels import free_run, observability, tangents
+from treadline.identification.modal import Modes, derivative_sums, modes_of
+from treadline.models import InputOutputRecord
+
+STEPS_MOST = 200
+TRIES = 8
+"""Shorter and shorter steps before refinement ends."""
+ENOUGH = 1e-7
+"""Relative gain of a step at which refinement ends."""
+ROWS = 1 << 15
+"""Samples per pass of the derivatives."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Experiment:
+    """One unbroken run in units of deviations: inputs with a column of ones, outputs, and which of them are there."""
+
+    u: Float[np.ndarray, "T m1"]
+    y: Float[np.ndarray, "T p"]
+    there: Bool[np.ndarray, " T"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Directions:
+    """Changes of (A, B, C, D) per unit of each of d parameters."""
+
+    A: Float[np.ndarray, "n n d"]
+    B: Float[np.ndarray, "n m1 d"]
+    C: Float[np.ndarray, "p n d"]
+    D: Float[np.ndarray, "p m1 d"]
+
+    def arrays(
+        self,
+    ) -> tuple[Float[np.ndarray, "n n d"], Float[np.ndarray, "n m1 d"], Float[np.ndarray, "p n d"], Float[np.ndarray, "p m1 d"]]:
+        """Return the four."""
+        return self.A, self.B, self.C, self.D
+
+    def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
+        """Return the changes along each column of ``root``."""
+        return Directions(A=self.A @ root, B=self.B @ root, C=self.C @ root, D=self.D @ root)
+
+    def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
+        """Return the system a step further."""
+        return replace(
+            system, A=system.A + self.A @ step, B=system.B + self.B @ step, C=system.C + self.C @ step, D=system.D + self.D @ step
+        )
+
+
+def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
+    """Return the records in units of deviations; a missing input is held, a missing output explains nothing."""
+    made = []
+    m = units.input_count
+    for record in records:
+        u, y = (record.u - units.shift[:m]) / units.input_scale, (record.y - units.shift[m:]) / units.output_scale
+        there = np.isfinite(y).all(axis=1)
+        if not np.isfinite(u).all():
+            u = _held(u)
+        made.append(
+            Experiment(
+                u=np.column_stack([u, np.ones(len(u))]),
+                y=np.ascontiguousarray(y) if there.all() else np.where(there[:, None], y, 0.0),
+                there=there,
+            )
+        )
+    return made
+
+
+def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experiment]:
+    """Return the experiments with the outputs as further inputs, cut where one is missing."""
+    made = []
+    for item in experiments:
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], item.there, [False]]).astype(np.int8))).tolist()
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if stop - start >= least:
+                y = np.ascontiguousarray(item.y[start:stop])
+                made.append(Experiment(u=np.hstack([item.u[start:stop], y]), y=y, there=np.ones(stop - start, dtype=bool)))
+    return made
+
+
+def misfit(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
+    """Return what a free run from the best initial state leaves; zero where an output is missing."""
+    run = free_run(system.A, system.B, system.C, system.D, np.zeros(system.order), experiment.u)
+    e = np.where(experiment.there[:, None], experiment.y - run, 0.0) if not experiment.there.all() else experiment.y - run
+    O = _start_rows(system, experiment)
+    flat = e[: len(O)]
+    x0 = _solved(O.reshape(-1, system.order), flat.reshape(-1, 1))
+    e[: len(O)] -= O @ x0[:, 0]
+    return e
+
+
+def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
+    """Return the sum of squares of what free runs leave; infinite where one has no end."""
+    with np.errstate(all="ignore"):
+        total = sum(float(np.vdot(e, e)) for e in (misfit(system, item) for item in experiments))
+    return total if np.isfinite(total) else float("inf")
+
+
+def refined(
+    system: Affine,
+    experiments: Sequence[Experiment],
+    *,
+    fixed: Bool[np.ndarray, "p m1"],
+    steps: int = STEPS_MOST,
+    enough: float = ENOUGH,
+) -> Affine:
+    """Return the system nearby with the smallest output error.
+
+    Args:
+        fixed: Entries of D that stay as they are.
+        steps: Most steps.
+        enough: Relative gain of a step at which refinement ends.
+    """
+    return descended(system, experiments, lambda now: directions(now, fixed), steps=steps, enough=enough)
+
+
+def descended(
+    system: Affine,
+    experiments: Sequence[Experiment],
+    ways_from: Callable[[Affine], Directions],
+    *,
+    steps: int,
+    enough: float,
+) -> Affine:
+    """Return the system with the smallest output error along directions that may depend on where it stands."""
+    # A stable system stays so: what gains by a growing mode gains on these data alone.
+    bound = max(1.0, system.radius)
+    best, now = system, cost(system, experiments)
+    damping, rise = 1e-3, 2.0
+    for _ in range(steps if np.isfinite(now) else 0):
+        ways = ways_from(best)
+        H, g = normal_equations(best, experiments, ways)
+        before = now
+        for _ in range(TRIES):
+            step = np.linalg.solve(H + damping * np.trace(H) / len(H) * np.eye(len(H)), g)
+            trial = ways.moved(best, step)
+            there = cost(trial, experiments) if trial.radius <= bound else float("inf")
+            if there < now:
+                # Nielsen's rule (1999): the better the parabola foretold the gain, the bolder the next step.
+                foretold = float(2.0 * step @ g - step @ H @ step)
+                damping *= max(0.1, 1.0 - (2.0 * (now - there) / foretold - 1.0) ** 3)
+                best, now, rise = trial, there, 2.0
+                break
+            damping, rise = damping * rise, rise * 2.0
+        if before - now <= enough * before:
+            break
+    return best
+
+
+def normal_equations(
+    system: Affine, experiments: Sequence[Experiment], ways: Directions
+) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
+    """Return J'J and J'e, initial states eliminated: by modes, or by the recursion where poles nearly coincide."""
+    modes = modes_of(system)
+    if modes is not None and np.abs(modes.poles).max() < 1.0 + 1e-9:
+        M = _modal_changes(modes, system, ways)
+        H = np.zeros((M.shape[1], M.shape[1]))
+        g = np.zeros(M.shape[1])
+        for item in experiments:
+            sums = derivative_sums(modes, system, item.u, item.y, item.there)
+            H += (M.conj().T @ sums.square @ M).real
+            g += (M.conj().T @ sums.right).real
+        return H, g
+    d = ways.A.shape[2]
+    H, g = np.zeros((d, d)), np.zeros(d)
+    for item in experiments:
+        J, e = jacobian(system, item, ways)
+        H += J.T @ J
+        g += J.T @ e
+    return H, g
+
+
+def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Complex[np.ndarray, "w d"]:
+    """Return the changes of modal B, λ, and C and D by output, along directions.
+
+    A change of A moves the poles by its diagonal in modal coordinates; the rest turns the modes (first order in both).
+    """
+    n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.A.shape[2]
+    dA = (modes.W @ ways.A.reshape(n, n * d)).reshape(n, n, d)
+    dA = (modes.V.T @ dA.transpose(1, 0, 2).reshape(n, n * d)).reshape(n, n, d).transpose(1, 0, 2)
+    apart = modes.poles[None, :] - modes.poles[:, None]
+    np.fill_diagonal(apart, 1.0)
+    turn = dA / apart[:, :, None]
+    turn[np.arange(n), np.arange(n)] = 0.0
+    B = modes.W @ system.B
+    dB = (modes.W @ ways.B.reshape(n, m1 * d)).reshape(n, m1, d) - np.einsum("ild,lj->ijd", turn, B, optimize=True)
+    dC = np.einsum("old,li->oid", ways.C, modes.V, optimize=True) + np.einsum("ol,lid->oid", modes.C, turn, optimize=True)
+    own = np.concatenate([dC, ways.D], axis=1).reshape(p * (n + m1), d)
+    return np.concatenate([dB.reshape(n * m1, d), dA[np.arange(n), np.arange(n)], own])
+
+
+def jacobian(
+    system: Affine, experiment: Experiment, ways: Directions
+) -> tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]:
+    """Return the derivatives of a free run along directions, and what it leaves; the initial state eliminated."""
+    run_from = _initial(system, experiment)
+    n, d = system.order, ways.A.shape[2]
+    # The initial state is an input's impulse one sample earlier.
+    u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
+    u = np.column_stack([u, np.zeros(len(u))])
+    u[0, -1] = 1.0
+    B = np.column_stack([system.B, run_from])
+    dB = np.concatenate([ways.B, np.zeros((n, 1, d))], axis=1)
+    dD = np.concatenate([ways.D, np.zeros((len(system.C), 1, d))], axis=1)
+    states, J = tangents(system.A, B, system.C, u, ways.A, dB, ways.C, dD)
+    states, J = states[1:], J[1:]
+    e = experiment.y - states @ system.C.T - experiment.u @ system.D.T
+    if not experiment.there.all():
+        J[~experiment.there] = 0.0
+        e[~experiment.there] = 0.0
+    O = _start_rows(system, experiment).reshape(-1, n)
+    flat = J.reshape(-1, d)
+    flat[: len(O)] -= O @ _solved(O, flat[: len(O)])
+    return flat, e.ravel()
+
+
+def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
+    """Return the directions in which the system's behaviour changes: orthogonal to other choices of its states."""
+    n, m1, p = system.order, system.B.shape[1], len(system.C)
+    constant = system.D.shape[1] - 1 if not fixed[:, -1].all() else int(np.flatnonzero(~fixed.all(axis=0))[-1])
+    free = np.flatnonzero(~fixed.ravel())
+    sizes = np.cumsum([n * n, n * m1, p * n, free.size])
+    gauge = np.zeros((sizes[-1], n * n + n))
+    eye = np.eye(n)
+    E = np.eye(n * n).reshape(n, n, n * n)  # E[i, j] is one in the column of (i, j)
+    gauge[: sizes[0], : n * n] = (np.einsum("ijd,jk->ikd", E, system.A) - np.einsum("ij,jkd->ikd", system.A, E)).reshape(n * n, -1)
+    gauge[sizes[0] : sizes[1], : n * n] = np.einsum("ijd,jk->ikd", E, system.B).reshape(n * m1, -1)
+    gauge[sizes[1] : sizes[2], : n * n] = -np.einsum("ij,jkd->ikd", system.C, E).reshape(p * n, -1)
+    shift_B = np.zeros((n, m1, n))
+    shift_B[:, constant] = eye - system.A
+    gauge[sizes[0] : sizes[1], n * n :] = shift_B.reshape(n * m1, n)
+    shift_D = np.zeros((p, m1, n))
+    shift_D[:, constant] = -system.C
+    gauge[sizes[2] :, n * n :] = shift_D.reshape(p * m1, n)[free]
+    Q = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
+    D = np.zeros((p * m1, Q.shape[1]))
+    D[free] = Q[sizes[2] :]
+    return Directions(
+        A=np.ascontiguousarray(Q[: sizes[0]]).reshape(n, n, -1),
+        B=np.ascontiguousarray(Q[sizes[0] : sizes[1]]).reshape(n, m1, -1),
+        C=np.ascontiguousarray(Q[sizes[1] : sizes[2]]).reshape(p, n, -1),
+        D=D.reshape(p, m1, -1),
+    )
+
+
+def _initial(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
+    run = free_run(system.A, system.B, system.C, system.D, np.zeros(system.order), experiment.u)
+    O = _start_rows(system, experiment)
+    e = np.where(experiment.there[:, None], experiment.y - run, 0.0)[: len(O)]
+    return _solved(O.reshape(-1, system.order), e.reshape(-1, 1))[:, 0]
+
+
+def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
+    """Return the effect of the initial state on the outputs, as far as it lasts."""
+    radius = system.radius
+    last = len(experiment.y)
+    if radius < 0.999:
+        # Beyond, less than 1e-9 of it is left (a factor for states that grow before they decay).
+        last = min(last, int(20.0 * system.order + np.log(1e-9) / np.log(max(radius, 1e-3))))
+    O = observability(system.A, system.C, last)
+    if not experiment.there[:last].all():
+        O[~experiment.there[:last]] = 0.0
+    return np.asarray(O)
+
+
+def _solved(O: Float[np.ndarray, "rows n"], right: Float[np.ndarray, "rows k"]) -> Float[np.ndarray, "n k"]:
+    """Return the least-squares solution; directions that leave no trace stay zero."""
+    square = O.T @ O
+    if not np.isfinite(square).all():
+        return np.full((O.shape[1], right.shape[1]), np.nan)  # a system that explodes: its cost has no end
+    values, V = np.linalg.eigh(square)
+    kept = values > 1e-12 * max(values[-1], 1e-300)
+    return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ (O.T @ right)))
+
+
+def _held(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T m"]:
+    """Return the inputs with the last known value where one is missing."""
+    rows = np.arange(len(u))[:, None]
+    known = np.maximum.accumulate(np.where(np.isfinite(u), rows, 0), axis=0)
+    return np.nan_to_num(np.take_along_axis(u, known, axis=0))
