@@ -2,7 +2,11 @@
 
 import sys
 import time
+from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
+from typing import TypeVar
+
+Item = TypeVar("Item")
 
 
 class Progress:
@@ -78,3 +82,55 @@ class SimulatedTime:
         if t_s >= self._next_s:
             self._progress.done(f"{t_s:.0f} s simulated")
             self._next_s += self.STEP_S
+
+
+class Status:
+    """One line that says what is being done, where a person watches; nothing elsewhere."""
+
+    def __init__(self, first: str) -> None:
+        self._status = None
+        if sys.stderr.isatty():
+            from rich.console import Console
+
+            self._status = Console(stderr=True).status(first)
+
+    def __enter__(self) -> "Status":
+        if self._status is not None:
+            self._status.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def say(self, what: str) -> None:
+        """Say what is done now."""
+        if self._status is not None:
+            self._status.update(what)
+
+
+class Share:
+    """Shows what share of a stream has been read."""
+
+    PARTS = 20
+    """Steps of the bar; as many lines where no person watches."""
+
+    def __init__(self, title: str, fraction: Callable[[], float]) -> None:
+        self._progress = Progress(title, self.PARTS)
+        self._fraction = fraction
+        self._shown = 0
+
+    def __enter__(self) -> "Share":
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._progress.__exit__(kind, error, trace)
+
+    def of(self, stream: Iterable[Item]) -> Iterator[Item]:
+        """Yield the stream's items, and show how far it has come after each."""
+        for item in stream:
+            yield item
+            while self._shown < int(self._fraction() * self.PARTS):
+                self._shown += 1
+                self._progress.done(f"{100 * self._shown // self.PARTS} %")

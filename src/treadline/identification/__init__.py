@@ -9,6 +9,7 @@ from treadline.identification.okid import observer_markov, system_markov
 from treadline.identification.pbsid import pbsid
 from treadline.identification.reduction import balanced_truncation
 from treadline.identification.report import IdentificationReport
+from treadline.identification.stream import identify_chunks
 
 __all__ = [
     "METHODS",
@@ -21,6 +22,7 @@ __all__ = [
     "era",
     "gram",
     "identify",
+    "identify_chunks",
     "observer_markov",
     "pbsid",
     "system_markov",

@@ -118,7 +118,7 @@ def best(
     if not by_forecasts and all(name.endswith(RATES) for name in names):
         search.settle_constants()
     recipe = search.winner()
-    system = whole.with_gain(_on_all(whole, recipe, [first, *rows]))
+    system = whole.with_gain(_on_all(whole, recipe, [first, *rows]), constants=recipe.constants)
     units = whole.units(constants=recipe.constants)
     return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
 

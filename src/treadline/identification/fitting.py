@@ -109,10 +109,10 @@ class Fitting:
             return system
         return refined(system, experiments, fixed=self.fixed, steps=effort.steps, enough=effort.enough)
 
-    def with_gain(self, system: Affine) -> Affine:
+    def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
         """Return the system with the innovation gain that predicts best, all else kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
-        runs = predictors_of(_last(self.experiments(), GAIN_SAMPLES), least=4 * n + 4)
+        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=4 * n + 4)
         if not runs:
             return system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
@@ -186,15 +186,17 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
     square, right = np.sum([item.square for item in sums], axis=0), np.sum([item.right for item in sums], axis=0)
     n, m1 = system.order, system.B.shape[1]
     free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
-    square, right = square[np.ix_(free, free)], right[free]
-    scale = np.sqrt(np.maximum(np.diag(square).real, 1e-300))
+    size = np.diag(square).real
+    # A column that is zero, as the constant's without constants, has no say.
+    live = free & (size > 1e-24 * size.max(initial=0.0))
+    square, right, scale = square[np.ix_(live, live)], right[live], np.sqrt(size[live])
     with np.errstate(all="ignore"):
         scaled = square / np.outer(scale, scale)
     if not np.isfinite(scaled).all():
         return system
     values, Q = np.linalg.eigh(scaled)
     kept = values > 1e-10 * values[-1]
-    found = (Q[:, kept] / values[kept]) @ (Q[:, kept].conj().T @ (right / scale)) / scale
-    D = np.zeros(fixed.shape)
-    D[~fixed] = found[n * m1 :].real
-    return replace(system, B=(modes.V @ found[: n * m1].reshape(n, m1)).real, D=D)
+    found = np.zeros(len(free), dtype=complex)
+    found[live] = (Q[:, kept] / values[kept]) @ (Q[:, kept].conj().T @ (right / scale)) / scale
+    B, D = found[: n * m1].reshape(n, m1), found[n * m1 :].reshape(fixed.shape).real
+    return replace(system, B=(modes.V @ B).real, D=D)

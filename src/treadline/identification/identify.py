@@ -27,7 +27,7 @@ from treadline.identification.reduction import stabilised
 from treadline.identification.structure import choose_structure, noise_level, settle_order, structural_order
 from treadline.identification.threads import one_thread
 from treadline.identification.windows import carried_lags
-from treadline.models import InputOutputRecord
+from treadline.models import InputOutputRecord, LinearModel
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
@@ -86,16 +86,24 @@ def identify(
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, halves = _sums(moved, 1 if method == "deconvolution" else lags, order, solver, prior, forgetting)
     found = from_sums(
-        data, halves, moved, order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, told=told
+        data,
+        halves,
+        moved,
+        order=order,
+        lags=lags,
+        method=method,
+        feedthrough=feedthrough,
+        warnings=warnings,
+        told=told,
+        again=prior is None,
     )
     if stable:
         found = replace(found, system=_stable(found))
     model = to_model(found.system, found.units, data.dt_s, channel_names(given[0]))
     if any(shifts):
         model = with_delays(model, shifts)
-    provenance = {"method": method, "order": model.order, "lags": found.recipe.lags, "step": found.recipe.step}
     return Identified(
-        model=replace(model, provenance=provenance),
+        model=described(model, method, found.recipe),
         found=found,
         method=method,
         fitted=fitted,
@@ -103,6 +111,11 @@ def identify(
         shifts=shifts,
         started=started,
     )
+
+
+def described(model: LinearModel, method: str, recipe: Recipe) -> LinearModel:
+    """Return the model with what it was made by."""
+    return replace(model, provenance={"method": method, "order": model.order, "lags": recipe.lags, "step": recipe.step})
 
 
 def from_sums(
@@ -116,6 +129,7 @@ def from_sums(
     feedthrough: bool | None,
     warnings: list[str],
     told: Callable[[str], None] = lambda _: None,
+    again: bool = True,
 ) -> Found:
     """Return the model of some data.
 
@@ -124,11 +138,13 @@ def from_sums(
         halves: The sums of two halves, for the noise's singular values; None where the order is given.
         records: Samples for the steps that need them.
         warnings: Takes what a user should know.
+        told: Is told what ``best`` tries.
+        again: Whether the records are all of the data, so that sums of fewer lags can be made of them.
     """
     if method == "deconvolution":
         return _printed(Fitting(data=data, records=records, feedthrough=True), order, warnings)
     used, has_d = choose_structure(data, lags, feedthrough)
-    if data.dropped and used < data.lags and method != "best":
+    if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
         data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", None, 1.0)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)

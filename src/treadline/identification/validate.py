@@ -1,5 +1,7 @@
 """How good a model is: on data it has not seen, one step ahead, some steps ahead, and running free."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
@@ -145,6 +147,11 @@ def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
 def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
     """Return the first samples of a record."""
     return part(record, 0, min(samples, len(record)))
+
+
+def joined_in_time(first: InputOutputRecord, second: InputOutputRecord) -> InputOutputRecord:
+    """Return one record of two of which the second begins where the first ends."""
+    return replace(first, u=np.vstack([first.u, second.u]), y=np.vstack([first.y, second.y]))
 
 
 def part(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
