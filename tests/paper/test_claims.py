@@ -90,7 +90,7 @@ def test_a_rank_of_2_is_all_that_the_printed_impulse_response_has() -> None:
         alpha=(paper.C @ paper.B)[None],
         beta=still + paper.C @ paper.A @ np.linalg.inv(paper.C),
         residual_covariance=np.eye(2),
-        parameter_covariance=np.eye(5),
+        information=np.eye(5),
         count=1.0,
         units=Units(shift=np.zeros(4), scale=np.ones(4), input_count=2),
         feedthrough=True,

@@ -15,10 +15,11 @@ from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
-from treadline.identification.fitting import BRIEF, Fitting, Recipe
+from treadline.identification.fitting import Fitting, Recipe
 from treadline.identification.gram import Units, gram
 from treadline.identification.kernels import observer_run
-from treadline.identification.refine import Experiment, cost, misfit, predictors_of
+from treadline.identification.order import OrderChoice
+from treadline.identification.refine import BRIEF, Experiment, cost, misfit, predictors_of
 from treadline.identification.validate import part
 from treadline.models import InputOutputRecord
 
@@ -29,15 +30,11 @@ PATIENCE = 3
 """Orders that may pass without gain before a row ends."""
 LAGS = (10, 20, 40)
 """Lags tried beside those of Schwarz's criterion, as far as the data carry them."""
-FOREMOST = 8
-"""Recipes that are judged by all blocks; the others by two of them."""
-LEADERS = 3
-"""Recipes of different order that are refined."""
 DESCENT = 2
 """Smaller orders that may do worse before the descent ends: modes come in pairs."""
 EQUAL = 1.005
 """Ratio of errors within which the smaller order is taken."""
-REFINED_EQUAL = 1.1
+REFINED_EQUAL = 1.15
 """Ratio of errors within which a refined model is taken: it uses the data fully, where a subspace step does not."""
 RATES = ("_m_s", "_rad_s")
 """Units whose zero is rest. Where all channels have one, constants are zero unless the data speak against it."""
@@ -51,6 +48,22 @@ JUDGED_MOST = 20_000
 """Samples that are cut into blocks; more would not change the choice."""
 
 REFINEMENTS = ("output-error", "prediction-error")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Breadth:
+    """How widely recipes are tried."""
+
+    foremost: int
+    """Recipes that are judged by all blocks; the others by two of them."""
+    leaders: int
+    """Orders whose best recipe is refined."""
+
+
+WIDE = Breadth(foremost=8, leaders=3)
+NARROW = Breadth(foremost=3, leaders=1)
+"""Where the singular values show the order clearly: there it is, or next to it."""
+
 Squares = Float[np.ndarray, "2 p"]
 """Sums of squares of what a model leaves of some outputs, and of those outputs about the data's mean."""
 Criterion = Callable[[Affine, Fitting, Recipe], Squares]
@@ -89,7 +102,7 @@ def best(
     *,
     lags: int,
     order: int | None,
-    guess: int,
+    guess: OrderChoice,
     names: Sequence[str],
     told: Callable[[str], None] = lambda _: None,
 ) -> Choice:
@@ -98,27 +111,33 @@ def best(
     Args:
         lags: Lags of Schwarz's criterion.
         order: Number of states; chosen when left out.
-        guess: Order that the singular values show; it is tried in any case.
+        guess: Order that the singular values show; it is tried in any case, and if it is clear, only its neighbours are.
         names: Channel names, for the units among them.
         told: Is told what is tried.
     """
     folds = folds_of(whole)
+    around = order is None and guess.clear
     orders = range(1, ORDER_MOST + 1) if order is None else range(order, order + 1)
-    rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted({lags, *(n for n in LAGS if n <= whole.data.lags)})]
-    search = Search(folds=folds, criterion=free_runs, told=told)
+    if around:
+        orders = range(max(1, guess.order - 1), guess.order + 2)
     first = Recipe(method="okid-era", lags=lags, order=0)
-    search.climb([replace(row, step="inputs-again") for row in [first, *rows]], orders)
+    rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted({lags, *(n for n in LAGS if n <= whole.data.lags)})]
+    breadth = NARROW if around or order is not None else WIDE
+    if breadth is WIDE:
+        rows = [first, *rows]
+    search = Search(folds=folds, criterion=free_runs, breadth=breadth, told=told)
+    search.climb([replace(row, step="inputs-again") for row in rows], orders)
     by_forecasts = not search.trials or search.least > HOPELESS
     if by_forecasts:
-        search = Search(folds=folds, criterion=forecasts, told=told)
-        search.climb([first, *rows], orders)
+        search = Search(folds=folds, criterion=forecasts, breadth=breadth, told=told)
+        search.climb(rows, orders)
     if not search.trials or not np.isfinite(search.least):
         raise PoorExcitation("no model explains data that it has not seen; give a longer record, or inputs that move more")
-    search.refine("prediction-error" if by_forecasts else "output-error", guess if order is None else order)
+    search.refine("prediction-error" if by_forecasts else "output-error", guess.order if order is None else order)
     if not by_forecasts and all(name.endswith(RATES) for name in names):
         search.settle_constants()
     recipe = search.winner()
-    system = whole.with_gain(_on_all(whole, recipe, [first, *rows]), constants=recipe.constants)
+    system = whole.with_gain(_on_all(whole, recipe, rows), constants=recipe.constants)
     units = whole.units(constants=recipe.constants)
     return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
 
@@ -129,6 +148,7 @@ class Search:
 
     folds: Sequence[Fold]
     criterion: Criterion
+    breadth: Breadth
     told: Callable[[str], None]
     trials: list[Trial] = None  # type: ignore[assignment]
 
@@ -154,15 +174,12 @@ class Search:
                 least = min(least, trial.error)
                 if since >= PATIENCE:
                     break
-        for trial in sorted(seen, key=lambda trial: trial.error)[:FOREMOST]:
+        for trial in sorted(seen, key=lambda trial: trial.error)[: self.breadth.foremost]:
             self.judge(trial.recipe)
 
     def refine(self, step: str, guess: int) -> None:
         """Try a further step on the best recipe of each leading order, then on smaller orders while they do as well."""
-        by_order: dict[int, Trial] = {}
-        for trial in sorted(self.trials, key=lambda trial: trial.error):
-            by_order.setdefault(trial.recipe.order, trial)
-        foremost = list(by_order.values())[:LEADERS]
+        foremost = _of_each_order(self.trials)[: self.breadth.leaders]
         tried: dict[int, Trial | None] = {trial.recipe.order: self.judge(replace(trial.recipe, step=step)) for trial in foremost}
         leader = min((trial for trial in tried.values() if trial is not None), key=lambda trial: trial.error, default=None)
         if leader is None:
@@ -215,6 +232,14 @@ class Search:
                 total = total + self.criterion(system, fold.held, recipe)
             error = float(np.mean(np.sqrt(total[0] / np.maximum(total[1], 1e-300))))
         return Trial(recipe=recipe, error=error if np.isfinite(error) else float("inf"))
+
+
+def _of_each_order(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the best trial of each order, the best order first."""
+    by_order: dict[int, Trial] = {}
+    for trial in sorted(trials, key=lambda trial: trial.error):
+        by_order.setdefault(trial.recipe.order, trial)
+    return list(by_order.values())
 
 
 def free_runs(system: Affine, held: Fitting, recipe: Recipe) -> Squares:

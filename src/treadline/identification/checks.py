@@ -3,16 +3,17 @@
 import math
 
 import numpy as np
-from jaxtyping import Float
 from scipy.linalg import lapack
 
 from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, ShapeMismatch
-from treadline.identification.gram import Gram
+from treadline.identification.gram import Gram, units_of
 from treadline.models import InputOutputRecord
 
 GAP_SHARE = 0.2
 """Largest share of rows with a NaN: beyond it, what is left is not the experiment that was run."""
 
+TOGETHER = 1e-13
+"""Variance of the weakest combination of inputs, over one input's, that rounding may leave."""
 NOTHING_NEW = 1e-9
 """Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
 
@@ -39,38 +40,40 @@ def check_records(records: list[InputOutputRecord]) -> None:
 
 def _check_finite(record: InputOutputRecord, where: str) -> None:
     names = channel_names(record)
-    for name, column in zip(names, np.hstack([record.u, record.y]).T, strict=True):
-        if np.isinf(column).any():
-            raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
-        if name.endswith("_rad") and np.nanmax(np.abs(column), initial=0.0) > math.pi:
+    for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):
+        if name.endswith("_rad") and np.nanmax(np.abs(column), initial=0.0) > math.pi and not np.isinf(column).any():
             raise ShapeMismatch(
                 f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
                 "meant? convert it"
             )
-    share = float(np.mean(~np.isfinite(np.hstack([record.u, record.y])).all(axis=1)))
+    if np.isfinite(record.u).all() and np.isfinite(record.y).all():
+        return
+    z = np.hstack([record.u, record.y])
+    for name, column in zip(names, z.T, strict=True):
+        if np.isinf(column).any():
+            raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
+    share = float(np.mean(~np.isfinite(z).all(axis=1)))
     if share > GAP_SHARE:
         raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
 
 
 def _check_movement(records: list[InputOutputRecord]) -> None:
-    names = channel_names(records[0])
-    joined = np.vstack([np.hstack([record.u, record.y]) for record in records])
-    for j, name in enumerate(names):
-        deviation = float(np.nanstd(joined[:, j]))
-        if not deviation > 1e-12 * max(1.0, float(np.nanmax(np.abs(joined[:, j])))):
-            kind = "input" if j < records[0].u.shape[1] else "output"
+    names, m = channel_names(records[0]), records[0].u.shape[1]
+    units = units_of(records)
+    for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
+        if not deviation > 1e-12 * max(1.0, abs(float(units.shift[j]))):
+            kind = "input" if j < m else "output"
             raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
-    rank = int(np.linalg.matrix_rank(_centred(np.vstack([record.u for record in records])), tol=1e-9))
-    if rank < records[0].u.shape[1]:
+    square, count = np.zeros((m, m)), 0
+    for record in records:
+        v = (record.u - units.shift[:m]) / units.input_scale
+        v = v if np.isfinite(v).all() else v[np.isfinite(v).all(axis=1)]
+        square, count = square + v.T @ v, count + len(v)
+    rank = int(np.sum(np.linalg.eigvalsh(square / count) > TOGETHER))
+    if rank < m:
         raise PoorExcitation(
-            f"the {records[0].u.shape[1]} inputs move together (rank {rank}): {', '.join(names[: records[0].u.shape[1]])}; "
-            "give a record in which each moves by itself"
+            f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which each moves by itself"
         )
-
-
-def _centred(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T2 m"]:
-    whole = u[np.isfinite(u).all(axis=1)]
-    return np.asarray((whole - whole.mean(axis=0)) / whole.std(axis=0) / math.sqrt(len(whole)))
 
 
 def excitation_order(data: Gram) -> int:

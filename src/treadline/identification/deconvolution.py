@@ -76,7 +76,7 @@ def observer_of(records: Sequence[InputOutputRecord], units: Units) -> tuple[Obs
         alpha=np.ascontiguousarray(markov[1 : 1 + lags]),
         beta=np.zeros((lags, p, p)),
         residual_covariance=np.zeros((p, p)),
-        parameter_covariance=np.zeros((q, q)),
+        information=np.eye(q),
         count=float(len(markov)),
         units=Units(shift=np.zeros(m + p), scale=np.ones(m + p), input_count=m),
         feedthrough=True,

@@ -22,26 +22,13 @@ from treadline.identification.modal import linear_sums, modes_of
 from treadline.identification.okid import ObserverMarkov, observer_markov
 from treadline.identification.pbsid import StateMap, pbsid, state_map
 from treadline.identification.realisation import block_rows, markov_svd, realised
-from treadline.identification.refine import Directions, Experiment, cost, descended, experiments_of, predictors_of, refined
+from treadline.identification.refine import BRIEF, THOROUGH, Directions, Effort, Experiment, cost, descended, experiments_of, predictors_of, refined
 from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
 """Samples, the last ones, that the innovation gain is fitted to."""
 EXPLODES = 1.05
 """Modulus of a pole beyond which a free run says nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Effort:
-    """How far a refinement goes: most steps, and the relative gain of a step at which it ends."""
-
-    steps: int
-    enough: float
-
-
-THOROUGH = Effort(steps=200, enough=1e-7)
-BRIEF = Effort(steps=25, enough=1e-4)
-"""To compare recipes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +94,7 @@ class Fitting:
             system = with_inputs_again(system, experiments, self.fixed)
         if recipe.step == "inputs-again":
             return system
-        return refined(system, experiments, fixed=self.fixed, steps=effort.steps, enough=effort.enough)
+        return refined(system, experiments, fixed=self.fixed, effort=effort)
 
     def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
         """Return the system with the innovation gain that predicts best, all else kept."""
@@ -128,7 +115,7 @@ class Fitting:
             C=np.zeros((p, n, n * p)),
             D=np.zeros((p, m1 + p, n * p)),
         )
-        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, steps=BRIEF.steps, enough=BRIEF.enough))
+        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF))
 
     def subspace(self, method: str, lags: int, order: int) -> Affine | None:
         """Return the model that the sums alone give."""
@@ -161,7 +148,7 @@ class Fitting:
         p = len(system.C)
         fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
         runs = predictors_of(self.experiments(), least=4 * system.order + 4)
-        return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, steps=effort.steps, enough=effort.enough))
+        return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, effort=effort))
 
 
 def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:

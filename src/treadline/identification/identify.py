@@ -157,7 +157,7 @@ def from_sums(
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     trials: Sequence[Trial] = []
     if method == "best" and structural is not None:
-        chosen = best(fitting, lags=used, order=order, guess=choice.order, names=channel_names(records[0]), told=told)
+        chosen = best(fitting, lags=used, order=order, guess=choice, names=channel_names(records[0]), told=told)
         recipe, system, trials = chosen.recipe, chosen.system, chosen.trials
         choice = OrderChoice(order=recipe.order, gap=_gap(svd, recipe.order), clear=True)
         if stands_out(svd.s, noise or 0.0):

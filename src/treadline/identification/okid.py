@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, lapack, solve_triangular
+from scipy.linalg import lapack, solve_triangular
 
 from treadline.identification.gram import Gram, Units
 from treadline.identification.kernels import unroll
@@ -27,11 +27,16 @@ class ObserverMarkov:
     alpha: Float[np.ndarray, "lags p m"]
     beta: Float[np.ndarray, "lags p p"]
     residual_covariance: Float[np.ndarray, "p p"]
-    parameter_covariance: Float[np.ndarray, "q q"]
-    """Of one output's scaled coefficients per unit of its residual variance."""
+    information: Float[np.ndarray, "q q"]
+    """Sums of products of the scaled regressors."""
     count: float
     units: Units
     feedthrough: bool
+
+    @property
+    def parameter_covariance(self) -> Float[np.ndarray, "q q"]:
+        """Covariance of one output's scaled coefficients per unit of its residual variance."""
+        return inverse(self.information)
 
     def scaled(self) -> "ObserverMarkov":
         """Return the observer in units of deviations, about the means."""
@@ -59,19 +64,16 @@ class Regression:
     YY: Float[np.ndarray, "p p"]
     root: Float[np.ndarray, "w w"] | None
 
-    def solve(self) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "q q"], Float[np.ndarray, "p p"]]:
-        """Return coefficients, the inverse of the normal matrix, and the residual sum of squares."""
+    def solve(self) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "p p"]]:
+        """Return the coefficients and the residual sum of squares."""
         if self.root is None:
-            theta, inverse = solve_normal(self.XX, self.XY)
-            return theta, inverse, self.YY - theta.T @ self.XY
+            theta = solve_normal(self.XX, self.XY)
+            return theta, self.YY - theta.T @ self.XY
         q = len(self.XX)
         R, target = self.root[:q, :q], self.root[:q, q:]
-        U, s, Vt = np.linalg.svd(R)
-        kept = s > RIDGE * s[0]
-        pseudo = (Vt[kept].T / s[kept]) @ U[:, kept].T
-        theta = pseudo @ target
+        theta = np.linalg.lstsq(R, target, rcond=RIDGE)[0]
         misfit = np.vstack([target - R @ theta, self.root[q:, q:]])
-        return theta, pseudo @ pseudo.T, misfit.T @ misfit
+        return theta, misfit.T @ misfit
 
 
 def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
@@ -88,29 +90,32 @@ def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
     return Regression(XX=at[:, columns], XY=at[:, target], YY=data.sums[1 + m : 1 + r, 1 + m : 1 + r], root=root)
 
 
-def solve_normal(
-    XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]
-) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "q q"]]:
-    """Return the least-squares solution and the inverse of the normal matrix.
+def solve_normal(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:
+    """Return the least-squares solution: by Cholesky where the regressors are well excited, else by eigenvalues."""
+    factor = _factor(XX)
+    if factor is None:
+        return inverse(XX) @ XY
+    theta, _ = lapack.dpotrs(factor, XY, lower=1)
+    # One step of refinement wins back the digits that squaring the condition lost.
+    return np.asarray(theta + lapack.dpotrs(factor, XY - XX @ theta, lower=1)[0])
 
-    Cholesky where the regressors are well excited; a truncated eigendecomposition where they are not.
-    """
-    try:
-        factor = cho_factor(XX, check_finite=False)
-        diagonal = np.abs(np.diag(factor[0]))
-        if diagonal.min() > np.sqrt(RIDGE) * diagonal.max():
-            theta = cho_solve(factor, XY, check_finite=False)
-            # One step of refinement wins back the digits that squaring the condition lost.
-            theta += cho_solve(factor, XY - XX @ theta, check_finite=False)
-            upper, _ = lapack.dpotri(factor[0], lower=factor[1])
-            inverse = np.triu(upper)
-            return theta, inverse + np.triu(upper, 1).T
-    except LinAlgError:
-        pass
+
+def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
+    """Return the inverse of a normal matrix; directions that nothing excites count for nothing."""
+    factor = _factor(XX)
+    if factor is not None:
+        lower = np.tril(lapack.dpotri(factor, lower=1)[0])
+        return lower + np.tril(lower, -1).T
     values, vectors = np.linalg.eigh(XX)
     kept = values > RIDGE * values[-1]
-    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
-    return inverse @ XY, inverse
+    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
+
+
+def _factor(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"] | None:
+    """Return the Cholesky factor, or None where a direction is not excited."""
+    factor, failed = lapack.dpotrf(XX, lower=1, clean=0)
+    diagonal = np.diag(factor)
+    return None if failed or diagonal.min() <= np.sqrt(RIDGE) * diagonal.max() else factor
 
 
 def residuals_by_lags(data: Gram, *, feedthrough: bool) -> Float[np.ndarray, "lags p p"] | None:
@@ -119,18 +124,27 @@ def residuals_by_lags(data: Gram, *, feedthrough: bool) -> Float[np.ndarray, "la
     The factor of fewer lags is the leading block of the factor of all.
     """
     whole = regression(data, data.lags, feedthrough=feedthrough)
-    try:
-        L = np.linalg.cholesky(whole.XX)
-    except np.linalg.LinAlgError:
-        return None
-    diagonal = np.diag(L)
-    if diagonal.min() <= np.sqrt(RIDGE) * diagonal.max():
+    L = _factor(whole.XX)
+    if L is None:
         return None
     explained = solve_triangular(L, whole.XY, lower=True, check_finite=False)
     squares = np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
     r = len(data.units.scale)
     first = len(whole.XX) - r * data.lags
     return np.asarray(whole.YY - squares[first + r - 1 :: r])
+
+
+def residuals_by_feedthrough(data: Gram, lags: int) -> Float[np.ndarray, "2 p p"] | None:
+    """Return the residual sums of squares without and with u_k, by one factorisation; None where it fails."""
+    whole = regression(data, lags, feedthrough=True)
+    m = data.units.input_count
+    last = np.concatenate([[0], np.arange(1 + m, len(whole.XX)), np.arange(1, 1 + m)])
+    L = _factor(whole.XX[np.ix_(last, last)])
+    if L is None:
+        return None
+    explained = solve_triangular(L, whole.XY[last], lower=True, check_finite=False)
+    without = whole.YY - explained[:-m].T @ explained[:-m]
+    return np.stack([without, without - explained[-m:].T @ explained[-m:]])
 
 
 def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
@@ -142,7 +156,8 @@ def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = 
         lags: At most those of the sums; all of them when left out.
     """
     lags = data.lags if lags is None else lags
-    theta, inverse, squares = regression(data, lags, feedthrough=feedthrough).solve()
+    equations = regression(data, lags, feedthrough=feedthrough)
+    theta, squares = equations.solve()
     units = data.units
     m = units.input_count
     into, out = units.input_scale, units.output_scale
@@ -160,7 +175,7 @@ def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = 
         alpha=alpha,
         beta=beta,
         residual_covariance=0.5 * (squares + squares.T) / freedom * np.outer(out, out),
-        parameter_covariance=inverse,
+        information=equations.XX,
         count=data.count,
         units=units,
         feedthrough=feedthrough,

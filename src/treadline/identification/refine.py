@@ -18,13 +18,25 @@ from treadline.identification.kernels import free_run, observability, tangents
 from treadline.identification.modal import Modes, derivative_sums, modes_of
 from treadline.models import InputOutputRecord
 
-STEPS_MOST = 200
 TRIES = 8
 """Shorter and shorter steps before refinement ends."""
-ENOUGH = 1e-7
-"""Relative gain of a step at which refinement ends."""
 ROWS = 1 << 15
 """Samples per pass of the derivatives."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How far a refinement goes."""
+
+    steps: int
+    """At most."""
+    chance: float
+    """It ends when a step gains less than this share of what one coefficient more gains by chance: 1/samples of the cost."""
+
+
+THOROUGH = Effort(steps=200, chance=1e-3)
+BRIEF = Effort(steps=60, chance=0.1)
+"""To compare recipes: less would favour small models, which arrive sooner."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,33 +128,30 @@ def refined(
     experiments: Sequence[Experiment],
     *,
     fixed: Bool[np.ndarray, "p m1"],
-    steps: int = STEPS_MOST,
-    enough: float = ENOUGH,
+    effort: Effort = THOROUGH,
 ) -> Affine:
     """Return the system nearby with the smallest output error.
 
     Args:
         fixed: Entries of D that stay as they are.
-        steps: Most steps.
-        enough: Relative gain of a step at which refinement ends.
+        effort: How far it goes.
     """
-    return descended(system, experiments, lambda now: directions(now, fixed), steps=steps, enough=enough)
+    return descended(system, experiments, lambda now: directions(now, fixed), effort)
 
 
 def descended(
     system: Affine,
     experiments: Sequence[Experiment],
     ways_from: Callable[[Affine], Directions],
-    *,
-    steps: int,
-    enough: float,
+    effort: Effort,
 ) -> Affine:
     """Return the system with the smallest output error along directions that may depend on where it stands."""
     # A stable system stays so: what gains by a growing mode gains on these data alone.
     bound = max(1.0, system.radius)
     best, now = system, cost(system, experiments)
     damping, rise = 1e-3, 2.0
-    for _ in range(steps if np.isfinite(now) else 0):
+    enough = effort.chance / sum(item.y.size for item in experiments)
+    for _ in range(effort.steps if np.isfinite(now) else 0):
         ways = ways_from(best)
         H, g = normal_equations(best, experiments, ways)
         before = now

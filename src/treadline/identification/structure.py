@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram
-from treadline.identification.okid import ObserverMarkov, regression, residuals_by_lags
+from treadline.identification.okid import ObserverMarkov, regression, residuals_by_feedthrough, residuals_by_lags
 from treadline.identification.order import OrderChoice, choose_order, stands_out
 from treadline.identification.realisation import markov_svd
 
@@ -18,14 +18,24 @@ EXACT = 1e-12
 
 def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple[int, bool]:
     """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients."""
-    tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
+    if lags is not None and feedthrough is not None:
+        return lags, feedthrough
+    if lags is not None:
+        both = residuals_by_feedthrough(whole, lags)
+        tables = {has_d: None if both is None else {lags: both[int(has_d)]} for has_d in (False, True)}
+    else:
+        kinds = (False, True) if feedthrough is None else (feedthrough,)
+        tables = {has_d: _by_lags(residuals_by_lags(whole, feedthrough=has_d)) for has_d in kinds}
     costs = {}
-    for has_d in (False, True) if feedthrough is None else (feedthrough,):
-        squares = residuals_by_lags(whole, feedthrough=has_d)
-        for p in tried:
-            left = regression(whole, p, feedthrough=has_d).solve()[2] if squares is None else squares[p - 1]
+    for has_d, table in tables.items():
+        for p in range(1, whole.lags + 1) if lags is None else (lags,):
+            left = regression(whole, p, feedthrough=has_d).solve()[1] if table is None else table[p]
             costs[p, has_d] = _schwarz(whole, left, p, has_d)
     return min(costs, key=lambda key: costs[key])
+
+
+def _by_lags(squares: Float[np.ndarray, "lags p p"] | None) -> dict[int, Float[np.ndarray, "p p"]] | None:
+    return None if squares is None else dict(enumerate(squares, start=1))
 
 
 def _schwarz(whole: Gram, squares: Float[np.ndarray, "p p"], lags: int, feedthrough: bool) -> float:
