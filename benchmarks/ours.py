@@ -1,8 +1,6 @@
 """Treadline's own ways to identify, as far as the installed version has them."""
 
-import inspect
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -10,9 +8,8 @@ from systems import StateSpace, driven, equation_12
 
 from treadline.errors import TreadlineError
 from treadline.identification import era, identify
+from treadline.identification.gram import gram, units_of
 from treadline.models import InputOutputRecord
-
-gram = import_module("treadline.identification.gram")  # the package may offer a function of this name
 
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
@@ -32,15 +29,12 @@ def known() -> dict[str, dict[str, Any]]:
     """Return the ways that this version knows."""
     trial, found = driven(equation_12(), 400, 0.01, 0).record, {}
     for name, asked in WAYS.items():
-        arguments = dict(asked)
-        if "solver" not in inspect.signature(identify).parameters and arguments.get("solver") == "gram":
-            arguments.pop("solver")
         try:
-            identify(trial, order=2, **arguments)
+            identify(trial, order=2, **asked)
         except (TypeError, *FAILURES) as error:
             print(f"treadline: {name} is not in this version ({error})")
         else:
-            found[name] = arguments
+            found[name] = asked
     return found
 
 
@@ -58,10 +52,7 @@ def state_space(model: Any) -> StateSpace:
 
 def gram_alone(record: InputOutputRecord, lags: int) -> None:
     """Accumulate the Gram matrix, channel scales included, and nothing else."""
-    if hasattr(gram, "units_of"):
-        gram.gram(record, lags, gram.units_of([record]))
-    else:
-        gram.gram(record, lags, feedthrough=True, input_scale=record.u.std(axis=0), output_scale=record.y.std(axis=0))
+    gram(record, lags, units_of([record]))
 
 
 def realise(markov: np.ndarray, order: int, rows: int) -> None:
