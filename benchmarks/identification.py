@@ -33,7 +33,7 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "sysid"
 SEEDS, QUICK_SEEDS = 20, 4
 RUNS, QUICK_RUNS = 200, 10
 SLOW = {"SIPPY PARSIM-K", "SIPPY CVA", "nfoursid"}
-"""Left out of a quick run: slow on the longer records, and close to another of the same package."""
+"""Left out of a quick run: slow on the longer records, or close to another of the same package."""
 
 
 def accuracy_part(fits: dict[str, peers.Fit], first: int, *, quick: bool) -> None:
