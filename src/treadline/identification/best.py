@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
-from treadline.identification.fitting import Fitting, Recipe
+from treadline.identification.fitting import GROWTH, Fitting, Recipe
 from treadline.identification.gram import Units, gram
 from treadline.identification.kernels import observer_run
 from treadline.identification.order import OrderChoice
@@ -34,8 +34,6 @@ DESCENT = 2
 """Smaller orders that may do worse before the descent ends: modes come in pairs."""
 EQUAL = 1.005
 """Ratio of errors within which the smaller order is taken."""
-REFINED_EQUAL = 1.15
-"""Ratio of errors within which a refined model is taken: it uses the data fully, where a subspace step does not."""
 RATES = ("_m_s", "_rad_s")
 """Units whose zero is rest. Where all channels have one, constants are zero unless the data speak against it."""
 ZERO_COSTS = 1.25
@@ -58,10 +56,12 @@ class Breadth:
     """Recipes that are judged by all blocks; the others by two of them."""
     leaders: int
     """Orders whose best recipe is refined."""
+    equal: float
+    """Ratio of errors within which the smaller order wins."""
 
 
-WIDE = Breadth(foremost=8, leaders=3)
-NARROW = Breadth(foremost=3, leaders=1)
+WIDE = Breadth(foremost=8, leaders=3, equal=EQUAL)
+NARROW = Breadth(foremost=3, leaders=1, equal=1.02)
 """Where the singular values show the order clearly: there it is, or next to it."""
 
 Squares = Float[np.ndarray, "2 p"]
@@ -126,20 +126,36 @@ def best(
     if breadth is WIDE:
         rows = [first, *rows]
     search = Search(folds=folds, criterion=free_runs, breadth=breadth, told=told)
-    search.climb([replace(row, step="inputs-again") for row in rows], orders)
+    if not _grows(whole, [first, *rows], guess.order if order is None else order):
+        search.climb([replace(row, step="inputs-again") for row in rows], orders)
     by_forecasts = not search.trials or search.least > HOPELESS
     if by_forecasts:
         search = Search(folds=folds, criterion=forecasts, breadth=breadth, told=told)
         search.climb(rows, orders)
+    if not search.trials and order is not None:
+        raise PoorExcitation(f"order {order} is above what {whole.data.lags} lags of these data show; ask for less")
     if not search.trials or not np.isfinite(search.least):
         raise PoorExcitation("no model explains data that it has not seen; give a longer record, or inputs that move more")
-    search.refine("prediction-error" if by_forecasts else "output-error", guess.order if order is None else order)
+    search.refine("prediction-error" if by_forecasts else "output-error", guess.order if order is None else None)
     if not by_forecasts and all(name.endswith(RATES) for name in names):
-        search.settle_constants()
+        search.settle_constants(lambda recipe: _does_not_decay(whole, recipe))
     recipe = search.winner()
     system = whole.with_gain(_on_all(whole, recipe, rows), constants=recipe.constants)
     units = whole.units(constants=recipe.constants)
     return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
+
+
+def _does_not_decay(whole: Fitting, recipe: Recipe) -> bool:
+    """Whether a state of a recipe's model lasts for the whole record."""
+    system = whole.model(recipe, effort=BRIEF)
+    return system is None or system.radius > 1.0 - 1.0 / max(len(record) for record in whole.records)
+
+
+def _grows(whole: Fitting, rows: Sequence[Recipe], order: int) -> bool:
+    """Whether, whatever the method and the lags, a mode grows so much over a record that a free run shows nothing else."""
+    systems = [whole.model(replace(row, order=order)) for row in rows]
+    longest = max(len(record) for record in whole.records)
+    return all(system is not None and longest * np.log(system.radius) > np.log(GROWTH) for system in systems)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -177,12 +193,16 @@ class Search:
         for trial in sorted(seen, key=lambda trial: trial.error)[: self.breadth.foremost]:
             self.judge(trial.recipe)
 
-    def refine(self, step: str, guess: int) -> None:
-        """Try a further step on the best recipe of each leading order, then on smaller orders while they do as well."""
+    def refine(self, step: str, guess: int | None) -> None:
+        """Try a further step on the best recipe of each leading order, then on smaller orders while they do as well.
+
+        Args:
+            guess: An order to be tried in any case; None where the order is settled.
+        """
         foremost = _of_each_order(self.trials)[: self.breadth.leaders]
         tried: dict[int, Trial | None] = {trial.recipe.order: self.judge(replace(trial.recipe, step=step)) for trial in foremost}
         leader = min((trial for trial in tried.values() if trial is not None), key=lambda trial: trial.error, default=None)
-        if leader is None:
+        if leader is None or guess is None:
             return
         if guess not in tried:
             tried[guess] = self.judge(replace(leader.recipe, order=guess))
@@ -193,26 +213,33 @@ class Search:
             if worse >= DESCENT:
                 return
 
-    def settle_constants(self) -> None:
-        """Try the best of each step with rest at zero, and leave in the running the kind that is to be believed."""
+    def settle_constants(self, holds: Callable[[Recipe], bool]) -> None:
+        """Try the best of each step with rest at zero, and leave in the running the kind that is to be believed.
+
+        Args:
+            holds: Whether a recipe's model has a state that does not decay over the data.
+        """
         leaders = {trial.recipe.step: trial for trial in sorted(self.trials, key=lambda trial: -trial.error)}
         free = self.least
         zero = [self.judge(replace(trial.recipe, constants=False)) for trial in leaders.values()]
-        constants = min(trial.error for trial in zero if trial is not None) > ZERO_COSTS * free
+        # A pole at one keeps what its initial state says: a constant by another name.
+        sound = [trial.error for trial in zero if trial is not None and not holds(trial.recipe)]
+        constants = not sound or min(sound) > ZERO_COSTS * free
+        self.trials = [trial for trial in self.trials if constants or trial.recipe.constants or not holds(trial.recipe)]
         self.trials.sort(key=lambda trial: trial.recipe.constants is not constants)
         self._running = sum(trial.recipe.constants is constants for trial in self.trials)
 
     _running: int | None = None
 
     def winner(self) -> Recipe:
-        """Return the recipe of the smallest order among those with the smallest error."""
+        """Return the recipe with the smallest error; of equals a refined one, which uses the data fully."""
         running = self.trials[: self._running]
-        least = min(trial.error for trial in running)
-        refined = [trial for trial in running if trial.recipe.step in REFINEMENTS and trial.error <= REFINED_EQUAL * least]
-        running = refined or running
-        least = min(trial.error for trial in running)
-        near = [trial for trial in running if trial.error <= EQUAL * least]
-        return min(near, key=lambda trial: (trial.recipe.order, trial.error)).recipe
+        equal = self.breadth.equal
+        refined = _smallest([trial for trial in running if trial.recipe.step in REFINEMENTS], equal)
+        plain = _smallest([trial for trial in running if trial.recipe.step not in REFINEMENTS], equal)
+        if refined is None or plain is None:
+            return (refined or plain or running[0]).recipe
+        return (refined if refined.error <= EQUAL * plain.error else plain).recipe
 
     def judge(self, recipe: Recipe) -> Trial | None:
         """Add the trial of a recipe; None where the data of a fold do not show as many states."""
@@ -223,15 +250,23 @@ class Search:
         return trial
 
     def _judged(self, recipe: Recipe, folds: Sequence[Fold]) -> Trial | None:
-        total = np.zeros((2, 1))
+        total = []
         with np.errstate(all="ignore"):
             for fold in folds:
                 system = fold.fitted.model(recipe, effort=BRIEF)
                 if system is None:
                     return None
-                total = total + self.criterion(system, fold.held, recipe)
-            error = float(np.mean(np.sqrt(total[0] / np.maximum(total[1], 1e-300))))
+                total.append(self.criterion(system, fold.held, recipe))
+            left, spread = np.sum(total, axis=0)
+            error = float(np.mean(np.sqrt(left / np.maximum(spread, 1e-300))))
         return Trial(recipe=recipe, error=error if np.isfinite(error) else float("inf"))
+
+
+def _smallest(trials: Sequence[Trial], equal: float) -> Trial | None:
+    """Return the trial of the smallest order among those with the smallest error."""
+    least = min((trial.error for trial in trials), default=float("inf"))
+    near = [trial for trial in trials if trial.error <= equal * least]
+    return min(near, key=lambda trial: (trial.recipe.order, trial.error), default=None)
 
 
 def _of_each_order(trials: Sequence[Trial]) -> list[Trial]:

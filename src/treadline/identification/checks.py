@@ -25,9 +25,29 @@ def check_records(records: list[InputOutputRecord]) -> None:
         RecordError: With the record, the column and the number.
         PeriodMismatch: If records have different periods.
     """
+    check_alike(records)
+    _check_movement(records)
+
+
+def check_alike(records: list[InputOutputRecord]) -> None:
+    """Check that records hold numbers and have the same channels and period.
+
+    Raises:
+        RecordError: With the record, the column and the number.
+        PeriodMismatch: If records have different periods.
+    """
     first = records[0]
     if not all(len(record) for record in records):
         raise PoorExcitation("a record holds no samples; give a longer one")
+    for kind, count, names in (("inputs", first.u.shape[1], first.input_names), ("outputs", first.y.shape[1], first.output_names)):
+        if count == 0:
+            raise ShapeMismatch(f"the record has no {kind}; give at least one")
+        if names and len(names) != count:
+            raise ShapeMismatch(f"the record has {count} {kind} but {len(names)} names of {kind}")
+        if count > len(first):
+            raise ShapeMismatch(f"{count} {kind} in {len(first)} samples: is the record transposed?")
+    if not math.isfinite(first.dt_s):
+        raise PeriodMismatch(f"the record's period is {first.dt_s} s; it must be finite")
     for index, record in enumerate(records):
         where = f"record {index + 1}: " if len(records) > 1 else ""
         if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:
@@ -35,7 +55,6 @@ def check_records(records: list[InputOutputRecord]) -> None:
         if abs(record.dt_s - first.dt_s) > 1e-9 * first.dt_s:
             raise PeriodMismatch(f"{where}period {record.dt_s:g} s, the first record has {first.dt_s:g} s; resample it")
         _check_finite(record, where)
-    _check_movement(records)
 
 
 def _check_finite(record: InputOutputRecord, where: str) -> None:
@@ -61,7 +80,7 @@ def _check_movement(records: list[InputOutputRecord]) -> None:
     names, m = channel_names(records[0]), records[0].u.shape[1]
     units = units_of(records)
     for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
-        if not deviation > 1e-12 * max(1.0, abs(float(units.shift[j]))):
+        if not deviation > 1e-12 * abs(float(units.shift[j])):
             kind = "input" if j < m else "output"
             raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
     square, count = np.zeros((m, m)), 0

@@ -42,8 +42,9 @@ def without_delays(records: Sequence[InputOutputRecord], shifts: Sequence[int]) 
         SettingsError: If there is not one shift per input, or one is negative or as long as a record.
     """
     m, most = records[0].u.shape[1], max(shifts, default=0)
-    if len(shifts) != m or min(shifts) < 0 or most >= min(len(record) for record in records):
-        raise SettingsError(f"delays are {list(shifts)}; one per input ({m}), from 0 to less than a record's length")
+    whole = all(isinstance(shift, int | np.integer) for shift in shifts)
+    if not whole or len(shifts) != m or min(shifts) < 0 or most >= min(len(record) for record in records):
+        raise SettingsError(f"delays are {list(shifts)}; one whole number per input ({m}), from 0 to less than a record's length")
     made = []
     for record in records:
         u = np.column_stack([record.u[most - d : len(record) - d, j] for j, d in enumerate(shifts)])

@@ -22,13 +22,24 @@ from treadline.identification.modal import linear_sums, modes_of
 from treadline.identification.okid import ObserverMarkov, observer_markov
 from treadline.identification.pbsid import StateMap, pbsid, state_map
 from treadline.identification.realisation import block_rows, markov_svd, realised
-from treadline.identification.refine import BRIEF, THOROUGH, Directions, Effort, Experiment, cost, descended, experiments_of, predictors_of, refined
+from treadline.identification.refine import (
+    BRIEF,
+    THOROUGH,
+    Directions,
+    Effort,
+    Experiment,
+    cost,
+    descended,
+    experiments_of,
+    predictors_of,
+    refined,
+)
 from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
 """Samples, the last ones, that the innovation gain is fitted to."""
-EXPLODES = 1.05
-"""Modulus of a pole beyond which a free run says nothing."""
+GROWTH = 1e3
+"""Growth of a mode over a record from which a free run shows nothing else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +110,7 @@ class Fitting:
     def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
         """Return the system with the innovation gain that predicts best, all else kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
-        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=4 * n + 4)
+        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=n + 2)
         if not runs:
             return system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
@@ -156,7 +167,7 @@ def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
     kept: list[Experiment] = []
     for item in reversed(experiments):
         if samples > 0:
-            kept.insert(0, Experiment(u=item.u[-samples:], y=item.y[-samples:], there=item.there[-samples:]))
+            kept.insert(0, item.part(max(0, len(item.y) - samples), len(item.y)))
             samples -= len(item.y)
     return kept
 
@@ -167,7 +178,8 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
     In modal coordinates each state is one scalar filter of one input, whatever the order. K belongs to A and C: it stays.
     """
     modes = modes_of(system)
-    if modes is None or np.abs(modes.poles).max() > EXPLODES:
+    longest = max(len(item.y) for item in experiments)
+    if modes is None or longest * np.log(np.abs(modes.poles).max()) > np.log(GROWTH):
         return system
     sums = [linear_sums(modes, item.u, item.y, item.there) for item in experiments]
     square, right = np.sum([item.square for item in sums], axis=0), np.sum([item.right for item in sums], axis=0)

@@ -32,6 +32,14 @@ class Units:
     scale: Float[np.ndarray, " r"]
     input_count: int
 
+    def same(self, other: "Units") -> bool:
+        """Whether sums in these and in those units add up."""
+        return (
+            self.input_count == other.input_count
+            and np.array_equal(self.shift, other.shift)
+            and np.array_equal(self.scale, other.scale)
+        )
+
     @property
     def input_scale(self) -> Float[np.ndarray, " m"]:
         """Deviation of the inputs."""
@@ -60,6 +68,10 @@ class Gram:
     def __add__(self, other: "Gram") -> "Gram":
         if self.lags != other.lags or self.sums.shape != other.sums.shape:
             raise ShapeMismatch(f"Gram matrices of {self.lags} and {other.lags} lags do not add up")
+        if self.units is not other.units and not self.units.same(other.units):
+            raise ShapeMismatch("Gram matrices in different units do not add up; make both with the units of one")
+        if abs(self.dt_s - other.dt_s) > 1e-9 * self.dt_s:
+            raise ShapeMismatch(f"Gram matrices of periods {self.dt_s:g} and {other.dt_s:g} s do not add up")
         return replace(
             self,
             sums=self.sums + other.sums,
@@ -114,24 +126,53 @@ class Gram:
             LogFormatError: If it is missing, or not what ``save`` writes.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
-                units = Units(shift=file["shift"], scale=file["scale"], input_count=int(file["input_count"]))
-                made = cls(
-                    lags=int(file["lags"]),
-                    units=units,
-                    dt_s=float(file["dt_s"]),
-                    sums=file["sums"],
-                    count=float(file["count"]),
-                    dropped=int(file["dropped"]),
-                )
+            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                values = {name: file[name] for name in _SAVED}
         except FileNotFoundError:
             raise LogFormatError(f"{path}: no such file") from None
-        except Exception as error:  # noqa: BLE001 - a broken archive fails in a dozen ways
-            raise LogFormatError(f"{path}: not a saved Gram matrix: {error}") from None
-        width = 1 + len(units.scale) * (made.lags + 1)
-        if made.sums.shape != (width, width) or not np.isfinite(made.sums).all():
-            raise LogFormatError(f"{path}: a Gram matrix of {made.sums.shape}, {made.lags} lags ask for {width} finite rows")
-        return made
+        except KeyError as error:
+            raise LogFormatError(f"{path}: not a saved Gram matrix: it lacks {error.args[0]}") from None
+        except IsADirectoryError:
+            raise LogFormatError(f"{path}: not a saved Gram matrix but a folder") from None
+        except Exception:  # noqa: BLE001 - a broken archive fails in a dozen ways
+            raise LogFormatError(f"{path}: not a saved Gram matrix; write one with --sums") from None
+        if not _sound(values):
+            raise LogFormatError(f"{path}: a Gram matrix whose parts do not fit each other; write it again with --sums")
+        return cls(
+            lags=int(values["lags"]),
+            units=Units(shift=values["shift"], scale=values["scale"], input_count=int(values["input_count"])),
+            dt_s=float(values["dt_s"]),
+            sums=values["sums"],
+            count=float(values["count"]),
+            dropped=int(values["dropped"]),
+        )
+
+
+_SAVED = ("lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_count")
+
+
+def _sound(values: dict[str, np.ndarray]) -> bool:
+    """Whether the parts of a saved Gram matrix are numbers and fit each other."""
+    if not all(value.dtype.kind in "fiu" and np.isfinite(value).all() for value in values.values()):
+        return False
+    scalars = [values[name] for name in ("lags", "dt_s", "count", "dropped", "input_count")]
+    if any(value.ndim for value in scalars) or values["scale"].ndim != 1:
+        return False
+    lags, dt_s, count, dropped, inputs = (float(value) for value in scalars)
+    r, sums = len(values["scale"]), values["sums"]
+    width = 1 + r * (int(lags) + 1)
+    return bool(
+        lags >= 1
+        and dt_s > 0.0
+        and count > 0.0
+        and dropped >= 0.0
+        and 0 < inputs < r
+        and values["shift"].shape == (r,)
+        and (values["scale"] > 0.0).all()
+        and sums.shape == (width, width)
+        and sums.dtype == np.float64
+        and np.allclose(sums, sums.T)
+    )
 
 
 class GramBuilder:

@@ -79,8 +79,8 @@ class Identified:
         """How sure the model is; None where the data are too short to tell. Dead time counts as known."""
         found = self._found
         recipe, fitting = found.recipe, found.fitting
-        if recipe.method == "deconvolution":
-            return None
+        if recipe.method in ("deconvolution", "era-dc"):
+            return None  # of neither is the law of the errors known here
         if recipe.step == "subspace" and recipe.method != "pbsid":
             observer, svd = fitting.observer(recipe.lags, recipe.order)
             return of_observer(observer, svd, found.system, found.units, fitting.data)
@@ -110,7 +110,7 @@ class Identified:
             feedthrough=found.fitting.feedthrough,
             delays=delays,
             singular_values=[float(value) for value in found.svd.s],
-            gap=found.choice.gap,
+            gap=reports.known(found.choice.gap),
             noise_level=found.noise,
             poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
             pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,
@@ -128,7 +128,7 @@ class Identified:
                     order=trial.recipe.order,
                     step=trial.recipe.step,
                     constants=trial.recipe.constants,
-                    error=trial.error,
+                    error=reports.known(trial.error),
                 )
                 for trial in found.trials
             ],

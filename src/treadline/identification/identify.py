@@ -13,12 +13,12 @@ from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.best import Trial, best
-from treadline.identification.checks import channel_names, check_records, excitation_order
+from treadline.identification.checks import channel_names, check_alike, check_records, excitation_order
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
-from treadline.identification.gram import Gram, gram, units_of
+from treadline.identification.gram import Gram, GramBuilder, gram, units_of
 from treadline.identification.identified import Found, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.order import OrderChoice, stands_out
@@ -31,6 +31,8 @@ from treadline.models import InputOutputRecord, LinearModel
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
+JUDGED_LEAST = 20
+"""Whole samples of a validation part: its residuals are tested over ten lags."""
 PBSID_LAGS = 10
 """Fewest lags of PBSID where they are not given: its states are seen through them."""
 
@@ -81,6 +83,8 @@ def identify(
     _check_options(given, method, solver, order, lags, forgetting, prior)
     check_records(given)
     fitted, judged = _split(given, validation)
+    if validation is not None:
+        check_records(fitted)
     warnings: list[str] = []
     shifts = _dead_time(fitted, delays, lags, order, feedthrough)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
@@ -240,7 +244,9 @@ def _stable(found: Found) -> Affine:
     system = stabilised(found.system)
     if system is found.system:
         return system
-    return with_inputs_again(system, found.fitting.experiments(constants=found.recipe.constants), found.fitting.fixed)
+    constants = found.recipe.constants
+    system = with_inputs_again(system, found.fitting.experiments(constants=constants), found.fitting.fixed)
+    return found.fitting.with_gain(system, constants=constants)
 
 
 def _dead_time(
@@ -256,7 +262,7 @@ def _dead_time(
         return [0] * m
     if not isinstance(delays, str):
         without_delays(records, delays)
-        return list(delays)
+        return [int(delay) for delay in delays]
     if delays != "auto":
         raise SettingsError(f"delays is '{delays}'; give auto, or one number per input")
     data, _ = _sums(records, lags, order, "gram", None, 1.0)
@@ -278,12 +284,20 @@ def _sums(
         new = _joined([gram(record, prior.lags, prior.units, solver=solver) for record in records])
         return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
     most = carried_lags(records, lags, order)
-    units = units_of(records)
-    whole = _joined([gram(record, most, units, solver=solver) for record in records])
+    builder = GramBuilder(most, units_of(records), records[0].dt_s, solver=solver)
+    marks = []
+    for record in records:
+        builder.begin()
+        middle = len(record) // 2 if order is None else 0
+        builder.add(record.u[:middle], record.y[:middle])
+        before = builder.finish()
+        builder.add(record.u[middle:], record.y[middle:])
+        marks.append((before, builder.finish()))
+    whole = marks[-1][1]
     if order is not None:
         return whole, None
-    parts = [validate.part(record, 0, most + (len(record) - most) // 2) for record in records]
-    first = _joined([gram(record, most, units) for record in parts if len(record) > most])
+    # The first halves: what stood at each middle, less what stood before that record.
+    first = _joined([marks[0][0], *(half - earlier for (half, _), (_, earlier) in zip(marks[1:], marks, strict=False))])
     return whole, (first, whole - first)
 
 
@@ -300,15 +314,21 @@ def _split(
     if validation is None:
         return records, records
     if isinstance(validation, InputOutputRecord):
-        check_records([records[0], validation])
+        check_alike([records[0], validation])
+        _check_judged([validation])
         return records, [validation]
     if not 0.0 < validation < 1.0:
         raise SettingsError(f"the validation share is {validation}; it must lie between 0 and 1")
     cuts = [round(len(record) * (1.0 - validation)) for record in records]
-    return (
-        [validate.part(record, 0, cut) for record, cut in zip(records, cuts, strict=True)],
-        [validate.part(record, cut, len(record)) for record, cut in zip(records, cuts, strict=True)],
-    )
+    judged = [validate.part(record, cut, len(record)) for record, cut in zip(records, cuts, strict=True)]
+    _check_judged(judged)
+    return [validate.part(record, 0, cut) for record, cut in zip(records, cuts, strict=True)], judged
+
+
+def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
+    fewest = min(int(np.isfinite(record.y).all(axis=1).sum()) for record in judged)
+    if fewest < JUDGED_LEAST:
+        raise PoorExcitation(f"a validation part has {fewest} whole samples; at least {JUDGED_LEAST} are needed: keep more for it")
 
 
 def _check_options(
@@ -326,17 +346,19 @@ def _check_options(
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(allowed)}")
     for name, number in (("order", order), ("lags", lags)):
-        if number is not None and number < 1:
-            raise SettingsError(f"{name} is {number}; at least 1")
+        if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
+            raise SettingsError(f"{name} is {number}; at least 1, a whole number")
     if not 0.0 < forgetting <= 1.0:
         raise SettingsError(f"forgetting is {forgetting}; above 0, at most 1")
     if prior is None and forgetting < 1.0:
         raise SettingsError("forgetting needs earlier sums to forget; give a prior")
     if prior is not None:
-        _check_prior(prior, records[0], method)
+        _check_prior(prior, records[0], method, lags)
 
 
-def _check_prior(prior: Gram, record: InputOutputRecord, method: str) -> None:
+def _check_prior(prior: Gram, record: InputOutputRecord, method: str, lags: int | None) -> None:
+    if lags is not None and lags > prior.lags:
+        raise SettingsError(f"lags is {lags}; the prior has {prior.lags}")
     if method in ("best", "deconvolution"):
         raise SettingsError(f"method '{method}' needs all samples; with a prior give okid-era, era-dc or pbsid")
     if prior.units.input_count != record.u.shape[1] or len(prior.units.scale) != record.u.shape[1] + record.y.shape[1]:

@@ -259,7 +259,7 @@ def _curvature(
 
 
 def _recent(item: Experiment, rows: int) -> Experiment:
-    return item if rows >= len(item.y) else Experiment(u=item.u[-rows:], y=item.y[-rows:], there=item.there[-rows:])
+    return item if rows >= len(item.y) else item.part(len(item.y) - max(rows, 1), len(item.y))
 
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:

@@ -40,8 +40,9 @@ def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
     covariance = (data.sums[past, past] - np.outer(mean, mean) / data.count) / data.count
     spread = predictor @ covariance @ predictor.T
     values, U = np.linalg.eigh(0.5 * (spread + spread.T))
+    # Squares of singular values: what rounding leaves of them is 1e-16 of the largest.
+    kept = values[::-1] > 1e-14 * values[-1]
     s = np.sqrt(np.maximum(values[::-1], 0.0))
-    kept = s > 1e-12 * s[0]
     return StateMap(s=s[kept], rows=(U[:, ::-1][:, kept] / np.sqrt(s[kept])).T @ predictor)
 
 

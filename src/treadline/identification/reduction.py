@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import solve_discrete_lyapunov
+from scipy.linalg import schur, solve_discrete_lyapunov
 
 from treadline.errors import ModelError
 from treadline.identification.affine import Affine
@@ -17,16 +17,21 @@ INSIDE = 1.0 - 1e-4
 def stabilised(system: Affine) -> Affine:
     """Return the system with poles outside the unit circle mirrored in it, those on it moved just inside.
 
-    Mirrored, 1/λ*, a pole keeps the magnitude of its frequency response. Modes stay as they are.
+    Mirrored, 1/λ*, a pole keeps the magnitude of its frequency response. Only the diagonal of the real Schur form changes,
+    so that poles that coincide stay coupled.
     """
-    poles, V = np.linalg.eig(system.A)
-    outside = np.abs(poles) >= 1.0
-    if not outside.any():
+    if system.radius < 1.0:
         return system
-    mirrored = np.where(outside, 1.0 / np.conj(poles), poles)
-    size = np.abs(mirrored)
-    mirrored = np.where(size > INSIDE, mirrored / np.maximum(size, 1e-300) * INSIDE, mirrored)
-    return replace(system, A=np.asarray((V * mirrored @ np.linalg.inv(V)).real))
+    T, Q = schur(system.A, output="real")
+    at = 0
+    while at < len(T):
+        size = 2 if at + 1 < len(T) and T[at + 1, at] != 0.0 else 1
+        block = slice(at, at + size)
+        modulus = float(np.sqrt(abs(np.linalg.det(T[block, block])))) if size == 2 else abs(float(T[at, at]))
+        if modulus >= 1.0:
+            T[block, block] *= min(1.0 / modulus, INSIDE) / modulus
+        at += size
+    return replace(system, A=np.asarray(Q @ T @ Q.T))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

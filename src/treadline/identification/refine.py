@@ -18,6 +18,7 @@ from treadline.identification.kernels import free_run, observability, tangents
 from treadline.identification.modal import Modes, derivative_sums, modes_of
 from treadline.models import InputOutputRecord
 
+ON_CIRCLE = 1e-9
 TRIES = 8
 """Shorter and shorter steps before refinement ends."""
 ROWS = 1 << 15
@@ -47,6 +48,11 @@ class Experiment:
     y: Float[np.ndarray, "T p"]
     there: Bool[np.ndarray, " T"]
 
+    def part(self, start: int, stop: int) -> "Experiment":
+        """Return the samples ``start … stop - 1``."""
+        at = slice(start, stop)
+        return Experiment(u=np.ascontiguousarray(self.u[at]), y=np.ascontiguousarray(self.y[at]), there=self.there[at])
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Directions:
@@ -75,21 +81,19 @@ class Directions:
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
-    """Return the records in units of deviations; a missing input is held, a missing output explains nothing."""
+    """Return the records in units of deviations, cut where an input is missing; a missing output explains nothing."""
     made = []
     m = units.input_count
     for record in records:
         u, y = (record.u - units.shift[:m]) / units.input_scale, (record.y - units.shift[m:]) / units.output_scale
         there = np.isfinite(y).all(axis=1)
-        if not np.isfinite(u).all():
-            u = _held(u)
-        made.append(
-            Experiment(
-                u=np.column_stack([u, np.ones(len(u))]),
-                y=np.ascontiguousarray(y) if there.all() else np.where(there[:, None], y, 0.0),
-                there=there,
-            )
+        whole = Experiment(
+            u=np.column_stack([u, np.ones(len(u))]),
+            y=np.ascontiguousarray(y) if there.all() else np.where(there[:, None], y, 0.0),
+            there=there,
         )
+        known = np.isfinite(u).all(axis=1)
+        made += [whole] if known.all() else [whole.part(*run) for run in runs_of(known)]
     return made
 
 
@@ -97,12 +101,17 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
     """Return the experiments with the outputs as further inputs, cut where one is missing."""
     made = []
     for item in experiments:
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], item.there, [False]]).astype(np.int8))).tolist()
-        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        for start, stop in runs_of(item.there):
             if stop - start >= least:
-                y = np.ascontiguousarray(item.y[start:stop])
-                made.append(Experiment(u=np.hstack([item.u[start:stop], y]), y=y, there=np.ones(stop - start, dtype=bool)))
+                run = item.part(start, stop)
+                made.append(Experiment(u=np.hstack([run.u, run.y]), y=run.y, there=run.there))
     return made
+
+
+def runs_of(whole: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
+    """Return start and stop of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def misfit(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
@@ -147,10 +156,12 @@ def descended(
 ) -> Affine:
     """Return the system with the smallest output error along directions that may depend on where it stands."""
     # A stable system stays so: what gains by a growing mode gains on these data alone.
-    bound = max(1.0, system.radius)
+    # One that stands on the circle may move by what does not show over the record.
+    radius, rows = system.radius, sum(item.y.size for item in experiments)
+    bound = 1.0 if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
     best, now = system, cost(system, experiments)
     damping, rise = 1e-3, 2.0
-    enough = effort.chance / sum(item.y.size for item in experiments)
+    enough = effort.chance / rows
     for _ in range(effort.steps if np.isfinite(now) else 0):
         ways = ways_from(best)
         H, g = normal_equations(best, experiments, ways)
@@ -295,10 +306,3 @@ def _solved(O: Float[np.ndarray, "rows n"], right: Float[np.ndarray, "rows k"]) 
     values, V = np.linalg.eigh(square)
     kept = values > 1e-12 * max(values[-1], 1e-300)
     return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ (O.T @ right)))
-
-
-def _held(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T m"]:
-    """Return the inputs with the last known value where one is missing."""
-    rows = np.arange(len(u))[:, None]
-    known = np.maximum.accumulate(np.where(np.isfinite(u), rows, 0), axis=0)
-    return np.nan_to_num(np.take_along_axis(u, known, axis=0))

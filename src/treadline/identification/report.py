@@ -29,7 +29,8 @@ class Candidate:
     order: int
     step: str
     constants: bool
-    error: float
+    error: float | None
+    """None where the model exploded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +46,8 @@ class IdentificationReport:
     delays: list[int]
     """Samples after which each input shows in the outputs; 0 is feedthrough."""
     singular_values: list[float]
-    gap: float
-    """σ_n / σ_{n+1}."""
+    gap: float | None
+    """σ_n / σ_{n+1}; None where there is no σ_{n+1}."""
     noise_level: float | None
     """Singular value that noise alone would show; None where it was not asked."""
     poles: list[tuple[float, float]]
@@ -54,8 +55,9 @@ class IdentificationReport:
     """Radius of the disc about each pole that holds the true one with 95 %."""
     fit_percent: dict[str, float]
     one_step_vaf_percent: dict[str, float]
-    whiteness_p: float
-    crosscorrelation_p: float
+    whiteness_p: float | None
+    crosscorrelation_p: float | None
+    """p-values of the residuals being white, and having nothing to do with the inputs; None where too few are judged."""
     excitation_order: int
     """Largest order that the inputs excite persistently, as far as it was looked at."""
     samples: int
@@ -75,8 +77,8 @@ class Judgement:
 
     fit_percent: dict[str, float]
     one_step_vaf_percent: dict[str, float]
-    whiteness_p: float
-    crosscorrelation_p: float
+    whiteness_p: float | None
+    crosscorrelation_p: float | None
 
 
 def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
@@ -91,10 +93,10 @@ def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
     return Judgement(
         fit_percent={name: _figure(value) for name, value in zip(names, fit, strict=True)},
         one_step_vaf_percent={name: _figure(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=1.0 if exact else min(validate.whiteness_p(e) for e in residuals),
+        whiteness_p=1.0 if exact else known(min(validate.whiteness_p(e) for e in residuals)),
         crosscorrelation_p=1.0
         if exact
-        else min(validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)),
+        else known(min(validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True))),
     )
 
 
@@ -114,9 +116,9 @@ def doubts(
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
     if judged is not fitted:
         found += _stillness(model, fitted, judged)
-    if judgement.whiteness_p < MEANINGFUL:
+    if judgement.whiteness_p is not None and judgement.whiteness_p < MEANINGFUL:
         found.append(f"the residuals are not white (p = {judgement.whiteness_p:.1e}): noise has dynamics that the model lacks")
-    if judgement.crosscorrelation_p < MEANINGFUL:
+    if judgement.crosscorrelation_p is not None and judgement.crosscorrelation_p < MEANINGFUL:
         found.append(
             f"the residuals still depend on the inputs (p = {judgement.crosscorrelation_p:.1e}): a higher order, a delay or a "
             "nonlinearity is missing"
@@ -145,6 +147,11 @@ def _stillness(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: 
         for name, ratio in zip(model.output_names, after / before, strict=True)
         if ratio < STILL
     ]
+
+
+def known(value: float) -> float | None:
+    """Return a number, or None where there is none."""
+    return float(value) if np.isfinite(value) else None
 
 
 def _figure(value: float) -> float:

@@ -51,7 +51,9 @@ def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.nda
     response = observability(writeable(model.A), writeable(model.C), len(record))
     misfit = record.y - simulate(model, bridged(model, record.u), np.zeros(n))
     whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    design, target = response[whole].reshape(-1, n), misfit[whole].ravel()
+    # Each output counts by its own spread: units must not decide.
+    weight = 1.0 / np.maximum(np.std(record.y[whole], axis=0), 1e-300) if whole.any() else np.ones(misfit.shape[1])
+    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (misfit[whole] * weight).ravel()
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
@@ -113,6 +115,7 @@ def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS)
     count, p = e.shape
     C0 = np.linalg.pinv(e.T @ e / count)
     statistic = 0.0
+    lags = min(lags, count - 1)
     for lag in range(1, lags + 1):
         C = e[lag:].T @ e[:-lag] / count
         statistic += count * count / (count - lag) * float(np.trace(C.T @ C0 @ C @ C0))

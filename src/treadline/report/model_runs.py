@@ -57,7 +57,10 @@ def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.nda
         reach = model.A @ reach
     misfit = record.y[:steps] - run(model, record.u[:steps], np.zeros(n))
     whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    return np.asarray(np.linalg.lstsq(response[whole].reshape(-1, n), misfit[whole].ravel(), rcond=None)[0])
+    # Each output counts by its own spread: units must not decide.
+    weight = 1.0 / np.maximum(np.std(record.y[:steps][whole], axis=0), 1e-300) if whole.any() else np.ones(misfit.shape[1])
+    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (misfit[whole] * weight).ravel()
+    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
 def radius(model: LinearModel) -> float:
