@@ -1,0 +1,176 @@
+"""Intervals of 95 % hold the truth 95 times in 100.
+
+Runs share nothing but the system: of n hits expected at 95 %, the share scatters by √(0.95·0.05/n), 1.1 % at 400. Poles of
+one run, and the gain at several frequencies, depend on each other: their share scatters by somewhat more than their number says.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from jaxtyping import Complex, Float
+
+from treadline.identification import identify
+from treadline.identification.affine import Affine, to_model
+from treadline.identification.gram import units_of
+from treadline.identification.intervals import Intervals, of_refined
+from treadline.identification.refine import experiments_of, refined
+from treadline.identification.validate import impulse_response, simulate
+from treadline.models import InputOutputRecord, LinearModel
+
+Draw = Callable[..., InputOutputRecord]
+FREE = np.zeros((2, 3), dtype=bool)
+OMEGA = np.array([0.05, 0.3, 1.0, 2.5])
+"""Frequencies [rad per sample] at which the gain is held against the truth."""
+STEPS = 6
+
+
+@pytest.fixture(scope="module")
+def spring() -> LinearModel:
+    """A pair at 0.9 e^(±0.5i) and a real pole at 0.6."""
+    rng = np.random.default_rng(3)
+    A = np.zeros((3, 3))
+    A[:2, :2], A[2, 2] = 0.9 * np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]), 0.6
+    return LinearModel(
+        A=A,
+        B=rng.standard_normal((3, 2)),
+        C=rng.standard_normal((2, 3)),
+        D=rng.standard_normal((2, 2)),
+        dt_s=1.0,
+        input_offset=np.zeros(2),
+        output_offset=np.zeros(2),
+    )
+
+
+def record_of(true: LinearModel, seed: int, samples: int, noise: float, memory: float = 0.0) -> InputOutputRecord:
+    """Return a record under white inputs; the noise on its outputs is a first-order lag's."""
+    rng = np.random.default_rng(seed)
+    u, e = rng.standard_normal((samples, 2)), rng.standard_normal((samples + 50, 2))
+    for k in range(1, len(e)):
+        e[k] = memory * e[k - 1] + np.sqrt(1.0 - memory**2) * e[k]
+    y = simulate(true, u, np.zeros(true.order))
+    return InputOutputRecord(u=u, y=y + noise * y.std(axis=0) * e[50:], dt_s=1.0)
+
+
+def refined_near(true: LinearModel, record: InputOutputRecord) -> Intervals:
+    """Return how sure the refined model is that is found from the truth: the first valley is the right one."""
+    units = units_of([record])
+    into, out = units.input_scale, units.output_scale
+    B, D = np.pad(true.B * into, ((0, 0), (0, 1))), np.pad(true.D * into / out[:, None], ((0, 0), (0, 1)))
+    start = Affine(A=true.A, B=B, C=true.C / out[:, None], D=D)
+    experiments = experiments_of([record], units)
+    found = of_refined(refined(start, experiments, fixed=FREE), experiments, FREE, units)
+    assert found is not None
+    return found
+
+
+def gain(model: LinearModel) -> Complex[np.ndarray, "w p m"]:
+    eye = np.eye(model.order)
+    return np.array([model.C @ np.linalg.solve(np.exp(1j * w) * eye - model.A, model.B) + model.D for w in OMEGA])
+
+
+def poles_held(found: Intervals, true: LinearModel) -> list[bool]:
+    expected, poles = np.linalg.eigvals(true.A), np.linalg.eigvals(found.system.A)
+    return [bool(np.abs(pole - expected).min() <= radius) for pole, radius in zip(poles, found.pole_radii(), strict=True)]
+
+
+def gains_held(found: Intervals, true: LinearModel) -> list[bool]:
+    magnitude = np.abs(found.response(OMEGA))
+    held: list[bool] = (np.abs(magnitude - np.abs(gain(true))) <= 1.96 * found.frequency(OMEGA)).ravel().tolist()
+    return held
+
+
+def markov_held(found: Intervals, true: LinearModel) -> list[bool]:
+    response = impulse_response(to_model(found.system, found.units, 1.0, ("a", "b", "c", "d")), STEPS)
+    held: list[bool] = (np.abs(response - impulse_response(true, STEPS)) <= 1.96 * found.impulse(STEPS)).ravel().tolist()
+    return held
+
+
+@pytest.mark.parametrize(
+    ("system", "samples", "noise", "memory", "runs"),
+    [("eq_12", 300, 0.1, 0.0, 200), ("spring", 400, 0.05, 0.0, 200), ("eq_12", 2000, 0.1, 0.8, 120)],
+    ids=["real", "complex", "coloured"],
+)
+def test_a_refined_model_holds_the_truth_95_times_in_100(
+    request: pytest.FixtureRequest, system: str, samples: int, noise: float, memory: float, runs: int
+) -> None:
+    true: LinearModel = request.getfixturevalue(system)
+    poles, gains, markov = [], [], []
+    for seed in range(runs):
+        found = refined_near(true, record_of(true, 1000 + seed, samples, noise, memory))
+        poles += poles_held(found, true)
+        gains += gains_held(found, true)
+        markov += markov_held(found, true)
+    for held in (poles, gains, markov):
+        assert 0.93 <= np.mean(held) <= 0.97
+
+
+@pytest.mark.parametrize("method", ["okid-era", "pbsid"])
+def test_a_subspace_model_holds_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
+    found = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
+    gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
+    # A hundred runs of sixteen gains that depend on each other: some 2 %.
+    assert len(gains) == 1600
+    assert 0.92 <= np.mean(gains) <= 0.98
+
+
+@pytest.mark.parametrize("method", ["okid-era", "pbsid"])
+def test_a_subspace_model_holds_the_true_poles_at_least_95_times_in_100(eq_12: LinearModel, method: str) -> None:
+    reports = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
+    poles = [hit for item in reports if item is not None for hit in poles_held(item, eq_12)]
+    # 95 % less one and a half of 200 hits' 1.5 %: PBSID was right, OKID/ERA wide.
+    assert len(poles) == 200
+    assert np.mean(poles) >= 0.93
+
+
+def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:
+    found = identify(draw(0, noise=0.1, samples=400), order=2)
+    assert found.intervals is not None
+    assert found.report.pole_ci95 == pytest.approx(found.intervals.pole_radii().tolist())
+    np.testing.assert_allclose(found.intervals.response(OMEGA), gain(found.model), rtol=1e-9)
+
+
+def test_four_times_the_data_halve_the_intervals(eq_12: LinearModel) -> None:
+    short, long = (refined_near(eq_12, record_of(eq_12, 5, samples, 0.1)) for samples in (1000, 4000))
+    # Poles that lie elsewhere in the short record, by a hundredth of themselves, are known by a tenth better or worse.
+    np.testing.assert_allclose(long.pole_radii(), short.pole_radii() / 2.0, rtol=0.2)
+    np.testing.assert_allclose(long.impulse(STEPS), short.impulse(STEPS) / 2.0, rtol=0.2)
+
+
+def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
+    record = draw(6, noise=0.1, samples=400)
+    into, out = np.array([1e3, 1e-2]), np.array([1e-4, 1e2])
+    other = InputOutputRecord(u=record.u * into, y=record.y * out, dt_s=1.0)
+    plain, scaled = (identify(item, order=2, method="okid-era").intervals for item in (record, other))
+    assert plain is not None
+    assert scaled is not None
+    np.testing.assert_allclose(scaled.pole_radii(), plain.pole_radii(), rtol=1e-6)
+    np.testing.assert_allclose(scaled.impulse(STEPS), plain.impulse(STEPS) * out[:, None] / into, rtol=1e-6)
+    np.testing.assert_allclose(scaled.frequency(OMEGA), plain.frequency(OMEGA) * out[:, None] / into, rtol=1e-6)
+
+
+def test_the_interval_of_the_impulse_response_is_the_spread_over_many_records(eq_12: LinearModel) -> None:
+    models = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
+    spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
+    told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
+    # A deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy ones:
+    # first order takes them for less sure than they are, up to twice.
+    np.testing.assert_allclose(told[:2], spread[:2], rtol=0.25)
+    assert np.all((told > 0.8 * spread) & (told < 2.2 * spread))
+
+
+def test_an_exact_model_is_sure_of_itself(draw: Draw) -> None:
+    found = identify(draw(7), order=2)
+    assert found.intervals is not None
+    # No noise: what is left is rounding.
+    assert found.intervals.pole_radii().max() < 1e-6
+
+
+def test_the_printed_eq_9c_has_no_intervals() -> None:
+    u = np.concatenate([[1.0], 0.1 * np.random.default_rng(0).standard_normal(40)])[:, None]
+    y = np.zeros_like(u)
+    for k in range(1, len(u)):
+        y[k] = 0.5 * y[k - 1] + u[k - 1]
+    found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), method="deconvolution", order=1)
+    assert found.intervals is None
+    assert found.report.pole_ci95 is None
