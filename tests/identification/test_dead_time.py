@@ -1,0 +1,116 @@
+"""Dead time is found to the sample, taken out of the data, and put back into the model as states."""
+
+import numpy as np
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.identification import identify
+from treadline.identification.delays import with_delays, without_delays
+from treadline.identification.validate import impulse_response, simulate
+from treadline.models import InputOutputRecord, LinearModel
+
+
+@pytest.fixture(scope="module")
+def plant() -> LinearModel:
+    """Two states without feedthrough, with operating point and observer."""
+    return LinearModel(
+        A=np.array([[0.8, 0.2], [-0.1, 0.5]]),
+        B=np.array([[1.0, 0.5], [0.3, -1.0]]),
+        C=np.array([[1.0, 0.0], [0.5, 1.0]]),
+        D=np.zeros((2, 2)),
+        dt_s=0.1,
+        input_offset=np.array([0.2, -0.1]),
+        output_offset=np.array([1.0, 2.0]),
+        observer_gain=np.array([[0.2, 0.0], [0.0, 0.1]]),
+    )
+
+
+def late(u: np.ndarray, shifts: tuple[int, int]) -> np.ndarray:
+    """Return inputs that act some samples later, the first ones those of rest."""
+    return np.column_stack([np.concatenate([np.zeros(d), u[: len(u) - d, j]]) for j, d in enumerate(shifts)])
+
+
+def delayed_record(plant: LinearModel, shifts: tuple[int, int], noise: float = 0.01, samples: int = 800) -> InputOutputRecord:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((samples, 2))
+    y = simulate(plant, late(u, shifts), np.zeros(2))
+    return InputOutputRecord(u=u, y=y + noise * y.std(axis=0) * rng.standard_normal(y.shape), dt_s=0.1)
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.1])
+@pytest.mark.parametrize("shifts", [(0, 0), (0, 4), (6, 2)])
+def test_dead_time_is_found_to_the_sample(plant: LinearModel, shifts: tuple[int, int], noise: float) -> None:
+    report = identify(delayed_record(plant, shifts, noise), method="okid-era", order=2 + sum(shifts), lags=12).report
+    # Without feedthrough an input shows one sample later even without dead time.
+    assert report.delays == [d + 1 for d in shifts]
+
+
+def test_feedthrough_is_a_delay_of_zero(plant: LinearModel) -> None:
+    record = delayed_record(plant, (0, 0))
+    direct = InputOutputRecord(u=record.u, y=record.y + record.u, dt_s=0.1)
+    assert identify(direct, method="okid-era").report.delays == [0, 0]
+
+
+@pytest.mark.parametrize("shifts", [(0, 0), (3, 0), (1, 5), (2, 2)])
+def test_a_model_with_dead_time_answers_as_the_model_did_to_late_inputs(plant: LinearModel, shifts: tuple[int, int]) -> None:
+    u = plant.input_offset + np.random.default_rng(1).standard_normal((60, 2))
+    delayed = with_delays(plant, shifts)
+    assert delayed.order == 2 + sum(shifts)
+    shifted = plant.input_offset + late(u - plant.input_offset, shifts)
+    expected = simulate(plant, shifted, np.zeros(2))
+    np.testing.assert_allclose(simulate(delayed, u, np.zeros(delayed.order)), expected, atol=1e-13)
+
+
+def test_dead_time_keeps_the_observer_stable(plant: LinearModel) -> None:
+    delayed = with_delays(plant, (2, 3))
+    assert delayed.observer_gain is not None
+    assert plant.observer_gain is not None
+    # A chain of samples is nilpotent: its poles are at zero, whatever the observer does. Five of them together: 1e-16^(1/3).
+    expected = np.abs(np.linalg.eigvals(plant.A - plant.observer_gain @ plant.C))
+    found = np.abs(np.linalg.eigvals(delayed.A - delayed.observer_gain @ delayed.C))
+    np.testing.assert_allclose(np.sort(found)[-2:], np.sort(expected), atol=1e-9)
+    assert np.sort(found)[:5].max() < 1e-4
+
+
+def test_a_dead_time_that_is_taken_out_and_put_back_leaves_the_truth(plant: LinearModel) -> None:
+    record = delayed_record(plant, (4, 1), noise=0.0)
+    found = identify(record, delays=[4, 1], order=2)
+    expected = impulse_response(with_delays(plant, (4, 1)), 20)
+    np.testing.assert_allclose(impulse_response(found.model, 20), expected, atol=1e-12 * np.abs(expected).max())
+    assert found.report.order == 2 + 5
+    assert found.report.delays == [5, 2]
+
+
+@pytest.mark.parametrize("shifts", [(5, 0), (3, 4)])
+def test_auto_finds_the_order_without_dead_time_and_adds_its_chains(plant: LinearModel, shifts: tuple[int, int]) -> None:
+    found = identify(delayed_record(plant, shifts), delays="auto")
+    assert found.report.delays == [d + 1 for d in shifts]
+    assert found.model.order == 2 + sum(shifts)
+    expected = impulse_response(with_delays(plant, shifts), 20)
+    # 1 % of noise on 800 samples.
+    assert np.linalg.norm(impulse_response(found.model, 20) - expected) < 0.005 * np.linalg.norm(expected)
+
+
+def test_dead_time_that_is_left_to_the_states_is_warned_of(plant: LinearModel) -> None:
+    warnings = identify(delayed_record(plant, (5, 0)), method="okid-era", order=7).report.warnings
+    assert any("dead time: 'u1' acts after 6 samples" in warning for warning in warnings)
+
+
+def test_records_without_dead_time_hold_each_input_as_late_as_it_acts() -> None:
+    t = np.arange(10.0)
+    record = InputOutputRecord(u=np.column_stack([t, 100.0 + t]), y=t[:, None].copy(), dt_s=1.0)
+    moved = without_delays([record], [3, 1])[0]
+    np.testing.assert_array_equal(moved.y[:, 0], t[3:])
+    np.testing.assert_array_equal(moved.u[:, 0], t[:7])
+    np.testing.assert_array_equal(moved.u[:, 1], 100.0 + t[2:9])
+
+
+@pytest.mark.parametrize("shifts", [[], [1], [1, 0, 2], [-1, 0], [0, 800]])
+def test_shifts_that_do_not_fit_are_refused(plant: LinearModel, shifts: list[int]) -> None:
+    with pytest.raises(SettingsError, match=r"one whole number per input \(2\), from 0 to less than a record's length"):
+        identify(delayed_record(plant, (0, 0)), delays=shifts)
+
+
+def test_a_word_other_than_auto_is_refused(plant: LinearModel) -> None:
+    with pytest.raises(SettingsError, match="delays is 'some'; give auto, or one number per input"):
+        identify(delayed_record(plant, (0, 0)), delays="some")

@@ -1,0 +1,155 @@
+"""Models made stable keep what was stable; models made smaller obey the bound."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from jaxtyping import Complex, Float
+
+from treadline.errors import ModelError
+from treadline.identification import balanced_truncation, identify
+from treadline.identification.affine import Affine
+from treadline.identification.reduction import INSIDE, stabilised
+from treadline.identification.validate import impulse_response
+from treadline.models import InputOutputRecord, LinearModel
+
+Draw = Callable[..., InputOutputRecord]
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, np.pi, 300)])
+"""Frequencies [rad per sample]."""
+
+
+def random_model(seed: int, order: int, *, radius: float = 0.95) -> LinearModel:
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((order, order))
+    A *= radius / np.abs(np.linalg.eigvals(A)).max()
+    return LinearModel(
+        A=A,
+        B=rng.standard_normal((order, 2)),
+        C=rng.standard_normal((3, order)),
+        D=rng.standard_normal((3, 2)),
+        dt_s=0.1,
+        input_offset=np.array([1.0, 2.0]),
+        output_offset=np.array([3.0, 4.0, 5.0]),
+    )
+
+
+def response(model: LinearModel) -> Complex[np.ndarray, "w p m"]:
+    eye = np.eye(model.order)
+    return np.array([model.C @ np.linalg.solve(np.exp(1j * w) * eye - model.A, model.B) + model.D for w in GRID])
+
+
+def affine(A: Float[np.ndarray, "n n"]) -> Affine:
+    n = len(A)
+    return Affine(A=A, B=np.eye(n), C=np.eye(n), D=np.zeros((n, n)))
+
+
+def sorted_poles(A: Float[np.ndarray, "n n"]) -> Complex[np.ndarray, " n"]:
+    return np.sort_complex(np.linalg.eigvals(A))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_model_made_stable_has_its_poles_inside_and_its_stable_ones_where_they_were(seed: int) -> None:
+    A = random_model(seed, 5, radius=1.3).A
+    before, after = np.linalg.eigvals(A), np.linalg.eigvals(stabilised(affine(A)).A)
+    assert np.abs(before).max() > 1.0
+    assert np.abs(after).max() <= INSIDE + 1e-12
+    for pole in before[np.abs(before) < 1.0]:
+        assert np.abs(after - pole).min() < 1e-9
+
+
+def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
+    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
+    found = stabilised(affine(1.25 * turn)).A
+    np.testing.assert_allclose(sorted_poles(found), 0.8 * np.exp([-0.7j, 0.7j]), atol=1e-12)
+
+
+def test_a_stable_model_is_left_alone() -> None:
+    system = affine(random_model(0, 4).A)
+    assert stabilised(system) is system
+
+
+def test_a_double_integrator_made_stable_still_integrates_twice() -> None:
+    found = stabilised(affine(np.array([[1.0, 1.0], [0.0, 1.0]]))).A
+    assert np.abs(np.linalg.eigvals(found)).max() < 1.0
+    # What moves the second state moves the first one sample later, as it did.
+    np.testing.assert_allclose(found, [[1.0, 1.0], [0.0, 1.0]], atol=1e-3)
+
+
+def test_identification_that_is_told_to_gives_a_stable_model_of_a_growing_plant() -> None:
+    rng = np.random.default_rng(1)
+    u, y = rng.standard_normal((200, 1)), np.zeros((200, 1))
+    for k in range(1, 200):
+        y[k] = 1.01 * y[k - 1] + u[k - 1]
+    noisy = InputOutputRecord(u=u, y=y + 0.01 * y.std() * rng.standard_normal(y.shape), dt_s=1.0)
+    plain, stable = (identify(noisy, order=1, method="okid-era", stable=stable).model for stable in (False, True))
+    assert float(plain.A[0, 0]) == pytest.approx(1.01, abs=1e-3)
+    assert float(stable.A[0, 0]) == pytest.approx(1.0 / 1.01, abs=1e-3)
+    assert stable.observer_gain is not None
+    assert np.abs(np.linalg.eigvals(stable.A - stable.observer_gain @ stable.C)).max() < 1.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_cut_is_below_the_bound_at_every_frequency(seed: int) -> None:
+    model = random_model(seed, 6)
+    for order in range(1, 7):
+        cut = balanced_truncation(model, order)
+        worst = np.linalg.norm(response(cut.model) - response(model), 2, axis=(1, 2)).max()
+        assert cut.model.order == order
+        # The grid may miss the peak, the bound may not be missed; 1e-9 is rounding where nothing is cut.
+        assert worst <= cut.bound + 1e-9
+        assert np.abs(np.linalg.eigvals(cut.model.A)).max() < 1.0
+        assert cut.bound == pytest.approx(2.0 * cut.hankel_values[order:].sum())
+
+
+def test_hankel_values_are_those_of_the_hankel_matrix() -> None:
+    model = random_model(7, 3, radius=0.6)
+    Y = impulse_response(model, 81)[1:]
+    H = np.block([[Y[i + j] for j in range(40)] for i in range(40)])
+    # 0.6^40 of the response is left out.
+    np.testing.assert_allclose(balanced_truncation(model, 2).hankel_values, np.linalg.svd(H)[1][:3], rtol=1e-8)
+
+
+def test_states_that_nothing_reaches_or_shows_are_cut_without_loss() -> None:
+    small = random_model(8, 2)
+    A = np.zeros((4, 4))
+    A[:2, :2], A[2, 2], A[3, 3], A[0, 3] = small.A, 0.9, 0.8, 0.7
+    B, C = np.vstack([small.B, np.ones((1, 2)), np.zeros((1, 2))]), np.hstack([small.C, np.zeros((3, 1)), np.ones((3, 1))])
+    model = LinearModel(A=A, B=B, C=C, D=small.D, dt_s=0.1, input_offset=small.input_offset, output_offset=small.output_offset)
+    cut = balanced_truncation(model, 2)
+    # The third is not seen, the fourth not reached.
+    np.testing.assert_allclose(impulse_response(cut.model, 30), impulse_response(small, 30), atol=1e-7)
+    assert cut.bound < 1e-6
+    again = balanced_truncation(model, 4).model
+    np.testing.assert_allclose(impulse_response(again, 30), impulse_response(small, 30), atol=1e-6)
+
+
+def test_a_smaller_model_keeps_its_operating_point_and_its_names(draw: Draw) -> None:
+    model = identify(draw(0, noise=0.05), order=2, method="okid-era").model
+    cut = balanced_truncation(model, 1).model
+    np.testing.assert_array_equal(cut.input_offset, model.input_offset)
+    np.testing.assert_array_equal(cut.output_offset, model.output_offset)
+    assert (cut.input_names, cut.output_names, cut.dt_s) == (model.input_names, model.output_names, model.dt_s)
+    if cut.observer_gain is not None:
+        assert np.abs(np.linalg.eigvals(cut.A - cut.observer_gain @ cut.C)).max() < 1.0
+
+
+@pytest.mark.parametrize("radius", [1.0, 1.2])
+def test_an_unstable_model_is_not_cut(radius: float) -> None:
+    model = random_model(9, 3)
+    unstable = LinearModel(
+        A=np.diag([radius, 0.5, 0.2]),
+        B=model.B,
+        C=model.C,
+        D=model.D,
+        dt_s=0.1,
+        input_offset=model.input_offset,
+        output_offset=model.output_offset,
+    )
+    with pytest.raises(ModelError, match=rf"needs a stable model, this one's spectral radius is {radius:.4f}"):
+        balanced_truncation(unstable, 2)
+
+
+@pytest.mark.parametrize("order", [0, -1, 4])
+def test_an_order_that_is_not_below_the_models_is_refused(order: int) -> None:
+    with pytest.raises(ModelError, match=f"the model has 3 states; it cannot be cut to {order}"):
+        balanced_truncation(random_model(10, 3), order)
