@@ -7,7 +7,7 @@ are equal, and is run on all data. One rule for all data: nothing is chosen by h
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,8 +18,7 @@ from treadline.identification.affine import Affine
 from treadline.identification.fitting import GROWTH, Fitting, Recipe
 from treadline.identification.gram import Units, gram
 from treadline.identification.kernels import observer_run
-from treadline.identification.order import OrderChoice
-from treadline.identification.refine import BRIEF, Experiment, cost, misfit, predictors_of
+from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit, predictors_of
 from treadline.identification.validate import part
 from treadline.models import InputOutputRecord
 
@@ -32,6 +31,8 @@ LAGS = (10, 20, 40)
 """Lags tried beside those of Schwarz's criterion, as far as the data carry them."""
 DESCENT = 2
 """Smaller orders that may do worse before the descent ends: modes come in pairs."""
+FAR = 1.5
+"""Ratio of errors by two blocks from which a smaller order is not tried again."""
 EQUAL = 1.005
 """Ratio of errors within which the smaller order is taken."""
 RATES = ("_m_s", "_rad_s")
@@ -102,7 +103,8 @@ def best(
     *,
     lags: int,
     order: int | None,
-    guess: OrderChoice,
+    guess: int,
+    sure: bool,
     names: Sequence[str],
     told: Callable[[str], None] = lambda _: None,
 ) -> Choice:
@@ -111,22 +113,23 @@ def best(
     Args:
         lags: Lags of Schwarz's criterion.
         order: Number of states; chosen when left out.
-        guess: Order that the singular values show; it is tried in any case, and if it is clear, only its neighbours are.
+        guess: Order that the singular values show; it is tried in any case.
+        sure: Whether they show it beyond doubt: then only its neighbours are tried.
         names: Channel names, for the units among them.
         told: Is told what is tried.
     """
     folds = folds_of(whole)
-    around = order is None and guess.clear
+    around = order is None and sure
     orders = range(1, ORDER_MOST + 1) if order is None else range(order, order + 1)
     if around:
-        orders = range(max(1, guess.order - 1), guess.order + 2)
+        orders = range(max(1, guess - 1), guess + 2)
     first = Recipe(method="okid-era", lags=lags, order=0)
     rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted({lags, *(n for n in LAGS if n <= whole.data.lags)})]
     breadth = NARROW if around or order is not None else WIDE
     if breadth is WIDE:
         rows = [first, *rows]
     search = Search(folds=folds, criterion=free_runs, breadth=breadth, told=told)
-    if not _grows(whole, [first, *rows], guess.order if order is None else order):
+    if not _grows(whole, [first, *rows], guess if order is None else order):
         search.climb([replace(row, step="inputs-again") for row in rows], orders)
     by_forecasts = not search.trials or search.least > HOPELESS
     if by_forecasts:
@@ -136,11 +139,11 @@ def best(
         raise PoorExcitation(f"order {order} is above what {whole.data.lags} lags of these data show; ask for less")
     if not search.trials or not np.isfinite(search.least):
         raise PoorExcitation("no model explains data that it has not seen; give a longer record, or inputs that move more")
-    search.refine("prediction-error" if by_forecasts else "output-error", guess.order if order is None else None)
+    search.refine("prediction-error" if by_forecasts else "output-error", guess if order is None else None)
     if not by_forecasts and all(name.endswith(RATES) for name in names):
         search.settle_constants(lambda recipe: _does_not_decay(whole, recipe))
     recipe = search.winner()
-    system = whole.with_gain(_on_all(whole, recipe, rows), constants=recipe.constants)
+    system = whole.with_gain(_on_all(whole, recipe, rows if breadth is WIDE else []), constants=recipe.constants)
     units = whole.units(constants=recipe.constants)
     return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
 
@@ -166,10 +169,9 @@ class Search:
     criterion: Criterion
     breadth: Breadth
     told: Callable[[str], None]
-    trials: list[Trial] = None  # type: ignore[assignment]
-
-    def __post_init__(self) -> None:
-        self.trials = []
+    trials: list[Trial] = field(default_factory=list)
+    screened: dict[int, float] = field(default_factory=dict)
+    """Error of the best recipe of each order by two blocks."""
 
     @property
     def least(self) -> float:
@@ -190,6 +192,7 @@ class Search:
                 least = min(least, trial.error)
                 if since >= PATIENCE:
                     break
+        self.screened = {trial.recipe.order: trial.error for trial in reversed(_of_each_order(seen))}
         for trial in sorted(seen, key=lambda trial: trial.error)[: self.breadth.foremost]:
             self.judge(trial.recipe)
 
@@ -208,7 +211,8 @@ class Search:
             tried[guess] = self.judge(replace(leader.recipe, order=guess))
         worse = 0
         for order in range(leader.recipe.order - 1, 0, -1):
-            smaller = tried[order] if order in tried else self.judge(replace(leader.recipe, order=order))
+            far = self.screened.get(order, 0.0) > FAR * self.screened.get(leader.recipe.order, float("inf"))
+            smaller = tried.get(order) if order in tried or far else self.judge(replace(leader.recipe, order=order))
             worse = 0 if smaller is not None and smaller.error <= EQUAL * leader.error else worse + 1
             if worse >= DESCENT:
                 return
@@ -335,7 +339,8 @@ def _recent(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
 def _on_all(whole: Fitting, recipe: Recipe, rows: Sequence[Recipe]) -> Affine:
     """Return the recipe's model of all data; where a step may end in a side valley, from several starts."""
     refines = recipe.step in REFINEMENTS
-    recipes = [replace(recipe, method=row.method, lags=row.lags) for row in rows] if refines else [recipe]
+    others = [replace(recipe, method=row.method, lags=row.lags) for row in rows] if refines else []
+    recipes = [recipe, *(other for other in others if other != recipe)]
     starts = [start for start in (whole.model(item, effort=BRIEF) for item in recipes) if start is not None]
     if not starts:
         raise PoorExcitation(f"order {recipe.order} is above what the whole data show; give a smaller --order")
@@ -357,12 +362,13 @@ def _spread(experiments: Sequence[Experiment]) -> Float[np.ndarray, " p"]:
 
 def _forecast_errors(system: Affine, run: Experiment) -> Float[np.ndarray, "T2 p"]:
     """Return the errors of forecasts ``HORIZON`` steps ahead, by the model's observer."""
-    K = np.zeros((system.order, len(system.C))) if system.K is None else system.K
-    m1 = system.B.shape[1]
-    u, steps = run.u[:, :m1], len(run.y) - HORIZON
-    closed = system.A - K @ system.C
+    predictor = system.predictor()
+    m1, p = system.B.shape[1], len(system.C)
+    K, u, steps = predictor.B[:, -p:], run.u[:, :m1], len(run.y) - HORIZON
+    # Where noise is small the observer is slow: its initial state is estimated, not waited for.
+    x0 = initial_state(predictor, run)
     drive, correction = u @ system.B.T, (run.y - u @ system.D.T) @ K.T
-    x = observer_run(system.A, closed, drive, correction, run.there, np.zeros(system.order))[:steps]
+    x = observer_run(system.A, predictor.A, drive, correction, run.there, x0)[:steps]
     for k in range(HORIZON):
         x = x @ system.A.T + u[k : k + steps] @ system.B.T
     return np.asarray(run.y[HORIZON:] - x @ system.C.T - u[HORIZON:] @ system.D.T)

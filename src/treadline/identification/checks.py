@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, ShapeMismatch
-from treadline.identification.gram import Gram, units_of
+from treadline.identification.gram import Gram, Units, units_of
 from treadline.models import InputOutputRecord
 
 GAP_SHARE = 0.2
@@ -18,15 +18,15 @@ NOTHING_NEW = 1e-9
 """Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
 
 
-def check_records(records: list[InputOutputRecord]) -> None:
-    """Check that records are numbers, fit each other and move.
+def check_records(records: list[InputOutputRecord]) -> Units:
+    """Check that records are numbers, fit each other and move; return their units, which that takes.
 
     Raises:
         RecordError: With the record, the column and the number.
         PeriodMismatch: If records have different periods.
     """
     check_alike(records)
-    _check_movement(records)
+    return _check_movement(records)
 
 
 def check_alike(records: list[InputOutputRecord]) -> None:
@@ -76,7 +76,7 @@ def _check_finite(record: InputOutputRecord, where: str) -> None:
         raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
 
 
-def _check_movement(records: list[InputOutputRecord]) -> None:
+def _check_movement(records: list[InputOutputRecord]) -> Units:
     names, m = channel_names(records[0]), records[0].u.shape[1]
     units = units_of(records)
     for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
@@ -93,6 +93,7 @@ def _check_movement(records: list[InputOutputRecord]) -> None:
         raise PoorExcitation(
             f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which each moves by itself"
         )
+    return units
 
 
 def excitation_order(data: Gram) -> int:

@@ -18,7 +18,7 @@ from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
-from treadline.identification.gram import Gram, GramBuilder, gram, units_of
+from treadline.identification.gram import Gram, GramBuilder, Units, gram
 from treadline.identification.identified import Found, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.order import OrderChoice, stands_out
@@ -33,6 +33,8 @@ METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
 JUDGED_LEAST = 20
 """Whole samples of a validation part: its residuals are tested over ten lags."""
+SURE_ABOVE_NOISE = 6.0
+"""Smallest singular value of a clear order over the noise's, from which the order is beyond doubt."""
 PBSID_LAGS = 10
 """Fewest lags of PBSID where they are not given: its states are seen through them."""
 
@@ -81,14 +83,14 @@ def identify(
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
     method = method or ("best" if prior is None else "pbsid")
     _check_options(given, method, solver, order, lags, forgetting, prior)
-    check_records(given)
+    units = check_records(given)
     fitted, judged = _split(given, validation)
     if validation is not None:
-        check_records(fitted)
+        units = check_records(fitted)
     warnings: list[str] = []
-    shifts = _dead_time(fitted, delays, lags, order, feedthrough)
+    shifts = _dead_time(fitted, delays, lags, order, feedthrough, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
-    data, halves = _sums(moved, 1 if method == "deconvolution" else lags, order, solver, prior, forgetting)
+    data, halves = _sums(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
     found = from_sums(
         data,
         halves,
@@ -150,7 +152,7 @@ def from_sums(
     used, has_d = choose_structure(data, lags, feedthrough)
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
-        data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", None, 1.0)
+        data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", data.units)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     observer, svd = fitting.observer(used, order)
     structural = structural_order(observer)
@@ -161,7 +163,9 @@ def from_sums(
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     trials: Sequence[Trial] = []
     if method == "best" and structural is not None:
-        chosen = best(fitting, lags=used, order=order, guess=choice, names=channel_names(records[0]), told=told)
+        sure = choice.clear and float(svd.s[choice.order - 1]) > SURE_ABOVE_NOISE * (noise or 0.0)
+        names = channel_names(records[0])
+        chosen = best(fitting, lags=used, order=order, guess=choice.order, sure=sure, names=names, told=told)
         recipe, system, trials = chosen.recipe, chosen.system, chosen.trials
         choice = OrderChoice(order=recipe.order, gap=_gap(svd, recipe.order), clear=True)
         if stands_out(svd.s, noise or 0.0):
@@ -255,6 +259,7 @@ def _dead_time(
     lags: int | None,
     order: int | None,
     feedthrough: bool | None,
+    units: Units,
 ) -> list[int]:
     """Return the samples by which each input is shifted."""
     m = records[0].u.shape[1]
@@ -265,7 +270,7 @@ def _dead_time(
         return [int(delay) for delay in delays]
     if delays != "auto":
         raise SettingsError(f"delays is '{delays}'; give auto, or one number per input")
-    data, _ = _sums(records, lags, order, "gram", None, 1.0)
+    data, _ = _sums(records, lags, order, "gram", units)
     used, has_d = choose_structure(data, lags, feedthrough)
     # Where nothing acts within its own sample, the first sample's delay is the model's own.
     return [max(0, d - 1) for d in input_delays(observer_markov(data, used, feedthrough=has_d))]
@@ -276,15 +281,16 @@ def _sums(
     lags: int | None,
     order: int | None,
     solver: str,
-    prior: Gram | None,
-    forgetting: float,
+    units: Units,
+    prior: Gram | None = None,
+    forgetting: float = 1.0,
 ) -> tuple[Gram, tuple[Gram, Gram] | None]:
     """Return the sums of all records, and where the order is open those of two halves of them."""
     if prior is not None:
         new = _joined([gram(record, prior.lags, prior.units, solver=solver) for record in records])
         return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
     most = carried_lags(records, lags, order)
-    builder = GramBuilder(most, units_of(records), records[0].dt_s, solver=solver)
+    builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
     marks = []
     for record in records:
         builder.begin()

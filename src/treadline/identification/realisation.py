@@ -67,7 +67,8 @@ def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.n
     """
     M = np.eye(len(observer.bias)) - observer.beta.sum(axis=0)
     N = observer.D + observer.alpha.sum(axis=0)
-    change = np.linalg.pinv(np.hstack([M, -N / 3.0])) @ observer.bias
+    G = np.hstack([M, -N / 3.0])
+    change = np.linalg.lstsq(G, observer.bias, rcond=1e-13)[0]
     p = len(observer.bias)
     return change[p:] / 3.0, change[:p]
 

@@ -228,7 +228,7 @@ def jacobian(
     system: Affine, experiment: Experiment, ways: Directions
 ) -> tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]:
     """Return the derivatives of a free run along directions, and what it leaves; the initial state eliminated."""
-    run_from = _initial(system, experiment)
+    run_from = initial_state(system, experiment)
     n, d = system.order, ways.A.shape[2]
     # The initial state is an input's impulse one sample earlier.
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
@@ -278,7 +278,8 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     )
 
 
-def _initial(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
+def initial_state(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
+    """Return the state at the start that explains a free run best."""
     run = free_run(system.A, system.B, system.C, system.D, np.zeros(system.order), experiment.u)
     O = _start_rows(system, experiment)
     e = np.where(experiment.there[:, None], experiment.y - run, 0.0)[: len(O)]
