@@ -1,6 +1,7 @@
 """The Gram matrix of windows equals the dense sums, however the data come, and survives a file."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -153,11 +154,15 @@ def test_what_is_forgotten_counts_less_in_the_sums_and_in_the_root() -> None:
     assert half.count == 0.5 * data.count
 
 
-def test_sums_of_other_lags_do_not_add_up() -> None:
+def test_sums_of_other_lags_units_or_periods_do_not_add_up() -> None:
     record = random_record(7)
     units = some_units(record)
+    data = gram(record, 4, units)
     with pytest.raises(ShapeMismatch, match="of 4 and 5 lags do not add up"):
-        gram(record, 4, units) + gram(record, 5, units)
+        data + gram(record, 5, units)
+    for other in (gram(record, 4, units_of([record])), replace(data, dt_s=0.2)):
+        with pytest.raises(ShapeMismatch):
+            data + other
 
 
 @pytest.mark.parametrize("order", ["C", "F"])
@@ -230,8 +235,22 @@ def test_a_file_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> No
         ("sums", np.eye(4)),
         ("sums", np.full((10, 10), np.nan)),
         ("sums", np.array([{}], dtype=object)),
+        ("sums", np.full((10, 10), "x")),
+        ("sums", 1j * np.eye(10)),
+        ("sums", np.triu(np.ones((10, 10)))),
+        ("scale", [1.0, np.nan, 1.0]),
+        ("scale", [1.0, 0.0, 1.0]),
+        ("shift", [0.0, 0.0]),
+        ("count", np.nan),
+        ("count", -3.0),
+        ("dt_s", 0.0),
+        ("dt_s", np.nan),
+        ("input_count", 9),
     ],
-    ids=["lags", "negative", "list", "size", "nan", "code"],
+    ids=[
+        *("lags", "negative lags", "list", "size", "nan", "code", "text", "complex", "one-sided", "no scale", "zero scale"),
+        *("shift", "no count", "negative count", "no period", "nan period", "inputs"),
+    ],
 )
 def test_a_part_that_does_not_fit_the_others_is_refused(tmp_path: Path, part: str, value: object) -> None:
     with pytest.raises(LogFormatError, match=r"changed\.npz: "):
@@ -240,9 +259,15 @@ def test_a_part_that_does_not_fit_the_others_is_refused(tmp_path: Path, part: st
 
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     (tmp_path / "empty.npz").touch()
+    whole = saved(tmp_path).read_bytes()
+    (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
+    flipped = bytearray(whole)
+    with np.load(tmp_path / "changed.npz") as file:
+        flipped[whole.index(file["sums"].tobytes()) + 20] ^= 1
+    (tmp_path / "flipped.npz").write_bytes(flipped)
     (tmp_path / "text.npz").write_text("t,u,y\n0,1,2\n")
     np.save(tmp_path / "array.npy", np.eye(3))
-    for name in ("empty.npz", "text.npz", "array.npy"):
+    for name in ("empty.npz", "half.npz", "flipped.npz", "text.npz", "array.npy"):
         with pytest.raises(LogFormatError, match=f"{name}: not a saved Gram matrix"):
             Gram.load(tmp_path / name)
     with pytest.raises(LogFormatError, match="no such file"):

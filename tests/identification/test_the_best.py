@@ -27,6 +27,10 @@ def test_eq_12_has_two_states_in_nearly_every_record(draw: Draw, noise: float) -
     assert max(orders) <= 3
 
 
+def test_the_order_asked_for_is_the_order_given(draw: Draw) -> None:
+    assert [identify(draw(0, noise=0.01), order=order).report.order for order in (1, 4)] == [1, 4]
+
+
 def test_what_is_told_are_the_candidates_of_the_report(draw: Draw) -> None:
     told: list[str] = []
     candidates = identify(draw(0, noise=0.1, samples=300), told=told.append).report.candidates
@@ -76,6 +80,38 @@ def test_rates_rest_at_zero(eq_12: LinearModel) -> None:
     np.testing.assert_allclose(model.output_offset, 0.0, atol=1e-12)
 
 
+def test_rates_whose_data_speak_against_rest_at_zero_keep_their_constants(eq_12: LinearModel) -> None:
+    record = rates(eq_12, 3.0)
+    model = identify(record).model
+    # The mean of 600 samples is known to a few hundredths of a deviation, less what inputs near zero leave open.
+    at_zero = (
+        model.output_offset - (model.C @ np.linalg.solve(np.eye(model.order) - model.A, model.B) + model.D) @ model.input_offset
+    )
+    assert float(at_zero[0]) == pytest.approx(3.0 * record.y.std(), rel=0.05)
+
+
 def test_channels_of_other_units_keep_their_constants(draw: Draw) -> None:
     record = draw(4, noise=0.05, samples=400)
     assert {candidate.constants for candidate in identify(record).report.candidates} == {True}
+
+
+def unstable(seed: int, noise: float = 0.1) -> InputOutputRecord:
+    """Return a plant of poles 1.1 and 0.8, its output fed back, that noise drives too."""
+    rng = np.random.default_rng(seed)
+    A, B, C = np.array([[1.1, 0.1], [0.0, 0.8]]), np.array([[1.0], [0.5]]), np.array([[1.0, 0.0]])
+    x, inputs, outputs = np.zeros(2), [], []
+    for _ in range(800):
+        outputs.append(C @ x + noise * rng.standard_normal(1))
+        inputs.append(rng.standard_normal(1) - 0.6 * outputs[-1])
+        x = A @ x + B @ inputs[-1] + noise * rng.standard_normal(2)
+    return InputOutputRecord(u=np.array(inputs), y=np.array(outputs), dt_s=1.0)
+
+
+def test_an_unstable_plant_in_a_loop_is_judged_by_forecasts_and_not_by_free_runs() -> None:
+    found = identify(unstable(1))
+    assert {candidate.step for candidate in found.report.candidates} == {"subspace", "prediction-error"}
+    assert max(real for real, _ in found.report.poles) == pytest.approx(1.1, abs=0.02)
+    assert any("unstable (spectral radius 1.1" in warning for warning in found.report.warnings)
+    K, model = found.model.observer_gain, found.model
+    assert K is not None
+    assert np.abs(np.linalg.eigvals(model.A - K @ model.C)).max() < 1.0

@@ -80,7 +80,7 @@ def held_by_feedback(seed: int, samples: int = 1000) -> tuple[InputOutputRecord,
     return InputOutputRecord(u=u, y=y, dt_s=1.0), plant
 
 
-@pytest.mark.parametrize("method", ["pbsid"])
+@pytest.mark.parametrize("method", ["best", "pbsid"])
 def test_a_plant_that_only_feedback_holds_is_found(method: str) -> None:
     errors = []
     for seed in range(10):
