@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.identification import IdentificationReport, identify
+from treadline.identification import identify
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -28,7 +28,7 @@ def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearM
 
 
 @pytest.mark.parametrize(("noise", "bound"), [(0.01, 7.8e-4), (0.1, 7.8e-3)])
-@pytest.mark.parametrize(("method", "times"), [("best", 1.15), ("okid-era", 1.3), ("pbsid", 1.3)])
+@pytest.mark.parametrize(("method", "times"), [("okid-era", 1.3), ("pbsid", 1.3)])
 def test_noise_costs_hardly_more_than_it_must(
     draw: Draw, eq_12: LinearModel, noise: float, bound: float, method: str, times: float
 ) -> None:
@@ -106,21 +106,6 @@ def test_units_do_not_change_what_is_found(draw: Draw, eq_12: LinearModel) -> No
     response = impulse_response(model, STEPS) * scale_u / scale_y[:, None]
     expected = impulse_response(eq_12, STEPS)
     assert np.linalg.norm(response - expected) < 1e-12 * np.linalg.norm(expected)
-
-
-@pytest.mark.parametrize("noise", [0.01, 0.1])
-def test_intervals_of_the_poles_cover_the_true_ones(draw: Draw, eq_12: LinearModel, noise: float) -> None:
-    true = np.linalg.eigvals(eq_12.A)
-
-    def covered(report: IdentificationReport) -> list[bool]:
-        assert report.pole_ci95 is not None
-        return [
-            bool(np.abs(complex(*pole) - true).min() <= width) for pole, width in zip(report.poles, report.pole_ci95, strict=True)
-        ]
-
-    hits = [hit for seed in range(100, 130) for hit in covered(identify(draw(seed, noise=noise), order=2).report)]
-    # 95 % of 60 is 57 with a standard deviation of 1.7: three of those below. Poles of one run are correlated.
-    assert sum(hits) >= 52
 
 
 def test_figures_on_kept_back_data_are_of_data_that_were_not_fitted(draw: Draw) -> None:
