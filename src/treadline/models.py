@@ -5,6 +5,7 @@ models are JSON on disk: no code, no pickle.
 """
 
 import json
+import math
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -33,8 +34,8 @@ class InputOutputRecord:
             raise ShapeMismatch(
                 f"the record has {self.u.shape[0]} inputs but {self.y.shape[0]} outputs in time; cut both to one length"
             )
-        if not self.dt_s > 0.0:
-            raise ModelError(f"the record's period is {self.dt_s} s; it must be positive")
+        if not 0.0 < self.dt_s < math.inf:
+            raise ModelError(f"the record's period is {self.dt_s} s; it must be positive and finite")
 
     def __len__(self) -> int:
         return int(self.u.shape[0])

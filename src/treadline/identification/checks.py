@@ -44,7 +44,7 @@ def check_alike(records: list[InputOutputRecord]) -> None:
             raise ShapeMismatch(f"the record has no {kind}; give at least one")
         if names and len(names) != count:
             raise ShapeMismatch(f"the record has {count} {kind} but {len(names)} names of {kind}")
-        if count > len(first):
+        if count > len(first) > 1:
             raise ShapeMismatch(f"{count} {kind} in {len(first)} samples: is the record transposed?")
     if not math.isfinite(first.dt_s):
         raise PeriodMismatch(f"the record's period is {first.dt_s} s; it must be finite")

@@ -38,6 +38,8 @@ from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
 """Samples, the last ones, that the innovation gain is fitted to."""
+GAIN_RUN = 50
+"""Shortest unbroken run that tells of a gain: in a shorter one the initial state explains as much."""
 GROWTH = 1e3
 """Growth of a mode over a record from which a free run shows nothing else."""
 
@@ -110,9 +112,9 @@ class Fitting:
     def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
         """Return the system with the innovation gain that predicts best, all else kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
-        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=n + 2)
-        if not runs:
-            return system
+        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=GAIN_RUN)
+        if not runs:  # scattered gaps: of a stable system what is fitted is the free run, whose gain is zero
+            return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
         starts = [start for start in starts if start.predictor().radius < 1.0]
         if not starts:

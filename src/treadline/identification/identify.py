@@ -153,6 +153,11 @@ def from_sums(
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
         data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", data.units)
+    support = excitation_order(data)
+    if order is not None and support < order:
+        raise PoorExcitation(
+            f"{_too_little(support, order)}; give inputs that move more freely, or ask for order {support} or less"
+        )
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     observer, svd = fitting.observer(used, order)
     structural = structural_order(observer)
@@ -170,6 +175,7 @@ def from_sums(
         choice = OrderChoice(order=recipe.order, gap=_gap(svd, recipe.order), clear=True)
         if stands_out(svd.s, noise or 0.0):
             warnings.clear()  # the singular values' doubt is settled by data held out
+        observer, svd = fitting.observer(recipe.lags, recipe.order)
     else:
         # Without noise there is nothing to choose: OKID/ERA is exact.
         recipe = _recipe("okid-era" if method == "best" else method, used, lags, choice.order, data)
@@ -177,9 +183,8 @@ def from_sums(
         if lags is None and recipe.method != "pbsid" and structural is not None:
             # An observer of few lags answers noise as those few lags let it: its gain is fitted for itself.
             system = fitting.with_gain(system)
-    support = excitation_order(data)
     if support < choice.order:
-        _refuse_excitation(support, choice.order, order, warnings)
+        warnings.append(f"{_too_little(support, choice.order)}; give inputs that move more freely")
     if data.dropped:
         warnings.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return Found(
@@ -232,11 +237,8 @@ def _asked(fitting: Fitting, recipe: Recipe) -> Affine:
     return system
 
 
-def _refuse_excitation(support: int, order: int, asked: int | None, warnings: list[str]) -> None:
-    sentence = f"the inputs excite order {support} persistently, not {order}; give inputs that move more freely"
-    if asked is not None:
-        raise PoorExcitation(sentence + f", or ask for order {support} or less")
-    warnings.append(sentence)
+def _too_little(support: int, order: int) -> str:
+    return f"the inputs excite order {support} persistently, not {order}"
 
 
 def _gap(svd: HankelSvd, order: int) -> float:

@@ -16,8 +16,8 @@ from scipy.stats import chi2
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram, Units
-from treadline.identification.kernels import tangents, unroll
-from treadline.identification.okid import ObserverMarkov, system_markov
+from treadline.identification.kernels import observability, tangents, unroll
+from treadline.identification.okid import ObserverMarkov
 from treadline.identification.refine import Directions, Experiment, directions, jacobian
 from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
 
@@ -118,7 +118,7 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
     root = np.sqrt(svd.s[:n])
     left, right = (svd.U[:, :n] / root).T, svd.Vt[:n].T / root
     blocks, columns = left.shape[1] // p, right.shape[0] // m
-    changes = _markov_changes(observer, data, blocks + columns + 1)
+    changes = _markov_changes(observer, system, data, blocks + columns + 1)
     at = 1 + np.arange(blocks)[:, None] + np.arange(columns)
     parts = []
     for start in range(0, changes.shape[3], PORTION):
@@ -171,14 +171,22 @@ def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarr
     return _root(covariance).reshape(q, p, q * p)
 
 
-def _markov_changes(observer: ObserverMarkov, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
+def free_response(system: Affine, m: int, count: int) -> Float[np.ndarray, "count p m"]:
+    """Return D, CB, CAB, … of a model."""
+    reach = observability(system.A, system.C, max(count - 1, 1)) @ system.B[:, :m]
+    return np.concatenate([system.D[None, :, :m], reach])[:count]
+
+
+def _markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
     """Return the changes of the Markov parameters per standard normal number.
 
     Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and runs on through the β.
     """
     lags, p, m = observer.alpha.shape
     changes = _coefficient_changes(observer, data)
-    Y = system_markov(observer, count)
+    # Of the model, not of the observer: along directions in which an observer may move without changing its system, wide
+    # whatever the noise, the derivative is zero only at an exact response.
+    Y = free_response(system, m, count)
     first, k = 1 + (m if observer.feedthrough else 0), changes.shape[2]
     entering = np.zeros((count, p, m, k))
     if observer.feedthrough:

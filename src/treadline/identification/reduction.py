@@ -10,6 +10,8 @@ from treadline.errors import ModelError
 from treadline.identification.affine import Affine
 from treadline.models import LinearModel
 
+ON_CIRCLE = 1.0 - 1e-9
+"""Modulus from which a pole counts as on the unit circle: rounding must not decide."""
 INSIDE = 1.0 - 1e-4
 """Largest modulus of a pole that was moved inside the unit circle."""
 
@@ -20,7 +22,7 @@ def stabilised(system: Affine) -> Affine:
     Mirrored, 1/λ*, a pole keeps the magnitude of its frequency response. Only the diagonal of the real Schur form changes,
     so that poles that coincide stay coupled.
     """
-    if system.radius < 1.0:
+    if system.radius < ON_CIRCLE:
         return system
     T, Q = schur(system.A, output="real")
     at = 0
@@ -28,7 +30,7 @@ def stabilised(system: Affine) -> Affine:
         size = 2 if at + 1 < len(T) and T[at + 1, at] != 0.0 else 1
         block = slice(at, at + size)
         modulus = float(np.sqrt(abs(np.linalg.det(T[block, block])))) if size == 2 else abs(float(T[at, at]))
-        if modulus >= 1.0:
+        if modulus >= ON_CIRCLE:
             T[block, block] *= min(1.0 / modulus, INSIDE) / modulus
         at += size
     return replace(system, A=np.asarray(Q @ T @ Q.T))

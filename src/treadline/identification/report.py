@@ -14,6 +14,8 @@ MEANINGFUL = 0.01
 STILL = 0.5
 """Ratio of what outputs move in the judging data and in the fitted data, below which a fit says little."""
 
+LONG_ENOUGH = 20
+"""Samples of a record from which its residuals are tested, over ten lags."""
 EXACT_PERCENT = 1e-10
 """Share of the variance that rounding may leave."""
 TOGETHER = 0.15
@@ -82,7 +84,8 @@ class Judgement:
 
 
 def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
-    """Return a model's figures, mean over the records; of p-values the smallest."""
+    """Return a model's figures, mean over the records; of p-values the smallest. Records too short to test do not count."""
+    judged = [record for record in judged if len(record) >= LONG_ENOUGH] or [max(judged, key=len)]
     with np.errstate(over="ignore", invalid="ignore"):
         residuals = [validate.one_step_residuals(model, record) for record in judged]
         vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)

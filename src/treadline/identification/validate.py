@@ -126,7 +126,8 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     """Return the p-value of the residuals having nothing to do with inputs up to some samples ago.
 
     The covariance of residuals and past inputs, weighed by both covariances, is χ² where they are independent (Ljung,
-    System Identification, 1999, section 16.6, for all pairs at once). What they share says the model misses dynamics.
+    System Identification, 1999, section 16.6, for all pairs at once). What they share says the model misses dynamics. On
+    the data that were fitted p runs high: the fit has made the residuals look independent.
     """
     whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
     past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
@@ -144,6 +145,7 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
 
 
 def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
+    lag = min(lag, len(u))
     return np.vstack([np.full((lag, u.shape[1]), np.nan), u[: len(u) - lag]])
 
 

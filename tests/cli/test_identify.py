@@ -1,0 +1,191 @@
+"""``identify`` as a user calls it: what it answers, what it writes, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.io.model_files import read_model
+from treadline.models import LinearModel
+
+CHANNELS = ["--inputs", "left_m_s,right_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
+POLES = (0.5, 0.9)
+
+
+def write_log(
+    path: Path, *, seed: int = 0, rows: int = 600, noise: float = 0.01, late: int = 0, poles: tuple[float, float] = POLES
+) -> Path:
+    """Write a chair-like plant with two known poles: a lag and a slower one it drives."""
+    rng = np.random.default_rng(seed)
+    u = 0.1 * rng.standard_normal((rows, 2))
+    acting = np.vstack([np.zeros((late, 2)), u[: rows - late]])
+    turn = heading = 0.0
+    lines = ["t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"]
+    for k in range(rows):
+        e = noise * 0.05 * rng.standard_normal(2)
+        lines.append(f"{0.25 * k!r},{u[k, 0]:.17g},{u[k, 1]:.17g},{heading + e[0]:.17g},{turn + e[1]:.17g}")
+        heading, turn = poles[1] * heading + 0.25 * turn, poles[0] * turn + float(acting[k] @ [-0.6, 0.7])
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def real_poles(values: dict[str, object]) -> np.ndarray:
+    return np.sort([real for real, _ in values["poles"]])
+
+
+def test_the_default_finds_the_plant_and_writes_model_and_page(run, tmp_path: Path) -> None:
+    log, out = write_log(tmp_path / "log.csv"), tmp_path / "out" / "model.json"
+    outcome = run("identify", log, *CHANNELS, "--validate", "0.5", "--out", out, "--json")
+    assert outcome.code == 0, outcome.err
+    values = outcome.values
+    assert (values["order"], values["method"]) == (2, "best")
+    # 300 samples with 1 % noise know a pole to about a hundredth.
+    np.testing.assert_allclose(real_poles(values), POLES, atol=0.02)
+    assert min(values["fit_percent"].values()) > 97.0
+    assert len(values["pole_ci95"]) == len(values["poles"]) == 2
+    assert {"lags", "singular_values", "one_step_vaf_percent", "whiteness_p", "warnings", "seconds"} <= values.keys()
+    assert Path(values["model"]) == out
+    assert "<svg" in Path(values["page"]).read_text(encoding="utf-8")
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(LinearModel.load(out).A).real), real_poles(values), atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid", "best"])
+def test_every_method_finds_the_plant(run, tmp_path: Path, method: str) -> None:
+    log = write_log(tmp_path / "log.csv")
+    outcome = run(
+        "identify", log, *CHANNELS, "--method", method, "--order", "2", "--no-page", "--out", tmp_path / "m.json", "--json"
+    )
+    np.testing.assert_allclose(real_poles(outcome.values), POLES, atol=0.03)
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv")
+    outcome = run("identify", log, *CHANNELS, "--out", tmp_path / "m.json", "--page", tmp_path / "p.html")
+    assert outcome.code == 0
+    assert "free run explains heading_rad" in outcome.out
+    assert str(tmp_path / "p.html") in outcome.out
+
+
+def test_a_model_for_matlab_is_the_same_model(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv")
+    for name in ("m.json", "m.mat"):
+        assert run("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / name).code == 0
+    one, other = (read_model(tmp_path / name) for name in ("m.json", "m.mat"))
+    np.testing.assert_array_equal(one.A, other.A)
+    np.testing.assert_array_equal(one.input_offset, other.input_offset)
+
+
+def test_a_stream_gives_what_the_whole_gives(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", rows=2000)
+    common = ("identify", log, *CHANNELS, "--method", "pbsid", "--order", "2", "--lags", "6", "--no-page", "--json")
+    whole = run(*common, "--out", tmp_path / "whole.json").values
+    streamed = run(*common, "--stream", "--out", tmp_path / "stream.json").values
+    # The same sums in other chunks and units: equal to rounding.
+    np.testing.assert_allclose(streamed["poles"], whole["poles"], atol=1e-8)
+    assert streamed["samples"] == whole["samples"]
+
+
+def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
+    new, worn = write_log(tmp_path / "new.csv"), write_log(tmp_path / "worn.csv", seed=1, poles=(0.7, 0.9))
+    sums, common = tmp_path / "sums.npz", ("--order", "2", "--no-page", "--out", tmp_path / "m.json", "--json")
+    first = run("identify", new, *CHANNELS, *common, "--method", "pbsid", "--sums", sums)
+    assert first.values["sums"] == str(sums)
+    found = {
+        factor: real_poles(run("identify", worn, *CHANNELS, *common, "--update", sums, "--forgetting", factor).values)[0]
+        for factor in ("1.0", "0.99")
+    }
+    # Forgetting 1 % a sample, nothing is left of the plant as it was; without, half of the data are of it.
+    assert abs(found["0.99"] - 0.7) < 0.02
+    assert abs(found["1.0"] - 0.7) > 0.05
+
+
+def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", late=3)
+    common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--json")
+    told = run(*common).values
+    assert told["delays"] == [4, 4]
+    assert any("--delays auto" in warning for warning in told["warnings"])
+    found = run(*common, "--delays", "auto").values
+    # Two states and two chains of three.
+    assert found["order"] == 2 + 2 * 3
+    assert run(*common, "--delays", "3,3").values["order"] == 8
+
+
+def test_an_unstable_model_is_mirrored_on_request(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv", rows=150, poles=(0.5, 1.01))
+    common = (
+        "identify",
+        log,
+        *CHANNELS,
+        "--method",
+        "okid-era",
+        "--order",
+        "2",
+        "--no-page",
+        "--out",
+        tmp_path / "m.json",
+        "--json",
+    )
+    plain = run(*common).values
+    assert max(real_poles(plain)) > 1.0
+    assert any("--stable" in warning for warning in plain["warnings"])
+    assert max(real_poles(run(*common, "--stable").values)) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--delays", "soon"], ["--delays", "'soon'"]),
+        (["--delays", "1"], ["delays are [1]", "(2)"]),
+        (["--solver", "magic"], ["--solver", "gram, qr"]),
+        (["--forgetting", "0.9"], ["prior"]),
+        (["--update", "none.npz"], ["none.npz", "no such file"]),
+        (["--stream", "--stable"], ["--stable", "--no-stream"]),
+        (["--stream", "--method", "best"], ["best", "pbsid"]),
+        (["--validate", "0.01"], ["validation part", "20"]),
+        (["--order", "200"], ["too few"]),
+        (["--out", "model.txt"], [".json", ".mat"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else None,
+)
+def test_what_cannot_be_done_is_said_in_one_line(run, tmp_path: Path, monkeypatch, options: list[str], words: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    log = write_log(tmp_path / "log.csv")
+    outcome = run("identify", log, *CHANNELS, *options)
+    assert outcome.code == 2
+    assert len(outcome.err.strip().splitlines()) == 1
+    assert all(word in outcome.err for word in words), outcome.err
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_inputs_that_excite_too_little_are_refused_with_the_order_they_support(run, tmp_path: Path) -> None:
+    rows = ["t_s,u,y", *(f"{k},{np.sin(0.5 * k):.17g},{np.sin(0.5 * k - 0.7):.17g}" for k in range(400))]
+    (tmp_path / "sine.csv").write_text("\n".join(rows))
+    outcome = run(
+        "identify", tmp_path / "sine.csv", "--inputs", "u", "--outputs", "y", "--order", "4", "--out", tmp_path / "m.json"
+    )
+    assert outcome.code == 2
+    assert "order 2" in outcome.err
+
+
+def test_the_report_is_one_json_object_whatever_the_data(run, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    rows = ["t_s,u,y", *(f"{k},{a!r},{b!r}" for k, (a, b) in enumerate(rng.standard_normal((200, 2)).tolist()))]
+    (tmp_path / "noise.csv").write_text("\n".join(rows))
+    outcome = run(
+        "identify",
+        tmp_path / "noise.csv",
+        "--inputs",
+        "u",
+        "--outputs",
+        "y",
+        "--validate",
+        "0.3",
+        "--out",
+        tmp_path / "m.json",
+        "--json",
+    )
+    assert outcome.code == 0
+    assert any("no clear gap" in warning for warning in json.loads(outcome.out)["warnings"])
