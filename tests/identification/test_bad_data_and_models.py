@@ -83,10 +83,22 @@ def test_a_validation_record_must_fit_the_fitted_ones(draw: Draw) -> None:
         identify(record, validation=replace(record, y=record.y[:, :1]))
 
 
+def test_a_second_record_of_one_sample_adds_nothing_and_does_no_harm(draw: Draw) -> None:
+    record = draw(0, samples=400, noise=0.05)
+    short = replace(record, u=record.u[:1], y=record.y[:1])
+    found = identify([record, short], order=2, method="okid-era")
+    assert found.report.samples == 400 - found.gram.lags
+
+
 @pytest.mark.parametrize("period", [0.0, -1.0, float("nan")])
 def test_a_period_must_be_a_positive_number(period: float) -> None:
     with pytest.raises(ModelError, match="period is"):
         InputOutputRecord(u=np.zeros((3, 1)), y=np.zeros((3, 1)), dt_s=period)
+
+
+def test_a_period_without_end_is_no_period() -> None:
+    with pytest.raises(ModelError, match="period is inf"):
+        InputOutputRecord(u=np.zeros((3, 1)), y=np.zeros((3, 1)), dt_s=float("inf"))
 
 
 @pytest.mark.parametrize("name", ["A", "B", "C", "D", "input_offset", "output_offset", "observer_gain"])

@@ -105,6 +105,19 @@ def test_a_refined_model_holds_the_truth_95_times_in_100(
         assert 0.93 <= np.mean(held) <= 0.97
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.8], ids=["white", "coloured"])
+def test_the_best_model_holds_the_truth_whatever_the_noise_remembers(eq_12: LinearModel, memory: float) -> None:
+    poles, gains = [], []
+    for seed in range(40):
+        found = identify(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
+        assert found is not None
+        poles += poles_held(found, eq_12)
+        gains += gains_held(found, eq_12)
+    # Eighty poles of forty runs: 95 % ± 2.9, and two of those below. Over a hundred runs 95 and 96 % were counted.
+    assert np.mean(poles) >= 0.89
+    assert np.mean(gains) >= 0.89
+
+
 @pytest.mark.parametrize("method", ["okid-era", "pbsid"])
 def test_a_subspace_model_holds_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
     found = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
@@ -174,3 +187,10 @@ def test_the_printed_eq_9c_has_no_intervals() -> None:
     found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), method="deconvolution", order=1)
     assert found.intervals is None
     assert found.report.pole_ci95 is None
+
+
+def test_correlations_claim_no_interval_or_one_that_holds(spring: LinearModel) -> None:
+    found = [identify(record_of(spring, seed, 500, 0.05), order=3, method="era-dc").intervals for seed in range(40)]
+    poles = [hit for item in found if item is not None for hit in poles_held(item, spring)]
+    # No interval is better than one of ERA's, which held a pole in one run of four.
+    assert not poles or np.mean(poles) >= 0.85

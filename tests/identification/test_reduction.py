@@ -57,6 +57,12 @@ def test_a_model_made_stable_has_its_poles_inside_and_its_stable_ones_where_they
         assert np.abs(after - pole).min() < 1e-9
 
 
+def test_a_pole_outside_is_mirrored_and_one_on_the_circle_moved_inside() -> None:
+    T = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.0]])
+    found = stabilised(affine(T @ np.diag([1.25, 1.0, 0.5]) @ np.linalg.inv(T))).A
+    np.testing.assert_allclose(sorted_poles(found), [0.5, 0.8, INSIDE], atol=1e-12)
+
+
 def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     found = stabilised(affine(1.25 * turn)).A

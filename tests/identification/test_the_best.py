@@ -115,3 +115,25 @@ def test_an_unstable_plant_in_a_loop_is_judged_by_forecasts_and_not_by_free_runs
     K, model = found.model.observer_gain, found.model
     assert K is not None
     assert np.abs(np.linalg.eigvals(model.A - K @ model.C)).max() < 1.0
+
+
+def test_gaps_leave_a_model_whose_observer_forgets(draw: Draw, eq_12: LinearModel) -> None:
+    record = draw(7, noise=0.05, samples=600)
+    record.y[::7] = np.nan
+    found = identify(record)
+    assert found.report.order == 2
+    assert markov_error(found.model, eq_12) < 0.02
+    assert found.report.whiteness_p > 0.01
+    K, model = found.model.observer_gain, found.model
+    assert K is not None
+    # Runs of six samples tell nothing of a gain; a free run forgets at the slower pole, 0.71.
+    assert np.abs(np.linalg.eigvals(model.A - K @ model.C)).max() < 0.9
+
+
+def test_inputs_that_are_missing_for_a_while_are_not_made_up(draw: Draw, eq_12: LinearModel) -> None:
+    record = draw(8, noise=0.05, samples=600)
+    record.u[200:300, 0] = np.nan
+    found = identify(record)
+    assert found.report.order == 2
+    # Whole, 600 samples give 0.5 %; a sixth is gone.
+    assert markov_error(found.model, eq_12) < 0.01
