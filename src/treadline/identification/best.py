@@ -25,6 +25,8 @@ from treadline.models import InputOutputRecord
 BLOCKS = 5
 """Blocks that judge in turn."""
 ORDER_MOST = 16
+ROWS_PER_STATE = 8
+"""Numbers of a block held out, at its middle length, per state that is estimated at its start."""
 PATIENCE = 3
 """Orders that may pass without gain before a row ends."""
 LAGS = (10, 20, 40)
@@ -120,7 +122,7 @@ def best(
     """
     folds = folds_of(whole)
     around = order is None and sure
-    orders = range(1, ORDER_MOST + 1) if order is None else range(order, order + 1)
+    orders = range(1, _most_states(folds) + 1) if order is None else range(order, order + 1)
     if around:
         orders = range(max(1, guess - 1), guess + 2)
     first = Recipe(method="okid-era", lags=lags, order=0)
@@ -146,6 +148,12 @@ def best(
     system = whole.with_gain(_on_all(whole, recipe, rows if breadth is WIDE else []), constants=recipe.constants)
     units = whole.units(constants=recipe.constants)
     return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
+
+
+def _most_states(folds: Sequence[Fold]) -> int:
+    """Return the largest order tried: of an initial state as large as a short block, any block would be explained."""
+    blocks = [item.y.size for fold in folds for item in fold.held.experiments()]
+    return max(1, min(ORDER_MOST, int(np.median(blocks)) // ROWS_PER_STATE))
 
 
 def _does_not_decay(whole: Fitting, recipe: Recipe) -> bool:
