@@ -105,6 +105,15 @@ def test_a_refined_model_holds_the_truth_95_times_in_100(
         assert 0.93 <= np.mean(held) <= 0.97
 
 
+def test_the_disc_about_a_complex_pole_holds_it_95_times_in_100_and_no_more(spring: LinearModel) -> None:
+    held = []
+    for seed in range(200):
+        found = refined_near(spring, record_of(spring, 1000 + seed, 400, 0.05))
+        held.append(poles_held(found, spring)[int(np.argmax(np.linalg.eigvals(found.system.A).imag))])
+    # Two dimensions: a radius of 1.96 deviations in all, as of a real pole, would hold nearly 98 %. 200 runs tell to 1.5 %.
+    assert 0.92 <= np.mean(held) <= 0.965
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.8], ids=["white", "coloured"])
 def test_the_best_model_holds_the_truth_whatever_the_noise_remembers(eq_12: LinearModel, memory: float) -> None:
     poles, gains = [], []

@@ -60,8 +60,9 @@ def test_noise_that_no_input_moves_is_said_to_show_nothing(seed: int) -> None:
     record = InputOutputRecord(u=rng.standard_normal((400, 2)), y=rng.standard_normal((400, 2)), dt_s=1.0)
     report = identify(record).report
     assert any("no clear gap" in warning for warning in report.warnings)
-    # What explains nothing needs no states: the least there are.
+    # What explains nothing needs no states: the least there are. No free run helps, so forecasts judge.
     assert report.order == 1
+    assert {candidate.step for candidate in report.candidates} <= {"subspace", "prediction-error"}
 
 
 def rates(eq_12: LinearModel, bias: float) -> InputOutputRecord:
