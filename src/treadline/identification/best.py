@@ -17,6 +17,7 @@ from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import GROWTH, Fitting, Recipe
 from treadline.identification.gram import Units, gram
+from treadline.identification.intervals import of_observer
 from treadline.identification.kernels import observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit, predictors_of
 from treadline.identification.validate import part
@@ -24,6 +25,8 @@ from treadline.models import InputOutputRecord
 
 BLOCKS = 5
 """Blocks that judge in turn."""
+BLOCKS_IF_SURE = 3
+"""The same where the order is beyond doubt, so that little is left to judge."""
 ORDER_MOST = 16
 ROWS_PER_STATE = 8
 """Numbers of a block held out, at its middle length, per state that is estimated at its start."""
@@ -120,8 +123,8 @@ def best(
         names: Channel names, for the units among them.
         told: Is told what is tried.
     """
-    folds = folds_of(whole)
     around = order is None and sure
+    folds = folds_of(whole, BLOCKS_IF_SURE if around or order is not None else BLOCKS)
     orders = range(1, _most_states(folds) + 1) if order is None else range(order, order + 1)
     if around:
         orders = range(max(1, guess - 1), guess + 2)
@@ -131,7 +134,8 @@ def best(
     if breadth is WIDE:
         rows = [first, *rows]
     search = Search(folds=folds, criterion=free_runs, breadth=breadth, told=told)
-    if not _grows(whole, [first, *rows], guess if order is None else order):
+    about = guess if order is None else order
+    if not ((sure and _may_integrate(whole, replace(first, order=about))) or _grows(whole, [first, *rows], about)):
         search.climb([replace(row, step="inputs-again") for row in rows], orders)
     by_forecasts = not search.trials or search.least > HOPELESS
     if by_forecasts:
@@ -160,6 +164,16 @@ def _does_not_decay(whole: Fitting, recipe: Recipe) -> bool:
     """Whether a state of a recipe's model lasts for the whole record."""
     system = whole.model(recipe, effort=BRIEF)
     return system is None or system.radius > 1.0 - 1.0 / max(len(record) for record in whole.records)
+
+
+def _may_integrate(whole: Fitting, recipe: Recipe) -> bool:
+    """Whether a pole may be an integrator, as a chair's heading: its free run drifts with the smallest disturbance."""
+    system = whole.model(recipe)
+    if system is None:
+        return False
+    observer, svd = whole.observer(recipe.lags, recipe.order)
+    radii = of_observer(observer, svd, system, whole.units(), whole.data).pole_radii()
+    return bool((np.abs(np.linalg.eigvals(system.A) - 1.0) <= radii).any())
 
 
 def _grows(whole: Fitting, rows: Sequence[Recipe], order: int) -> bool:
@@ -303,12 +317,12 @@ def forecasts(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
     return np.stack([left, _spread(runs)])
 
 
-def folds_of(whole: Fitting) -> list[Fold]:
+def folds_of(whole: Fitting, most: int = BLOCKS) -> list[Fold]:
     """Return the data cut into blocks that judge in turn; each fits with what the others hold."""
     records = _recent(whole.records)
     total = sum(len(record) for record in records)
     least = 4 * (whole.data.lags + 1)
-    blocks = max(2, min(BLOCKS, total // least))
+    blocks = max(2, min(most, total // least))
     cuts = np.linspace(0, total, blocks + 1).round().astype(int)
     folds = []
     for start, stop in pairwise(cuts.tolist()):

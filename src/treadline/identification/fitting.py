@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
+from scipy.linalg import solve_discrete_are
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
@@ -38,6 +39,8 @@ from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
 """Samples, the last ones, that the innovation gain is fitted to."""
+SLOWEST_OBSERVER = 0.95
+"""Pole of an observer that is always allowed: five seconds at 4 Hz."""
 GAIN_RUN = 50
 """Shortest unbroken run that tells of a gain: in a shorter one the initial state explains as much."""
 GROWTH = 1e3
@@ -116,7 +119,10 @@ class Fitting:
         if not runs:  # scattered gaps: of a stable system what is fitted is the free run, whose gain is zero
             return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
-        starts = [start for start in starts if start.predictor().radius < 1.0]
+        starts.append(replace(system, K=_kalman_gain(system)))
+        # An observer slower than this, and than the plant, forgets a wrong start too late to be of use.
+        slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
+        starts = [start for start in starts if start.predictor().radius <= min(slowest, 1.0 - 1e-6)]
         if not starts:
             return system
         best = min(starts, key=lambda start: cost(start.predictor(), runs))
@@ -128,7 +134,7 @@ class Fitting:
             C=np.zeros((p, n, n * p)),
             D=np.zeros((p, m1 + p, n * p)),
         )
-        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF))
+        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
 
     def subspace(self, method: str, lags: int, order: int) -> Affine | None:
         """Return the model that the sums alone give."""
@@ -162,6 +168,17 @@ class Fitting:
         fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
         runs = predictors_of(self.experiments(), least=4 * system.order + 4)
         return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, effort=effort))
+
+
+def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
+    """Return the gain for disturbances that enter with the inputs, a tenth of them, and measurements known to a tenth."""
+    Q = 0.01 * (system.B @ system.B.T + 1e-3 * np.eye(system.order))
+    R = 0.01 * np.eye(len(system.C))
+    try:
+        P = solve_discrete_are(system.A.T, system.C.T, Q, R)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return np.asarray(system.A @ P @ system.C.T @ np.linalg.inv(system.C @ P @ system.C.T + R))
 
 
 def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:

@@ -33,8 +33,8 @@ METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
 JUDGED_LEAST = 20
 """Whole samples of a validation part: its residuals are tested over ten lags."""
-SURE_ABOVE_NOISE = 6.0
-"""Smallest singular value of a clear order over the noise's, from which the order is beyond doubt."""
+SURE_GAP = 10.0
+"""Ratio of singular values from which a clear order is beyond doubt: the search stays near it."""
 PBSID_LAGS = 10
 """Fewest lags of PBSID where they are not given: its states are seen through them."""
 
@@ -168,7 +168,7 @@ def from_sums(
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     trials: Sequence[Trial] = []
     if method == "best" and structural is not None:
-        sure = choice.clear and float(svd.s[choice.order - 1]) > SURE_ABOVE_NOISE * (noise or 0.0)
+        sure = choice.clear and choice.gap > SURE_GAP
         names = channel_names(records[0])
         chosen = best(fitting, lags=used, order=order, guess=choice.order, sure=sure, names=names, told=told)
         recipe, system, trials = chosen.recipe, chosen.system, chosen.trials

@@ -153,12 +153,18 @@ def descended(
     experiments: Sequence[Experiment],
     ways_from: Callable[[Affine], Directions],
     effort: Effort,
+    *,
+    ceiling: float = 1.0,
 ) -> Affine:
-    """Return the system with the smallest output error along directions that may depend on where it stands."""
+    """Return the system with the smallest output error along directions that may depend on where it stands.
+
+    Args:
+        ceiling: Largest modulus of a pole that a stable system may come to.
+    """
     # A stable system stays so: what gains by a growing mode gains on these data alone.
     # One that stands on the circle may move by what does not show over the record.
     radius, rows = system.radius, sum(item.y.size for item in experiments)
-    bound = 1.0 if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
+    bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
     best, now = system, cost(system, experiments)
     damping, rise = 1e-3, 2.0
     enough = effort.chance / rows
