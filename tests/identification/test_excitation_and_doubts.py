@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification import gram, identify
-from treadline.identification.checks import excitation_order
+from treadline.identification.checks import FEW_SAMPLES, excitation_order
 from treadline.identification.gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 from treadline.models import InputOutputRecord, LinearModel
@@ -20,11 +20,11 @@ Draw = Callable[..., InputOutputRecord]
 LAGS = 12
 
 
-def excited(u: Float[np.ndarray, "T m"]) -> int:
+def excited(u: Float[np.ndarray, "T m"], *, samples: float = 0.0) -> int:
     """Return the order that inputs excite, as far as twelve lags show."""
     y = np.random.default_rng(99).standard_normal((len(u), 1))
     record = InputOutputRecord(u=u, y=y, dt_s=1.0)
-    return excitation_order(gram(record, LAGS, units_of([record])))
+    return excitation_order(gram(record, LAGS, units_of([record])), samples=samples)
 
 
 @pytest.mark.parametrize("inputs", [1, 2, 3])
@@ -47,6 +47,12 @@ def test_inputs_of_which_one_is_a_sinusoid_excite_what_that_one_does() -> None:
 
 def test_a_ramp_excites_one_order() -> None:
     assert excited(np.arange(600.0)[:, None]) == 1
+
+
+def test_the_corner_of_a_single_step_is_not_worth_a_few_samples() -> None:
+    step = np.where(np.arange(600) < 300, 0.0, 1.0)[:, None]
+    assert excited(step, samples=FEW_SAMPLES) == 1
+    assert excited(np.random.default_rng(0).standard_normal((600, 1)), samples=FEW_SAMPLES) == LAGS + 1
 
 
 def test_an_order_above_the_excited_one_is_refused_with_both_numbers() -> None:

@@ -14,6 +14,8 @@ GAP_SHARE = 0.2
 
 TOGETHER = 1e-13
 """Variance of the weakest combination of inputs, over one input's, that rounding may leave."""
+FEW_SAMPLES = 4.0
+"""Samples' worth of something new, below which an order counts as hardly excited."""
 NOTHING_NEW = 1e-9
 """Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
 
@@ -96,11 +98,14 @@ def _check_movement(records: list[InputOutputRecord]) -> Units:
     return units
 
 
-def excitation_order(data: Gram) -> int:
+def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
     """Return the largest order that the inputs excite persistently: how many samples on they still bring something new.
 
     What of an input its own past and the other inputs cannot foretell is a pivot of the inputs' covariance (Ljung, System
     Identification, 1999, section 13.2). Counted as far as the lags of the sums go.
+
+    Args:
+        samples: How many samples' worth of an input's variance do not count yet: a single step's corner is worth one.
     """
     m, r = data.units.input_count, len(data.units.scale)
     at = (1 + r * np.arange(data.lags + 1)[:, None] + np.arange(m)).ravel()
@@ -108,7 +113,7 @@ def excitation_order(data: Gram) -> int:
     covariance = data.sums[np.ix_(at, at)] / data.count - np.outer(mean, mean)
     factor, info = lapack.dpotrf(covariance, lower=1)
     pivots = np.diag(factor)[: info - 1 if info > 0 else None] ** 2
-    new = int(np.argmax(np.append(pivots <= NOTHING_NEW, values=True)))
+    new = int(np.argmax(np.append(pivots <= max(NOTHING_NEW, samples / data.count), values=True)))
     return new // m
 
 

@@ -13,7 +13,7 @@ from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.best import Trial, best
-from treadline.identification.checks import channel_names, check_alike, check_records, excitation_order
+from treadline.identification.checks import FEW_SAMPLES, channel_names, check_alike, check_records, excitation_order
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.era import HankelSvd
@@ -153,10 +153,10 @@ def from_sums(
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
         data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", data.units)
-    support = excitation_order(data)
-    if order is not None and support < order:
+    possible, support = excitation_order(data), excitation_order(data, samples=FEW_SAMPLES)
+    if order is not None and possible < order:
         raise PoorExcitation(
-            f"{_too_little(support, order)}; give inputs that move more freely, or ask for order {support} or less"
+            f"{_too_little(possible, order)}; give inputs that move more freely, or ask for order {possible} or less"
         )
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     observer, svd = fitting.observer(used, order)
@@ -184,7 +184,7 @@ def from_sums(
             # An observer of few lags answers noise as those few lags let it: its gain is fitted for itself.
             system = fitting.with_gain(system)
     if support < choice.order:
-        warnings.append(f"{_too_little(support, choice.order)}; give inputs that move more freely")
+        warnings.append(f"poor excitation: {_too_little(support, choice.order)}; give inputs that move more freely")
     if data.dropped:
         warnings.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return Found(
@@ -217,7 +217,7 @@ def _printed(fitting: Fitting, order: int | None, warnings: list[str]) -> Found:
         choice=choice,
         noise=None,
         trials=[],
-        excitation_order=excitation_order(fitting.data),
+        excitation_order=excitation_order(fitting.data, samples=FEW_SAMPLES),
         warnings=warnings,
     )
 
