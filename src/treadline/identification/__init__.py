@@ -1,14 +1,13 @@
 """From recorded belt speeds and motion to a linear model."""
 
-from treadline.identification.best import best
 from treadline.identification.era import era
 from treadline.identification.gram import Gram, gram
 from treadline.identification.identified import Identified
 from treadline.identification.identify import METHODS, SOLVERS, identify
 from treadline.identification.okid import observer_markov, system_markov
-from treadline.identification.pbsid import pbsid
 from treadline.identification.reduction import balanced_truncation
 from treadline.identification.report import IdentificationReport
+from treadline.identification.steps import okid, pbsid
 from treadline.identification.stream import identify_chunks
 
 __all__ = [
@@ -18,12 +17,12 @@ __all__ = [
     "IdentificationReport",
     "Identified",
     "balanced_truncation",
-    "best",
     "era",
     "gram",
     "identify",
     "identify_chunks",
     "observer_markov",
+    "okid",
     "pbsid",
     "system_markov",
 ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.errors import LogFormatError, ShapeMismatch, TreadlineError
 from treadline.identification.kernels import column_moments, fold, lagged_products, normalise, slide
@@ -333,9 +333,13 @@ def _runs(z: Float[np.ndarray, "T r"], old: int, gaps: int) -> list[tuple[int, i
     """Return start and stop of each run of whole samples that holds one from ``old`` on."""
     if not gaps:
         return [(0, len(z))]
-    whole = np.isfinite(z).all(axis=1)
+    return [(start, stop) for start, stop in runs_of(np.isfinite(z).all(axis=1)) if stop > old]
+
+
+def runs_of(whole: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
+    """Return start and stop of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
-    return [(start, stop) for start, stop in zip(edges[::2], edges[1::2], strict=True) if stop > old]
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def _last_gap(z: Float[np.ndarray, "T r"]) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from treadline.identification.affine import Affine
-from treadline.identification.gram import Units
+from treadline.identification.gram import Units, runs_of
 from treadline.identification.kernels import free_run, observability, tangents
 from treadline.identification.modal import Modes, derivative_sums, modes_of
 from treadline.models import InputOutputRecord
@@ -106,12 +106,6 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
                 run = item.part(start, stop)
                 made.append(Experiment(u=np.hstack([run.u, run.y]), y=run.y, there=run.there))
     return made
-
-
-def runs_of(whole: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
-    """Return start and stop of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def misfit(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:

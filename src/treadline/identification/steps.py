@@ -1,0 +1,65 @@
+"""The steps of identification, usable alone: ``okid``, then ``era``; or ``pbsid``.
+
+>>> observer = okid(record, lags=20)
+>>> A, B, C, D = era(system_markov(observer, 41), order=2)
+"""
+
+from collections.abc import Sequence
+
+from treadline.errors import PoorExcitation
+from treadline.identification.affine import to_model
+from treadline.identification.checks import channel_names, check_records
+from treadline.identification.gram import Gram, GramBuilder
+from treadline.identification.okid import ObserverMarkov, observer_markov
+from treadline.identification.pbsid import pbsid as realised_by_pbsid
+from treadline.identification.pbsid import state_map
+from treadline.identification.threads import one_thread
+from treadline.identification.windows import carried_lags
+from treadline.models import InputOutputRecord, LinearModel
+
+
+@one_thread()
+def okid(
+    records: InputOutputRecord | Sequence[InputOutputRecord], *, lags: int, feedthrough: bool = True, solver: str = "gram"
+) -> ObserverMarkov:
+    """Return the observer's Markov parameters that fit one or more experiments best.
+
+    Paper: Eq. (9a), (9b).
+
+    Raises:
+        RecordError: If the data cannot carry as many lags.
+    """
+    return observer_markov(_sums(records, lags, None, solver), feedthrough=feedthrough)
+
+
+@one_thread()
+def pbsid(
+    records: InputOutputRecord | Sequence[InputOutputRecord],
+    *,
+    order: int,
+    lags: int = 10,
+    feedthrough: bool = True,
+    solver: str = "gram",
+) -> LinearModel:
+    """Return the model of an order by PBSID_opt (Chiuso, 2007).
+
+    Raises:
+        RecordError: If the data cannot carry as many lags, or do not show as many states.
+    """
+    data = _sums(records, lags, order, solver)
+    states = state_map(data, lags, feedthrough=feedthrough)
+    if order > len(states.s):
+        raise PoorExcitation(f"order {order} is above the rank {len(states.s)} that {lags} lags show; ask for less")
+    found = realised_by_pbsid(data, states, order, lags, feedthrough=feedthrough)
+    first = records if isinstance(records, InputOutputRecord) else records[0]
+    return to_model(found, data.units, data.dt_s, channel_names(first))
+
+
+def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
+    given = [records] if isinstance(records, InputOutputRecord) else list(records)
+    units = check_records(given)
+    builder = GramBuilder(carried_lags(given, lags, order), units, given[0].dt_s, solver=solver)
+    for record in given:
+        builder.begin()
+        builder.add(record.u, record.y)
+    return builder.finish()
