@@ -23,6 +23,8 @@ NOTHING_NEW = 1e-9
 def check_records(records: list[InputOutputRecord]) -> Units:
     """Check that records are numbers, fit each other and move; return their units, which that takes.
 
+    Whether each input moves by itself shows in the sums: ``check_independent``.
+
     Raises:
         RecordError: With the record, the column and the number.
         PeriodMismatch: If records have different periods.
@@ -85,17 +87,23 @@ def _check_movement(records: list[InputOutputRecord]) -> Units:
         if not deviation > 1e-12 * abs(float(units.shift[j])):
             kind = "input" if j < m else "output"
             raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
-    square, count = np.zeros((m, m)), 0
-    for record in records:
-        v = (record.u - units.shift[:m]) / units.input_scale
-        v = v if np.isfinite(v).all() else v[np.isfinite(v).all(axis=1)]
-        square, count = square + v.T @ v, count + len(v)
-    rank = int(np.sum(np.linalg.eigvalsh(square / count) > TOGETHER))
+    return units
+
+
+def check_independent(data: Gram, names: tuple[str, ...]) -> None:
+    """Check that no input follows from the others.
+
+    Raises:
+        PoorExcitation: With the inputs and their rank.
+    """
+    m = data.units.input_count
+    at = np.arange(1, 1 + m)
+    mean = data.sums[0, at] / data.count
+    rank = int(np.sum(np.linalg.eigvalsh(data.sums[np.ix_(at, at)] / data.count - np.outer(mean, mean)) > TOGETHER))
     if rank < m:
         raise PoorExcitation(
             f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which each moves by itself"
         )
-    return units
 
 
 def excitation_order(data: Gram, *, samples: float = 0.0) -> int:

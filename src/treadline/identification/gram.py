@@ -278,7 +278,7 @@ class _Segment:
         lagged_products(z, end, len(z), len(z), self._products)
         if len(self._head) < lags:
             self._head = np.vstack([self._head, z[old : old + lags - len(self._head)]])
-        self._total += z[old:].sum(axis=0)
+        self._total += np.ones(len(z) - old) @ z[old:]
         self._tail = z[max(0, len(z) - lags) :]
         self._length += len(z) - old
 

@@ -13,7 +13,14 @@ from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.best import Trial, best
-from treadline.identification.checks import FEW_SAMPLES, channel_names, check_alike, check_records, excitation_order
+from treadline.identification.checks import (
+    FEW_SAMPLES,
+    channel_names,
+    check_alike,
+    check_independent,
+    check_records,
+    excitation_order,
+)
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.era import HankelSvd
@@ -149,6 +156,7 @@ def from_sums(
     """
     if method == "deconvolution":
         return _printed(Fitting(data=data, records=records, feedthrough=True), order, warnings)
+    check_independent(data, channel_names(records[0]))
     used, has_d = choose_structure(data, lags, feedthrough)
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.

@@ -39,11 +39,10 @@ def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]
     """Return the number of windows, the first samples of each record being targets of none, and how many a gap costs."""
     whole = lost = 0
     for record in records:
-        gaps = ~np.isfinite(record.y).all(axis=1) | ~np.isfinite(record.u).all(axis=1)
         count = max(len(record) - lags, 0)
         holed = 0
-        if count and gaps.any():
-            seen = np.cumsum(gaps)
+        if count and not (np.isfinite(record.u).all() and np.isfinite(record.y).all()):
+            seen = np.cumsum(~np.isfinite(record.y).all(axis=1) | ~np.isfinite(record.u).all(axis=1))
             holed = int(np.count_nonzero(seen[lags:] - np.concatenate([[0], seen[: -lags - 1]])))
         whole, lost = whole + count - holed, lost + holed
     return whole, lost
