@@ -64,7 +64,7 @@ def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path
     log = write_log(tmp_path / "log.csv")
     outcome = run("identify", log, *CHANNELS, "--out", tmp_path / "m.json", "--page", tmp_path / "p.html")
     assert outcome.code == 0
-    assert "free run explains heading_rad" in outcome.out
+    assert "on the data that were fitted: free run fits heading_rad" in outcome.out
     assert str(tmp_path / "p.html") in outcome.out
 
 

@@ -119,9 +119,10 @@ def test_the_best_model_holds_the_truth_whatever_the_noise_remembers(eq_12: Line
     poles, gains = [], []
     for seed in range(40):
         found = identify(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
-        assert found is not None
-        poles += poles_held(found, eq_12)
-        gains += gains_held(found, eq_12)
+        if found is not None:  # where only B and D were estimated again, nothing is said
+            poles += poles_held(found, eq_12)
+            gains += gains_held(found, eq_12)
+    assert len(poles) >= 60
     # Eighty poles of forty runs: 95 % ± 2.9, and two of those below. Over a hundred runs 95 and 96 % were counted.
     assert np.mean(poles) >= 0.89
     assert np.mean(gains) >= 0.89

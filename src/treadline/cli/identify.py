@@ -57,14 +57,15 @@ def identify(
         order: Number of states; chosen when left out.
         lags: Observer lags p; chosen from the data when left out.
         method: best (several ways, judged by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
-            (Eq. 9c as printed). Left out: best; pbsid with --update or --stream.
+            (Eq. 9c as printed). Left out: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best
+            takes zero for rest unless held-out data speak against it.
         delays: Dead time of each input in samples (0,2), or auto to find it.
         solver: gram, or qr: slower, exact on data without noise.
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation.
         validate_on: Another log to validate on.
         update: Sums of earlier data (--sums) to go on from.
-        forgetting: Weight that earlier data lose with each new sample, for example 0.999.
+        forgetting: Factor on the weight of earlier data for each new sample, for example 0.999; 1 forgets nothing.
         stream: Read the file in chunks, in bounded memory; by itself above 256 MB.
         sums: Where the sums of all data are written, for --update.
         page: Where the page of plots is written; beside the model when left out.
@@ -81,7 +82,7 @@ def identify(
             raise SettingsError(f"{option} is '{value}'; allowed: {', '.join(allowed)}")
     if validate is not None and validate_on is not None:
         raise SettingsError("give --validate or --validate-on, not both")
-    u, y = words("--inputs", inputs), words("--outputs", outputs)
+    u, y = _channels(inputs, outputs)
     long = [path for path in logs if path.suffix.lower() in STREAMED and path.is_file() and path.stat().st_size > STREAMED_BYTES]
     if stream or (stream is None and long and method != "best" and update is None):
         for name, given in (
@@ -91,6 +92,7 @@ def identify(
             ("--delays", delays),
             ("--resample", resample or None),
             ("--stable", stable or None),
+            ("--forgetting", None if forgetting == 1.0 else forgetting),
         ):
             if given is not None:
                 raise SettingsError(f"{name} needs the whole record; give --no-stream")
@@ -122,11 +124,14 @@ def identify(
         written["page"] = str(_write_page(found, page if page is not None else out.with_suffix(".html"), logs))
     fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
     ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
+    on = "data held out" if validate is not None or validate_on is not None else "the data that were fitted"
     return Answer(
         values=report.as_json() | written,
         summary=[
-            f"order {report.order} with {report.lags} lags ({report.method}, {report.step}), {report.samples} samples",
-            f"free run explains {fits}; one step ahead {ahead} of the variance",
+            f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
+            f"{report.samples} samples",
+            f"on {on}: free run fits {fits} (100 is perfect, 0 no better than the mean)",
+            f"one step ahead: {ahead} of the variance",
             f"written: {', '.join(written.values())}",
             *(f"warning: {warning}" for warning in report.warnings),
         ],
@@ -203,6 +208,14 @@ def _streamed(
     reader = read_chunks(logs[0], inputs, outputs, period_s=period, allow_gaps=allow_gaps)
     with Share(f"reading {logs[0].name}", lambda: reader.fraction) as share:
         return identify_chunks(share.of(reader), order=order, lags=lags, method=method, solver=solver)
+
+
+def _channels(inputs: str, outputs: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    u, y = words("--inputs", inputs), words("--outputs", outputs)
+    both = [name for name in u if name in y]
+    if both:
+        raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")
+    return u, y
 
 
 def _delays(text: str | None) -> list[int] | str | None:

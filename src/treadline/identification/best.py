@@ -2,8 +2,8 @@
 
 Experiments are cut into blocks; each block in turn judges what was fitted to the others (cross-validation). Rows of
 recipes, a method and a number of lags each, climb in order until nothing is gained; the leaders of different order are
-refined; constants are taken for zero where that helps. The recipe with the smallest error wins, a smaller order where two
-are equal, and is run on all data. One rule for all data: nothing is chosen by hand.
+refined; constants of rates are taken for zero unless held-out data speak against it. The recipe with the smallest error
+wins, a smaller order where two are equal, and is run on all data. One rule for all data: nothing is chosen by hand.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,7 +37,7 @@ LAGS = (10, 20, 40)
 DESCENT = 2
 """Smaller orders that may do worse before the descent ends: modes come in pairs."""
 FAR = 1.5
-"""Ratio of errors by two blocks from which a smaller order is not tried again."""
+"""Ratio of errors by every other block from which a smaller order is not tried again."""
 EQUAL = 1.005
 """Ratio of errors within which the smaller order is taken."""
 RATES = ("_m_s", "_rad_s")
@@ -59,7 +59,7 @@ class Breadth:
     """How widely recipes are tried."""
 
     foremost: int
-    """Recipes that are judged by all blocks; the others by two of them."""
+    """Recipes that are judged by all blocks; the others by every other one."""
     leaders: int
     """Orders whose best recipe is refined."""
     equal: float
@@ -193,7 +193,7 @@ class Search:
     told: Callable[[str], None]
     trials: list[Trial] = field(default_factory=list)
     screened: dict[int, float] = field(default_factory=dict)
-    """Error of the best recipe of each order by two blocks."""
+    """Error of the best recipe of each order by every other block."""
 
     @property
     def least(self) -> float:

@@ -1,6 +1,6 @@
 """The printed Eq. (9c): the impulse response by inverting the matrix of inputs.
 
-Kept so that anyone can see what it does. It asks for zero initial state and no noise; its matrix, lower-triangular
+Kept so that anyone can see what it does. It asks for zero initial state and no noise; its matrix, triangular
 Toeplitz in the inputs, has a condition of about 1e17 at 50 random samples of one input, and with two inputs has half
 the rank it needs. OKID with an observer takes its place.
 """

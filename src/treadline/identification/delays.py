@@ -17,6 +17,8 @@ SURE = 1e-4
 def input_delays(observer: ObserverMarkov) -> list[int]:
     """Return after how many samples each input shows in the outputs: 0 with feedthrough, 1 without, more with dead time.
 
+    An input that nowhere shows counts as 1.
+
     Coefficients of inputs at smaller lags are zero then; each lag's are tested against their covariance (Wald).
     """
     o = observer.scaled()

@@ -48,6 +48,8 @@ def hankel_svd(
     columns: int,
     input_scale: Float[np.ndarray, " m"],
     output_scale: Float[np.ndarray, " p"],
+    *,
+    rank: int = RANK_MOST,
 ) -> HankelSvd:
     """Return the singular value decomposition of H, channels scaled to unit deviation.
 
@@ -55,7 +57,7 @@ def hankel_svd(
     """
     scaled = markov * input_scale / output_scale[:, None]
     H = hankel(scaled, rows, columns, 0)
-    U, s, Vt = decompose(H)
+    U, s, Vt = decompose(H, max(rank, RANK_MOST))
     return HankelSvd(U=U, s=s, Vt=Vt, shifted=hankel(scaled, rows, columns, 1), matrix=H)
 
 

@@ -79,14 +79,19 @@ class Identified:
         """How sure the model is; None where the data are too short to tell. Dead time counts as known."""
         found = self._found
         recipe, fitting = found.recipe, found.fitting
-        if recipe.method in ("deconvolution", "era-dc"):
-            return None  # of neither is the law of the errors known here
+        if recipe.method in ("deconvolution", "era-dc") or recipe.step == "inputs-again":
+            return None  # the law of their errors is not known here
         if recipe.step == "subspace" and recipe.method != "pbsid":
             observer, svd = fitting.observer(recipe.lags, recipe.order)
             return of_observer(observer, svd, found.system, found.units, fitting.data)
         if recipe.step in ("subspace", "prediction-error") and found.system.K is not None:
             runs = predictors_of(fitting.experiments(), least=4 * recipe.order + 4)
-            return of_predicting(found.system, runs, fitting.fixed, found.units) if runs else None
+            if not runs:
+                return None
+            # Sums may hold more than the samples at hand, of a stream or of earlier data.
+            share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
+            told = of_predicting(found.system, runs, fitting.fixed, found.units)
+            return told if told is None or recipe.step != "subspace" else told.narrowed(share)
         return of_refined(found.system, fitting.experiments(constants=recipe.constants), fitting.fixed, found.units)
 
     @cached_property
@@ -106,6 +111,8 @@ class Identified:
             order=model.order,
             lags=found.recipe.lags,
             method=self._method,
+            subspace=found.recipe.method,
+            constants=found.recipe.constants,
             step=found.recipe.step,
             feedthrough=found.fitting.feedthrough,
             delays=delays,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
@@ -23,7 +24,6 @@ from treadline.identification.checks import (
 )
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
-from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
 from treadline.identification.gram import Gram, GramBuilder, Units, gram
 from treadline.identification.identified import Found, Identified
@@ -79,7 +79,7 @@ def identify(
         validation: Share of each record, at its end, kept for validation, or another record; without it the report's
             figures are on the data that were fitted.
         prior: Sums of earlier data (``Identified.gram``) to go on from.
-        forgetting: Weight that what was seen loses with each new sample: 1 forgets nothing.
+        forgetting: Factor on the weight of what was seen, for each new sample: 1 forgets nothing.
         told: Is told what ``best`` tries.
 
     Raises:
@@ -180,10 +180,12 @@ def from_sums(
         names = channel_names(records[0])
         chosen = best(fitting, lags=used, order=order, guess=choice.order, sure=sure, names=names, told=told)
         recipe, system, trials = chosen.recipe, chosen.system, chosen.trials
-        choice = OrderChoice(order=recipe.order, gap=_gap(svd, recipe.order), clear=True)
         if stands_out(svd.s, noise or 0.0):
             warnings.clear()  # the singular values' doubt is settled by data held out
+        # What is reported is of the lags that were taken; the noise was seen with others, unless they are the same.
         observer, svd = fitting.observer(recipe.lags, recipe.order)
+        noise = noise if recipe.lags == used else None
+        choice = OrderChoice(order=recipe.order, gap=_gap(svd.s[: structural_order(observer)], recipe.order), clear=True)
     else:
         # Without noise there is nothing to choose: OKID/ERA is exact.
         recipe = _recipe("okid-era" if method == "best" else method, used, lags, choice.order, data)
@@ -212,7 +214,7 @@ def from_sums(
 
 def _printed(fitting: Fitting, order: int | None, warnings: list[str]) -> Found:
     """Return the model that ERA makes of Eq. (9c)'s impulse response."""
-    units = fitting.units()
+    units = fitting.units(constants=False)
     observer, svd = observer_of(fitting.records, units)
     choice = settle_order(svd, order, None, 0.0, warnings)
     return Found(
@@ -249,8 +251,7 @@ def _too_little(support: int, order: int) -> str:
     return f"the inputs excite order {support} persistently, not {order}"
 
 
-def _gap(svd: HankelSvd, order: int) -> float:
-    s = svd.s
+def _gap(s: Float[np.ndarray, " k"], order: int) -> float:
     return float(s[order - 1] / s[order]) if order < s.size and s[order] > 0.0 else float("inf")
 
 

@@ -3,7 +3,8 @@
 A model carries directions, changes of (A, B, C, D) per unit of independent standard normal numbers. For OKID/ERA they
 follow from the covariance of the regression through Markov parameters and realisation. For refined models they follow
 from the curvature of what was minimised, widened by what residuals remember (a sandwich with Bartlett weights: Newey and
-West, 1987). Neither knows of a wrong order, of a nonlinearity, or of the choice between recipes.
+West, 1987). Neither knows of a wrong order, of a nonlinearity, of the bias that few lags leave a subspace method, or of the
+choice between recipes.
 """
 
 from collections.abc import Sequence
@@ -44,6 +45,10 @@ class Intervals:
     ways: Directions
     """Changes per standard normal number; the sum of their squares is a variance."""
     units: Units
+
+    def narrowed(self, share: float) -> "Intervals":
+        """Return the intervals of a model made of more data, of which these tell of a share."""
+        return Intervals(system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units)
 
     def pole_radii(self) -> Float[np.ndarray, " n"]:
         """Return the radius of each pole's disc that holds the true one with 95 %.

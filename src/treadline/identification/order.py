@@ -44,7 +44,7 @@ def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0
     s = np.maximum(singular_values, NUMERICAL_ZERO * singular_values[0])
     candidates = len(s) - 1
     if candidates < 1:
-        return OrderChoice(order=1, gap=float("inf"), clear=False)
+        return OrderChoice(order=1, gap=float("inf"), clear=stands_out(s, noise))
     floor = float(np.median(s[len(s) // 2 :]))
     ratios = s[:candidates] / s[1 : candidates + 1]
     above = s[:candidates] > max(floor, FURTHER_ABOVE_NOISE * noise)

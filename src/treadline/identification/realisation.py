@@ -22,7 +22,8 @@ def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
     """Return the decomposed Hankel matrix of the observer's system, long enough for an order."""
     blocks = block_rows(observer, order)
     units = observer.units
-    return hankel_svd(system_markov(observer, 2 * blocks + 1), blocks, blocks, units.input_scale, units.output_scale)
+    markov = system_markov(observer, 2 * blocks + 1)
+    return hankel_svd(markov, blocks, blocks, units.input_scale, units.output_scale, rank=(order or 0) + 1)
 
 
 def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated: bool = False) -> Affine:

@@ -21,8 +21,6 @@ from treadline.models import InputOutputRecord
 ON_CIRCLE = 1e-9
 TRIES = 8
 """Shorter and shorter steps before refinement ends."""
-ROWS = 1 << 15
-"""Samples per pass of the derivatives."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +169,7 @@ def descended(
             trial = ways.moved(best, step)
             there = cost(trial, experiments) if trial.radius <= bound else float("inf")
             if there < now:
-                # Nielsen's rule (1999): the better the parabola foretold the gain, the bolder the next step.
+                # After Nielsen (1999): the better the parabola foretold the gain, the bolder the next step.
                 foretold = float(2.0 * step @ g - step @ H @ step)
                 damping *= max(0.1, 1.0 - (2.0 * (now - there) / foretold - 1.0) ** 3)
                 best, now, rise = trial, there, 2.0

@@ -16,9 +16,11 @@ STILL = 0.5
 
 LONG_ENOUGH = 20
 """Samples of a record from which its residuals are tested, over ten lags."""
+NOTHING_EXPLAINED = 10.0
+"""Percent of fit and of variance below which a model is none."""
 EXACT_PERCENT = 1e-10
 """Share of the variance that rounding may leave."""
-TOGETHER = 0.15
+NEARLY_TOGETHER = 0.15
 """Share of an input's variance that tells the inputs apart, below which they count as moving together: correlation 0.85."""
 
 
@@ -42,6 +44,10 @@ class IdentificationReport:
     order: int
     lags: int
     method: str
+    subspace: str
+    """What gave A and C first: ``okid-era``, ``era-dc`` or ``pbsid``."""
+    constants: bool
+    """Whether offsets were estimated; if not, rest is zero."""
     step: str
     """The last step that was taken: ``subspace``, ``inputs-again``, ``output-error`` or ``prediction-error``."""
     feedthrough: bool
@@ -84,7 +90,10 @@ class Judgement:
 
 
 def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
-    """Return a model's figures, mean over the records; of p-values the smallest. Records too short to test do not count."""
+    """Return a model's figures, mean over the records; of p-values the smallest, times their number (Bonferroni).
+
+    Records too short to test do not count.
+    """
     judged = [record for record in judged if len(record) >= LONG_ENOUGH] or [max(judged, key=len)]
     with np.errstate(over="ignore", invalid="ignore"):
         residuals = [validate.one_step_residuals(model, record) for record in judged]
@@ -96,10 +105,10 @@ def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
     return Judgement(
         fit_percent={name: _figure(value) for name, value in zip(names, fit, strict=True)},
         one_step_vaf_percent={name: _figure(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=1.0 if exact else known(min(validate.whiteness_p(e) for e in residuals)),
+        whiteness_p=1.0 if exact else known(smallest([validate.whiteness_p(e) for e in residuals])),
         crosscorrelation_p=1.0
         if exact
-        else known(min(validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True))),
+        else known(smallest([validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)])),
     )
 
 
@@ -113,10 +122,15 @@ def doubts(
     found = []
     radius = float(np.abs(np.linalg.eigvals(model.A)).max())
     if radius > 1.0 + 1e-6:
-        found.append(f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? --stable mends it")
+        found.append(
+            f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
+            "known to be stable"
+        )
     for name, value in judgement.fit_percent.items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
+    if max(*judgement.fit_percent.values(), *judgement.one_step_vaf_percent.values()) < NOTHING_EXPLAINED:
+        found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
         found += _stillness(model, fitted, judged)
     if judgement.whiteness_p is not None and judgement.whiteness_p < MEANINGFUL:
@@ -134,7 +148,7 @@ def together(records: Sequence[InputOutputRecord], names: Sequence[str]) -> list
     u = np.vstack([record.u for record in records])
     u = u[np.isfinite(u).all(axis=1)]
     values, V = np.linalg.eigh(np.corrcoef(u.T)) if u.shape[1] > 1 else (np.ones(1), np.eye(1))
-    if values[0] > TOGETHER:
+    if values[0] > NEARLY_TOGETHER:
         return []
     two = np.argsort(-np.abs(V[:, 0]))[:2]
     return [
@@ -150,6 +164,11 @@ def _stillness(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: 
         for name, ratio in zip(model.output_names, after / before, strict=True)
         if ratio < STILL
     ]
+
+
+def smallest(p_values: Sequence[float]) -> float:
+    """Return the p-value of all of several hypotheses."""
+    return min(1.0, len(p_values) * min(p_values))
 
 
 def known(value: float) -> float | None:

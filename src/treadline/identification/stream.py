@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_records
-from treadline.identification.gram import Gram, GramBuilder, units_of
+from treadline.identification.gram import Gram, GramBuilder
 from treadline.identification.identified import Identified
 from treadline.identification.identify import SOLVERS, described, from_sums
 from treadline.identification.threads import one_thread
@@ -75,8 +75,8 @@ def _summed(
     count = 0
     for count, chunk in enumerate(chunks, start=1):
         if builder is None or last is None:
-            check_records([chunk])
-            builder = GramBuilder(carried_lags([chunk], lags, order), units_of([chunk]), chunk.dt_s, solver=solver)
+            units = check_records([chunk])
+            builder = GramBuilder(carried_lags([chunk], lags, order), units, chunk.dt_s, solver=solver)
             last = chunk
         else:
             last = joined_in_time(last, chunk)

@@ -125,9 +125,9 @@ def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS)
 def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = CROSS_LAGS) -> float:
     """Return the p-value of the residuals having nothing to do with inputs up to some samples ago.
 
-    The covariance of residuals and past inputs, weighed by both covariances, is χ² where they are independent (Ljung,
-    System Identification, 1999, section 16.6, for all pairs at once). What they share says the model misses dynamics. On
-    the data that were fitted p runs high: the fit has made the residuals look independent.
+    The covariance of residuals and past inputs, weighed by both covariances, is χ² where they are independent and one of
+    them is white (Ljung, System Identification, 1999, section 16.6, for all pairs at once). What they share says the model
+    misses dynamics. On the data that were fitted p runs high: the fit has made the residuals look independent.
     """
     whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
     past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
