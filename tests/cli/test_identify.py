@@ -101,6 +101,17 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
     assert abs(found["1.0"] - 0.7) > 0.05
 
 
+def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: Path) -> None:
+    log, sums = write_log(tmp_path / "log.csv"), tmp_path / "sums.npz"
+    common = ("--no-page", "--out", tmp_path / "m.json")
+    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--sums", sums).code == 0
+    swapped = ["--inputs", "right_m_s,left_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
+    outcome = run("identify", log, *swapped, *common, "--update", sums)
+    assert outcome.code == 2
+    assert "right_m_s, left_m_s" in outcome.err
+    assert run("identify", log, *CHANNELS, *common, "--update", sums, "--delays", "1,1").code == 2
+
+
 def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.csv", late=3)
     common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--json")

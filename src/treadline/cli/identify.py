@@ -80,8 +80,12 @@ def identify(
     for option, value, allowed in (("--method", method, METHODS), ("--solver", solver, SOLVERS)):
         if value is not None and value not in allowed:
             raise SettingsError(f"{option} is '{value}'; allowed: {', '.join(allowed)}")
-    if validate is not None and validate_on is not None:
-        raise SettingsError("give --validate or --validate-on, not both")
+    _check_pairs(
+        (
+            (validate, validate_on, "give --validate or --validate-on, not both"),
+            (delays, sums or update, "--delays shifts the inputs before they are summed: sums, saved or updated, cannot know it"),
+        )
+    )
     u, y = _channels(inputs, outputs)
     long = [path for path in logs if path.suffix.lower() in STREAMED and path.is_file() and path.stat().st_size > STREAMED_BYTES]
     if stream or (stream is None and long and method != "best" and update is None):
@@ -208,6 +212,12 @@ def _streamed(
     reader = read_chunks(logs[0], inputs, outputs, period_s=period, allow_gaps=allow_gaps)
     with Share(f"reading {logs[0].name}", lambda: reader.fraction) as share:
         return identify_chunks(share.of(reader), order=order, lags=lags, method=method, solver=solver)
+
+
+def _check_pairs(pairs: Sequence[tuple[object, object, str]]) -> None:
+    for one, other, why in pairs:
+        if one is not None and other is not None:
+            raise SettingsError(why)
 
 
 def _channels(inputs: str, outputs: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

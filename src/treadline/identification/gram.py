@@ -64,6 +64,8 @@ class Gram:
     dropped: int
     root: Float[np.ndarray, "_ q"] | None = None
     """R with R'R = sums, by orthogonal steps (``solver="qr"``): digits that squaring would lose."""
+    names: tuple[str, ...] = ()
+    """Channels, inputs first; empty where nobody said."""
 
     def __add__(self, other: "Gram") -> "Gram":
         if self.lags != other.lags or self.sums.shape != other.sums.shape:
@@ -111,6 +113,7 @@ class Gram:
                         shift=self.units.shift,
                         scale=self.units.scale,
                         input_count=self.units.input_count,
+                        names=np.array(self.names, dtype=np.str_),
                     )
                 temporary.replace(path)
             finally:
@@ -128,6 +131,7 @@ class Gram:
         try:
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
                 values = {name: file[name] for name in _SAVED}
+                names = tuple(str(name) for name in file["names"]) if "names" in file else ()
         except FileNotFoundError:
             raise LogFormatError(f"{path}: no such file") from None
         except KeyError as error:
@@ -145,6 +149,7 @@ class Gram:
             sums=values["sums"],
             count=float(values["count"]),
             dropped=int(values["dropped"]),
+            names=names,
         )
 
 

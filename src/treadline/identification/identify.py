@@ -310,7 +310,7 @@ def _sums(
         before = builder.finish()
         builder.add(record.u[middle:], record.y[middle:])
         marks.append((before, builder.finish()))
-    whole = marks[-1][1]
+    whole = replace(marks[-1][1], names=channel_names(records[0]))
     if order is not None:
         return whole, None
     # The first halves: what stood at each middle, less what stood before that record.
@@ -382,6 +382,10 @@ def _check_prior(prior: Gram, record: InputOutputRecord, method: str, lags: int 
         raise SettingsError(
             f"the prior has {prior.units.input_count} inputs of {len(prior.units.scale)} channels, the record "
             f"{record.u.shape[1]} of {record.u.shape[1] + record.y.shape[1]}"
+        )
+    if prior.names and prior.names != channel_names(record):
+        raise SettingsError(
+            f"the prior is of {', '.join(prior.names)}; the record's channels are {', '.join(channel_names(record))}"
         )
     if abs(prior.dt_s - record.dt_s) > 1e-9 * prior.dt_s:
         raise SettingsError(f"the prior's period is {prior.dt_s:g} s, the record's {record.dt_s:g} s")

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
@@ -86,7 +87,7 @@ def _summed(
             marks[count] = builder.finish()
     if builder is None or last is None:
         raise PoorExcitation("there is no chunk of data; give a longer record")
-    whole = builder.finish()
+    whole = replace(builder.finish(), names=channel_names(last))
     first = marks[max(mark for mark in marks if 2 * mark <= max(count, 2))]
     halves = (first, whole - first) if count > 1 else None
     return whole, halves, last
