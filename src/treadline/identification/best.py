@@ -16,7 +16,7 @@ from jaxtyping import Float
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import GROWTH, Fitting, Recipe
-from treadline.identification.gram import Units, gram
+from treadline.identification.gram import gram_of
 from treadline.identification.intervals import of_observer
 from treadline.identification.kernels import observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit, predictors_of
@@ -97,10 +97,7 @@ class Choice:
 
     recipe: Recipe
     system: Affine
-    units: Units
     trials: list[Trial]
-    by_forecasts: bool
-    """Whether forecasts judged, not free runs."""
 
 
 def best(
@@ -150,8 +147,7 @@ def best(
         search.settle_constants(lambda recipe: _does_not_decay(whole, recipe))
     recipe = search.winner()
     system = whole.with_gain(_on_all(whole, recipe, rows if breadth is WIDE else []), constants=recipe.constants)
-    units = whole.units(constants=recipe.constants)
-    return Choice(recipe=recipe, system=system, units=units, trials=search.trials, by_forecasts=by_forecasts)
+    return Choice(recipe=recipe, system=system, trials=search.trials)
 
 
 def _most_states(folds: Sequence[Fold]) -> int:
@@ -340,11 +336,7 @@ def folds_of(whole: Fitting, most: int = BLOCKS) -> list[Fold]:
 
 def _fitting(records: Sequence[InputOutputRecord], whole: Fitting) -> Fitting:
     data = whole.data
-    parts = [gram(record, data.lags, data.units) for record in records]
-    joined = parts[0]
-    for item in parts[1:]:
-        joined = joined + item
-    return Fitting(data=joined, records=records, feedthrough=whole.feedthrough)
+    return Fitting(data=gram_of(records, data.lags, data.units), records=records, feedthrough=whole.feedthrough)
 
 
 def _recent(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:

@@ -313,9 +313,15 @@ def gram(record: InputOutputRecord, lags: int, units: Units, *, solver: str = "g
     Args:
         solver: ``gram``, or ``qr``: orthogonal steps, ten times dearer, for data whose digits all count.
     """
-    builder = GramBuilder(lags, units, record.dt_s, solver=solver)
-    builder.begin()
-    builder.add(record.u, record.y)
+    return gram_of([record], lags, units, solver=solver)
+
+
+def gram_of(records: Sequence[InputOutputRecord], lags: int, units: Units, *, solver: str = "gram") -> Gram:
+    """Return the Gram matrix of several experiments."""
+    builder = GramBuilder(lags, units, records[0].dt_s, solver=solver)
+    for record in records:
+        builder.begin()
+        builder.add(record.u, record.y)
     return builder.finish()
 
 

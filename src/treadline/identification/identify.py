@@ -25,7 +25,7 @@ from treadline.identification.checks import (
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
-from treadline.identification.gram import Gram, GramBuilder, Units, gram
+from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import Found, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.order import OrderChoice, stands_out
@@ -298,31 +298,26 @@ def _sums(
 ) -> tuple[Gram, tuple[Gram, Gram] | None]:
     """Return the sums of all records, and where the order is open those of two halves of them."""
     if prior is not None:
-        new = _joined([gram(record, prior.lags, prior.units, solver=solver) for record in records])
+        new = gram_of(records, prior.lags, prior.units, solver=solver)
         return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
-    most = carried_lags(records, lags, order)
+    most, names = carried_lags(records, lags, order), channel_names(records[0])
+    if order is not None:
+        return replace(gram_of(records, most, units, solver=solver), names=names), None
     builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
     marks = []
     for record in records:
         builder.begin()
-        middle = len(record) // 2 if order is None else 0
+        middle = len(record) // 2
         builder.add(record.u[:middle], record.y[:middle])
         before = builder.finish()
         builder.add(record.u[middle:], record.y[middle:])
         marks.append((before, builder.finish()))
-    whole = replace(marks[-1][1], names=channel_names(records[0]))
-    if order is not None:
-        return whole, None
+    whole = replace(marks[-1][1], names=names)
     # The first halves: what stood at each middle, less what stood before that record.
-    first = _joined([marks[0][0], *(half - earlier for (half, _), (_, earlier) in zip(marks[1:], marks, strict=False))])
+    first = marks[0][0]
+    for (half, _), (_, earlier) in zip(marks[1:], marks, strict=False):
+        first = first + (half - earlier)
     return whole, (first, whole - first)
-
-
-def _joined(parts: Sequence[Gram]) -> Gram:
-    whole = parts[0]
-    for item in parts[1:]:
-        whole = whole + item
-    return whole
 
 
 def _split(

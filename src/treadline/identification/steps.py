@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_records
-from treadline.identification.gram import Gram, GramBuilder
+from treadline.identification.gram import Gram, gram_of
 from treadline.identification.okid import ObserverMarkov, observer_markov
 from treadline.identification.pbsid import pbsid as realised_by_pbsid
 from treadline.identification.pbsid import state_map
@@ -58,8 +58,4 @@ def pbsid(
 def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
     units = check_records(given)
-    builder = GramBuilder(carried_lags(given, lags, order), units, given[0].dt_s, solver=solver)
-    for record in given:
-        builder.begin()
-        builder.add(record.u, record.y)
-    return builder.finish()
+    return gram_of(given, carried_lags(given, lags, order), units, solver=solver)
