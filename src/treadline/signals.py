@@ -12,6 +12,7 @@ flight, positive anticlockwise seen from above.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -108,6 +109,46 @@ class HeadingMeasurement:
     heading_rad: float
     sigma_rad: float
     edge_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairAxes:
+    """The stair's directions as one frame shows them, in C: what is believed of the mount has no part in them."""
+
+    t_s: float
+    edge_C: Float[np.ndarray, " 3"]
+    """Unit vector along the nosings, pointing right."""
+    down_C: Float[np.ndarray, " 3"]
+    """Unit vector square to the treads and to ``edge_C``: where gravity points on a stair that is level."""
+    normal_C: Float[np.ndarray, " 3"]
+    """Unit vector square to the plane through the nosings, pointing away from the stair."""
+    edge_sigma_rad: float
+    """Of the edge's direction about ``normal_C``."""
+    down_sigma_rad: float
+    """Of ``down_C`` about the edge."""
+    normal_sigma_rad: float
+    """Of ``normal_C`` about the edge."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairMap:
+    """The stair ahead as one frame shows it, in the chair's frame B."""
+
+    t_s: float
+    direction: Literal["up", "down"]
+    """Whether the flight ahead rises or falls."""
+    nosings_B: Float[np.ndarray, "n 3"]
+    """Where each nosing seen meets the chair's middle plane (y = 0), the nearest first [m]."""
+    rise_m: float
+    run_m: float
+    slope_rad: float
+    ends: bool
+    """Whether the last of ``nosings_B`` is the flight's last: beyond it lies a landing or a floor."""
+    left_wall_m: float | None
+    """Free width from the chair's middle to the wall or rail at the left, square to it; None if none is seen."""
+    right_wall_m: float | None
+    obstacle_m: float | None
+    """Along x to the nearest thing that stands in the volume the chair will sweep; None if that is free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
