@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float64
 
 from treadline.errors import LogFormatError, RecordError, TreadlineError
 from treadline.io.channels import Channels, Series
-from treadline.io.mcap_messages import mcap_messages
+from treadline.io.mcap_read import mcap_messages
 from treadline.io.resample import held, rows_of
 from treadline.io.ros_bags import bag_messages, db3_messages
 from treadline.io.ros_types import Packet

@@ -15,7 +15,7 @@ import zstandard
 
 from treadline.errors import LogFormatError
 from treadline.io import mcap_read
-from treadline.io.mcap_messages import inflate_lz4, inflate_zstd
+from treadline.io.mcap_read import inflate_lz4, inflate_zstd
 from treadline.io.ros_types import Packet, Topic, needs_rosbags
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
