@@ -5,7 +5,7 @@ Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, 
 angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,6 +16,7 @@ from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
+from treadline.sim.camera.solids import Solid, solids_of
 
 SENSOR_WIDTH_PX = 640
 VIEW_M = 7.0
@@ -63,7 +64,7 @@ class ExactView:
 
     depth_m: Float[np.ndarray, "h w"]
     face: Int[np.ndarray, "h w"]
-    """6 · box + side with the place of the box in ``Staircase.boxes()``; -1 where nothing is hit."""
+    """6 · solid + side with the place of the solid in the scene; -1 where nothing is hit."""
 
 
 class RenderedFrame(RgbdFrame):
@@ -102,36 +103,41 @@ class RenderedFrame(RgbdFrame):
 
 
 class Camera:
-    """One camera in front of one staircase."""
+    """One camera in front of one staircase, or of any solids.
+
+    ``told`` is the calibration its frames carry, where that is not quite true.
+    """
 
     def __init__(
         self,
-        staircase: Staircase,
+        scene: Staircase | Sequence[Solid],
         calibration: PinholeCamera,
         *,
+        told: PinholeCamera | None = None,
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
         rng: np.random.Generator,
     ) -> None:
-        boxes = staircase.boxes()
+        solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
+        self._told = told or calibration
         self._sensor = SENSORS.get(kind)
         self._pattern = TEXTURES.index(texture)
         self._light = light
         self._rng = rng
-        self._centres = np.array([box.centre_W for box in boxes])
-        self._halves = np.array([box.half_m for box in boxes])
-        self._yaws = np.array([box.yaw_rad for box in boxes])
+        self._centres = np.array([solid.centre_W for solid in solids])
+        self._halves = np.array([solid.half_m for solid in solids])
+        self._turns = np.array([solid.R_WK for solid in solids])
         colours = {"wall": WALL_COLOUR, "floor": FLOOR_COLOUR}
-        self._colours = np.array([colours.get(box.kind, COLOURS[texture]) for box in boxes])
+        self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[texture]) for solid in solids])
         self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
-        self._large = np.array([box.kind in ("wall", "floor", "landing") for box in boxes])
+        self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         # Drawn once; each frame reads its streams from places of its own. Fresh numbers would cost as much as the rest.
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
-        self._shades = np.tile(np.array(SHADES), (len(boxes), 1))
+        self._shades = np.tile(np.array(SHADES), (len(solids), 1))
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
         """Return depth and faces as they are."""
@@ -145,7 +151,7 @@ class Camera:
         return RenderedFrame(
             t_s=t_s,
             depth_m=self._measured(depth, face),
-            camera=self.calibration,
+            camera=self._told,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
 
@@ -191,7 +197,7 @@ class Camera:
         kernels.cast(
             self._centres[near],
             self._halves[near],
-            self._yaws[near],
+            self._turns[near],
             np.ascontiguousarray(R_WC),
             np.ascontiguousarray(p_WC),
             camera.fx_px,

@@ -12,9 +12,10 @@ NEAR_M = 0.02
 
 @njit(cache=True)
 @no_type_check
-def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
+def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
 
+    ``turns`` holds each box's rotation in the world.
     Each face that looks at the camera is a convex polygon in the image, on which the inverse depth is linear: it is
     clipped, filled row by row and kept where it is nearer. A pixel without a hit within ``far`` gets NaN and -1.
     Sides: 0/1 -x/+x, 2/3 -y/+y, 4/5 -z/+z in the box's frame.
@@ -27,13 +28,12 @@ def cast(centres, halves, yaws, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     corners = np.empty((4, 3))
     clipped = np.empty((6, 3))
     for b in range(centres.shape[0]):
-        c, s = math.cos(yaws[b]), math.sin(yaws[b])
         rx, ry, rz = p_WC[0] - centres[b, 0], p_WC[1] - centres[b, 1], p_WC[2] - centres[b, 2]
-        o[0], o[1], o[2] = c * rx + s * ry, -s * rx + c * ry, rz
-        for j in range(3):
-            M[0, j] = c * R_WC[0, j] + s * R_WC[1, j]
-            M[1, j] = -s * R_WC[0, j] + c * R_WC[1, j]
-            M[2, j] = R_WC[2, j]
+        for i in range(3):
+            x, y, z = turns[b, 0, i], turns[b, 1, i], turns[b, 2, i]
+            o[i] = x * rx + y * ry + z * rz
+            for j in range(3):
+                M[i, j] = x * R_WC[0, j] + y * R_WC[1, j] + z * R_WC[2, j]
         for side in range(6):
             i = side // 2
             level = halves[b, i] if side % 2 else -halves[b, i]

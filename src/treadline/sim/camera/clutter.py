@@ -1,0 +1,166 @@
+"""What stands and lies on real stairs: rails, a person's legs, a mat, a bag, strips along the nosings, worn edges."""
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.mechanics.staircase import TREAD_THICKNESS_M, Staircase, Step
+from treadline.sim.camera.recipe import Clutter
+from treadline.sim.camera.solids import Rgb, Solid, beam, upright
+
+RAIL_INSET_M = 0.07
+"""From the stair's side to the middle of a rail."""
+RAIL_M = 0.045
+RAIL_HEIGHT_M = 0.9
+POST_M = 0.025
+TROUSERS: tuple[Rgb, ...] = ((52.0, 60.0, 85.0), (70.0, 66.0, 60.0), (40.0, 40.0, 44.0))
+BAGS: tuple[Rgb, ...] = ((150.0, 40.0, 38.0), (44.0, 74.0, 52.0), (60.0, 56.0, 52.0))
+STEEL: Rgb = (150.0, 152.0, 156.0)
+STRIP: Rgb = (214.0, 178.0, 50.0)
+MAT: Rgb = (70.0, 84.0, 70.0)
+OBSTACLES = ("leg", "bag")
+"""Kinds that stand in a chair's way."""
+PIECE_M = 0.2
+"""Length along a nosing over which it is worn alike."""
+CHAMFER_M = 0.004
+"""Thickness of the plate that closes a worn edge; all of it but the face lies within the step."""
+
+
+def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Generator) -> list[Solid]:
+    """Return what makes up one kind of clutter; nothing for a kind that is light or water, which the painter adds.
+
+    Args:
+        step: That the thing stands on or, of a thing along the whole flight, is near to.
+    """
+    makers: dict[str, Callable[[], list[Solid]]] = {
+        "rail_left": lambda: _rail(staircase, 1.0),
+        "rail_right": lambda: _rail(staircase, -1.0),
+        "legs": lambda: _legs(staircase, staircase.steps[step], rng),
+        "mat": lambda: _mat(staircase, staircase.steps[step], rng),
+        "bag": lambda: _bag(staircase, staircase.steps[step], rng),
+        "strips": lambda: _strips(staircase),
+    }
+    return makers[name]() if name in makers else []
+
+
+def _rail(staircase: Staircase, side: float) -> list[Solid]:
+    first, last = staircase.steps[0], staircase.steps[-1]
+    y = side * (0.5 * staircase.width_m - RAIL_INSET_M)
+    start = np.array([first.x_m, y, first.z_m + RAIL_HEIGHT_M])
+    end = np.array([last.x_m, y, last.z_m + RAIL_HEIGHT_M])
+    posts = [
+        beam(
+            "rail",
+            np.array([step.x_m + 0.5 * step.depth_m, y, step.z_m]),
+            np.array([step.x_m + 0.5 * step.depth_m, y, step.z_m + RAIL_HEIGHT_M]),
+            (POST_M, POST_M),
+            colour=STEEL,
+        )
+        for step in staircase.steps[:: 3 if rail_is_sparse(staircase) else 1]
+    ]
+    return [beam("rail", start, end, (RAIL_M, RAIL_M), colour=STEEL), *posts]
+
+
+def rail_is_sparse(staircase: Staircase) -> bool:
+    """Return whether a rail has a post on every third step only: beside a wall it needs no bars."""
+    return staircase.walls != "none"
+
+
+def _legs(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
+    """Return a person's lower half: the feet on two steps that follow each other."""
+    colour = TROUSERS[int(rng.integers(len(TROUSERS)))]
+    y = float(rng.uniform(-0.5, 0.5)) * (staircase.width_m - 0.5)
+    forward = 0.5 * step.depth_m
+    hip = np.array([step.x_m + forward + 0.1, y, step.z_m + 0.95])
+    solids = []
+    for offset, rise, along in ((0.11, 0.0, forward), (-0.11, step.rise_m, forward + step.depth_m)):
+        ankle = np.array([step.x_m + along, y + offset, step.z_m + rise + 0.08])
+        solids.append(beam("leg", ankle, hip + np.array([0.0, offset, 0.0]), (0.13, 0.14), colour=colour))
+        low = (step.x_m + along - 0.14, y + offset - 0.05, step.z_m + rise)
+        high = (step.x_m + along + 0.12, y + offset + 0.05, step.z_m + rise + 0.1)
+        solids.append(upright("leg", low, high, colour=(48.0, 38.0, 30.0)))
+    return solids
+
+
+def _mat(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
+    """Return a thin mat, a little askew."""
+    y = float(rng.uniform(-0.2, 0.2))
+    half = 0.35 * staircase.width_m
+    low = (step.x_m + 0.03, y - half, step.z_m)
+    high = (step.x_m + step.depth_m - 0.02, y + half, step.z_m + 0.012)
+    return [upright("mat", low, high, colour=MAT, yaw_rad=float(rng.uniform(-0.05, 0.05)))]
+
+
+def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
+    """Return a bag that leans on the riser behind it."""
+    size = rng.uniform((0.16, 0.24, 0.22), (0.24, 0.4, 0.4))
+    y = float(rng.uniform(-0.5, 0.5)) * (staircase.width_m - size[1])
+    x = step.x_m + step.depth_m - 0.5 * size[0] - 0.03
+    low = (x - 0.5 * size[0], y - 0.5 * size[1], step.z_m)
+    high = (x + 0.5 * size[0], y + 0.5 * size[1], step.z_m + size[2])
+    colour = BAGS[int(rng.integers(len(BAGS)))]
+    return [upright("bag", low, high, colour=colour, yaw_rad=float(rng.uniform(-0.6, 0.6)))]
+
+
+def _strips(staircase: Staircase) -> list[Solid]:
+    """Return a coloured strip of a hand's breadth along every nosing, a millimetre proud."""
+    half = 0.5 * staircase.width_m
+    strips = []
+    for step in staircase.steps:
+        if not step.missing:
+            forward = np.array([math.cos(step.yaw_rad), math.sin(step.yaw_rad), 0.0])
+            centre = np.array([step.x_m, 0.0, step.z_m]) + 0.03 * forward
+            low, high = centre - np.array([0.025, half, 0.001]), centre + np.array([0.025, half, 0.001])
+            strips.append(upright("strip", tuple(low), tuple(high), colour=STRIP, yaw_rad=step.yaw_rad, index=step.index))
+    return strips
+
+
+def worn_step(solid: Solid, open_risers: bool, worn_m: float, rng: np.random.Generator) -> list[Solid]:
+    """Return a step whose nosing is worn: in pieces along its length, each with a chamfer of its own size."""
+    limit = min(worn_m, 0.4 * TREAD_THICKNESS_M) if open_risers else worn_m
+    half_depth, half_width, half_height = solid.half_m
+    parts = [
+        _part(solid, (-half_depth, half_depth), (-half_width, half_width), (-half_height, half_height - limit)),
+        _part(solid, (limit - half_depth, half_depth), (-half_width, half_width), (half_height - limit, half_height)),
+    ]
+    cuts = np.linspace(-half_width, half_width, max(2, round(2.0 * half_width / PIECE_M)) + 1)
+    for right, left in itertools.pairwise(cuts.tolist()):
+        size = float(rng.uniform(0.15, 1.0)) * limit
+        front, top = -half_depth, half_height
+        parts.append(_part(solid, (front, front + limit), (right, left), (top - limit, top - size)))
+        parts.append(_part(solid, (front + size, front + limit), (right, left), (top - size, top)))
+        parts.append(_chamfer(solid, size, 0.5 * (right + left), 0.5 * (left - right)))
+    return parts
+
+
+def _part(solid: Solid, x_m: tuple[float, float], y_m: tuple[float, float], z_m: tuple[float, float]) -> Solid:
+    """Return a piece of a solid, between coordinates of its own frame."""
+    low, high = np.array([x_m[0], y_m[0], z_m[0]]), np.array([x_m[1], y_m[1], z_m[1]])
+    return _like(solid, 0.5 * (low + high), 0.5 * (high - low), np.eye(3))
+
+
+def _chamfer(solid: Solid, size: float, y: float, half_width: float) -> Solid:
+    """Return the plate whose upper face cuts the front edge off at 45°."""
+    half_depth, _, half_height = solid.half_m
+    c = math.sqrt(0.5)
+    face = np.array([0.5 * size - half_depth, y, half_height - 0.5 * size])
+    normal = np.array([-c, 0.0, c])
+    turn = np.column_stack([np.array([c, 0.0, c]), np.array([0.0, 1.0, 0.0]), normal])
+    thickness = min(CHAMFER_M, c * size)
+    return _like(solid, face - 0.5 * thickness * normal, np.array([c * size, half_width, 0.5 * thickness]), turn)
+
+
+def _like(
+    solid: Solid, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
+) -> Solid:
+    return Solid(
+        kind=solid.kind,
+        centre_W=solid.centre_W + solid.R_WK @ centre_K,
+        half_m=half_m,
+        R_WK=solid.R_WK @ turn,
+        colour=solid.colour,
+        index=solid.index,
+    )

@@ -1,0 +1,95 @@
+"""What views may look like: ranges that ``draw_view`` draws from, each checked."""
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from treadline.settings import Settings
+
+StairScene = Literal["up", "top", "foot", "down", "edge", "bottom"]
+"""Where the chair stands: within the flight, near its top, on the floor before it, facing up; within the flight, level on the
+landing before its edge, near its foot, facing down."""
+RoomScene = Literal[
+    "floor", "wall", "corridor", "corner", "shelf", "table", "boxes", "ramp", "landing", "steep", "ladder", "threshold"
+]
+"""Places without a stair that a chair could climb."""
+STAIR_SCENES: tuple[StairScene, ...] = get_args(StairScene)
+ROOM_SCENES: tuple[RoomScene, ...] = get_args(RoomScene)
+Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
+Sensor = Literal["kinect1", "kinect2", "ideal"]
+Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
+Walls = Literal["none", "left", "right", "both"]
+Range = tuple[float, float]
+"""Smallest and largest, all between equally likely."""
+Spread = Annotated[float, Field(ge=0.0)]
+"""A standard deviation."""
+PLACES_M: dict[str, Range] = {
+    "up": (0.3, 3.0),
+    "top": (0.9, 2.2),
+    "foot": (0.8, 1.8),
+    "down": (0.3, 3.0),
+    "edge": (0.8, 1.3),
+    "bottom": (0.9, 2.2),
+}
+
+
+class Recipe(Settings):
+    """Ranges of a view. A range (a, a) fixes its value; several words mean that one is drawn."""
+
+    scenes: tuple[StairScene | RoomScene, ...] = ("up",)
+    slope_deg: Range = (25.0, 35.0)
+    rise_m: Range = (0.14, 0.19)
+    run_m: Range | None = None
+    """None leaves the run to rise and slope; else the slope follows."""
+    steps: tuple[int, int] = (14, 22)
+    width_m: Range = (1.0, 1.6)
+    landing_m: Range = (1.2, 2.5)
+    back_wall_deg: Range = (-20.0, 20.0)
+    """How far the wall behind the landing is askew."""
+    walls: tuple[Walls, ...] = ("none", "left", "right", "both")
+    open_risers: bool = False
+    rise_jitter_m: Spread = 0.0
+    run_jitter_m: Spread = 0.0
+    nosing_yaw_jitter_deg: Spread = 0.0
+    worn_m: Spread = 0.0
+    """Largest radius of the nosings, which are worn unevenly along their length; zero leaves them sharp."""
+    heading_deg: Range = (-35.0, 35.0)
+    lateral_m: Range = (-0.25, 0.25)
+    place_m: Range | None = None
+    """From the chair's middle along its way: beyond the first nosing (``up``), beyond the landing's edge (``down``), or to
+    the last nosing ahead (``top``, ``bottom``) or the first (``foot``, ``edge``); None takes ``PLACES_M``."""
+    rock_deg: Spread = 0.0
+    """Pitch and roll of the chair off the nosings, or off the floor."""
+    sensor: Sensor = "kinect1"
+    height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
+    """Rows of the image; None is the sensor's usual: 240, or 424 of the Kinect 2."""
+    focal_px: Annotated[float, Field(gt=0.0)] | None = None
+    """None is the sensor's own."""
+    focal_error: Spread = 0.0
+    """By which part the calibration's focal length is off."""
+    pitch_deg: Range | None = None
+    """How far the camera looks down from the chair; None is the chair's."""
+    mount_pitch_error_deg: Range = (0.0, 0.0)
+    """True mount less the calibration in the frame."""
+    mount_roll_error_deg: Range = (0.0, 0.0)
+    gravity_error_deg: Spread = 0.5
+    """Size of the error; its direction is random."""
+    textures: tuple[Texture, ...] = get_args(Texture)
+    light: Range = (0.35, 1.6)
+    blur_px: Range = (0.0, 0.0)
+    """Length of the colour image's motion blur."""
+    clutter: tuple[Clutter, ...] = ()
+    clutter_chance: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    """That each of them is there."""
+
+    @model_validator(mode="after")
+    def _ranges_rise(self) -> "Recipe":
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            is_range = isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str)
+            if is_range and value[0] > value[1]:
+                raise ValueError(f"{name} runs from {value[0]:g} to {value[1]:g}; give the smaller first")
+        for name in ("scenes", "walls", "textures"):
+            if not getattr(self, name):
+                raise ValueError(f"{name} is empty; name at least one")
+        return self

@@ -1,0 +1,193 @@
+"""Places without a stair that a chair could climb: floors, walls, furniture, ramps, ladders and single steps.
+
+The chair stands level at the origin; what is to be seen lies ahead of it, along +x.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from treadline.angles import DEG, rotation_y
+from treadline.sim.camera.solids import Rgb, Solid, beam, upright
+
+BEECH: Rgb = (176.0, 132.0, 84.0)
+WHITE: Rgb = (205.0, 203.0, 198.0)
+CARDBOARD: Rgb = (158.0, 124.0, 84.0)
+BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))
+HALL_M = 8.0
+WALL_M = 3.0
+
+
+def room(scene: str, rng: np.random.Generator) -> list[Solid]:
+    """Return what stands in a place, floor and all."""
+    floor = upright("floor", (-HALL_M, -HALL_M, -0.2), (HALL_M, HALL_M, 0.0))
+    return [floor, *MAKERS[scene](rng)]
+
+
+def askew_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> Solid:
+    """Return a wall across the way, turned about its middle."""
+    centre = np.array([middle_x_m + 0.05 * math.cos(yaw_rad), y_m + 0.05 * math.sin(yaw_rad)])
+    low = (centre[0] - 0.05, centre[1] - half_m, low_m - 0.2)
+    high = (centre[0] + 0.05, centre[1] + half_m, low_m + WALL_M)
+    return upright("wall", low, high, yaw_rad=yaw_rad)
+
+
+def _floor(rng: np.random.Generator) -> list[Solid]:
+    del rng
+    return []
+
+
+def _wall(rng: np.random.Generator) -> list[Solid]:
+    return [askew_wall(rng.uniform(1.2, 3.0), rng.uniform(-35.0, 35.0) * DEG)]
+
+
+def _sides(half_width_m: float) -> list[Solid]:
+    return [
+        upright("wall", (-HALL_M, half_width_m, -0.2), (HALL_M, half_width_m + 0.1, WALL_M)),
+        upright("wall", (-HALL_M, -half_width_m - 0.1, -0.2), (HALL_M, -half_width_m, WALL_M)),
+    ]
+
+
+def _corridor(rng: np.random.Generator) -> list[Solid]:
+    sides = _sides(rng.uniform(0.6, 1.1))
+    skirting = [
+        upright("wall", (-HALL_M, side.centre_W[1] - 0.065, 0.0), (HALL_M, side.centre_W[1] + 0.065, 0.1), colour=WHITE)
+        for side in sides
+    ]
+    doors = [askew_wall(rng.uniform(2.0, 5.0), rng.uniform(-5.0, 5.0) * DEG)] if rng.random() < 0.5 else []
+    return [*sides, *skirting, *doors]
+
+
+def _corner(rng: np.random.Generator) -> list[Solid]:
+    yaw, y = rng.uniform(-40.0, 40.0) * DEG, rng.uniform(0.7, 1.2) * rng.choice([-1.0, 1.0])
+    return [askew_wall(rng.uniform(1.5, 2.5), yaw), askew_wall(1.0, yaw + math.copysign(90.0, y) * DEG, y_m=y)]
+
+
+def _shelf(rng: np.random.Generator) -> list[Solid]:
+    """Level boards one above the other, some with books: as many parallel edges as a stair has."""
+    x, depth, gap = rng.uniform(0.9, 1.8), rng.uniform(0.22, 0.4), rng.uniform(0.16, 0.36)
+    half = rng.uniform(0.4, 0.9)
+    yaw = rng.uniform(-25.0, 25.0) * DEG
+    boards = []
+    for level in np.arange(0.06, 1.9, gap):
+        boards.append(upright("shelf", (x, -half, level), (x + depth, half, level + 0.02), colour=BEECH))
+        y = -half + 0.05
+        while y < half - 0.1 and rng.random() < 0.9:
+            thick, tall = rng.uniform(0.02, 0.06), rng.uniform(0.5, 0.9) * gap
+            colour = BOOKS[int(rng.integers(len(BOOKS)))]
+            low = (x + rng.uniform(0.01, 0.06), y, level + 0.02)
+            boards.append(upright("book", low, (x + depth - 0.02, y + thick, level + 0.02 + tall), colour=colour))
+            y += thick + 0.004
+    frame = [upright("shelf", (x, side - 0.01, 0.0), (x + depth, side + 0.01, 1.95), colour=BEECH) for side in (-half, half)]
+    back = upright("shelf", (x + depth, -half, 0.0), (x + depth + 0.01, half, 1.95), colour=BEECH)
+    return [_turned(solid, yaw, (x, 0.0)) for solid in (*boards, *frame, back)]
+
+
+def _turned(solid: Solid, yaw_rad: float, about_m: tuple[float, float]) -> Solid:
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    pivot = np.array([*about_m, 0.0])
+    return Solid(
+        kind=solid.kind,
+        centre_W=pivot + turn @ (solid.centre_W - pivot),
+        half_m=solid.half_m,
+        R_WK=turn @ solid.R_WK,
+        colour=solid.colour,
+    )
+
+
+def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[Solid]:
+    plate = upright("furniture", (x - half[0], y - half[1], top - 0.03), (x + half[0], y + half[1], top), colour=colour)
+    legs = [
+        upright("furniture", (cx - leg, cy - leg, 0.0), (cx + leg, cy + leg, top - 0.03), colour=colour)
+        for cx in (x - half[0] + leg, x + half[0] - leg)
+        for cy in (y - half[1] + leg, y + half[1] - leg)
+    ]
+    return [plate, *legs]
+
+
+def _table(rng: np.random.Generator) -> list[Solid]:
+    x, y, yaw = rng.uniform(1.6, 2.6), rng.uniform(-0.4, 0.4), rng.uniform(-40.0, 40.0) * DEG
+    solids = _legged(x, y, (0.45, 0.8), 0.74, 0.025, BEECH)
+    for side in (-0.35, 0.35):
+        cx, cy = x - 0.55, y + side
+        solids += _legged(cx, cy, (0.22, 0.2), 0.45, 0.018, WHITE)
+        solids.append(upright("furniture", (cx - 0.24, cy - 0.2, 0.55), (cx - 0.22, cy + 0.2, 0.9), colour=WHITE))
+    wall = [askew_wall(x + rng.uniform(0.8, 2.0), yaw)] if rng.random() < 0.5 else []
+    return [*(_turned(solid, yaw, (x, y)) for solid in solids), *wall]
+
+
+def _boxes(rng: np.random.Generator) -> list[Solid]:
+    """Cartons in a heap, square to nothing, some on others."""
+    solids = []
+    for _ in range(int(rng.integers(5, 11))):
+        size = rng.uniform(0.15, 0.6, size=3)
+        x, y = rng.uniform(1.0, 2.6), rng.uniform(-0.9, 0.9)
+        z = 0.0 if rng.random() < 0.6 else rng.uniform(0.15, 0.5)
+        low = (x - 0.5 * size[0], y - 0.5 * size[1], z)
+        high = (x + 0.5 * size[0], y + 0.5 * size[1], z + size[2])
+        solids.append(upright("carton", low, high, colour=CARDBOARD, yaw_rad=rng.uniform(-1.5, 1.5)))
+    return solids
+
+
+def _ramp(rng: np.random.Generator) -> list[Solid]:
+    slope, start, length = rng.uniform(5.0, 30.0) * DEG, rng.uniform(0.8, 1.6), rng.uniform(2.0, 6.0)
+    turn = rotation_y(-slope)
+    middle = np.array([start, 0.0, 0.0]) + turn @ np.array([0.5 * length, 0.0, -0.1])
+    return [
+        Solid(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length, rng.uniform(0.6, 1.2), 0.1]), R_WK=turn),
+        *(_sides(rng.uniform(0.7, 1.3)) if rng.random() < 0.5 else []),
+    ]
+
+
+def _landing(rng: np.random.Generator) -> list[Solid]:
+    """What a chair sees that has come up: floor, a wall askew, a wall beside it."""
+    yaw = rng.uniform(-20.0, 20.0) * DEG
+    return [askew_wall(rng.uniform(1.0, 2.5), yaw), *_sides(rng.uniform(0.6, 1.2))[: int(rng.integers(3))]]
+
+
+def _steep(rng: np.random.Generator) -> list[Solid]:
+    """A stair too steep to climb: 50° to 62°, of rises that no chair takes."""
+    slope, run, half = rng.uniform(50.0, 62.0) * DEG, rng.uniform(0.14, 0.2), rng.uniform(0.35, 0.6)
+    start, rise = rng.uniform(0.9, 1.8), run * math.tan(slope)
+    return [upright("step", (start + i * run, -half, i * rise), (start + (i + 2) * run, half, (i + 1) * rise)) for i in range(9)]
+
+
+def _ladder(rng: np.random.Generator) -> list[Solid]:
+    """Rungs between two stiles that lean on a wall."""
+    lean, gap, half = rng.uniform(62.0, 78.0) * DEG, rng.uniform(0.25, 0.32), rng.uniform(0.2, 0.3)
+    foot, along = np.array([rng.uniform(0.8, 1.6), 0.0, 0.0]), np.array([math.cos(lean), 0.0, math.sin(lean)])
+    aside = np.array([0.0, half, 0.0])
+    stiles = [beam("ladder", foot + side, foot + side + 3.0 * along, (0.03, 0.07), colour=BEECH) for side in (-aside, aside)]
+    rungs = [
+        beam("ladder", foot + up * along - aside, foot + up * along + aside, (0.03, 0.08), colour=BEECH)
+        for up in np.arange(gap, 2.9, gap)
+    ]
+    return [*stiles, *rungs, askew_wall(foot[0] + 3.0 * math.cos(lean), 0.0)]
+
+
+def _threshold(rng: np.random.Generator) -> list[Solid]:
+    """A door frame with a single step: an edge, but no stair."""
+    x, rise, half = rng.uniform(1.0, 1.8), rng.uniform(0.03, 0.19), rng.uniform(0.4, 0.55)
+    inside = upright("floor", (x, -HALL_M, -0.1), (HALL_M, HALL_M, rise))
+    jambs = [
+        upright("wall", (x + 0.02, min(side, 4.0 * side), 0.0), (x + 0.14, max(side, 4.0 * side), WALL_M)) for side in (-half, half)
+    ]
+    return [inside, *jambs]
+
+
+MAKERS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
+    "floor": _floor,
+    "wall": _wall,
+    "corridor": _corridor,
+    "corner": _corner,
+    "shelf": _shelf,
+    "table": _table,
+    "boxes": _boxes,
+    "ramp": _ramp,
+    "landing": _landing,
+    "steep": _steep,
+    "ladder": _ladder,
+    "threshold": _threshold,
+}

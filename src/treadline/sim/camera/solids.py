@@ -1,0 +1,89 @@
+"""What a camera can look at: boxes of any orientation, each with a colour of its own."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_z
+from treadline.mechanics.staircase import Box
+
+Rgb = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """A box K in the world."""
+
+    kind: str
+    """``floor``, ``step``, ``landing``, ``wall`` as in a staircase, or what else stands there."""
+    centre_W: Float[np.ndarray, " 3"]
+    half_m: Float[np.ndarray, " 3"]
+    R_WK: Float[np.ndarray, "3 3"]
+    colour: Rgb | None = None
+    """Of its own; None for what its kind has."""
+    index: int = -1
+    """Of the step it belongs to; -1 for the rest."""
+
+
+def solids_of(boxes: Iterable[Box]) -> tuple[Solid, ...]:
+    """Return a staircase's upright boxes in their order."""
+    return tuple(
+        Solid(
+            kind=box.kind,
+            centre_W=np.array(box.centre_W),
+            half_m=np.array(box.half_m),
+            R_WK=rotation_z(box.yaw_rad),
+            index=box.index,
+        )
+        for box in boxes
+    )
+
+
+def upright(
+    kind: str,
+    low_W: tuple[float, float, float],
+    high_W: tuple[float, float, float],
+    *,
+    colour: Rgb | None = None,
+    yaw_rad: float = 0.0,
+    index: int = -1,
+) -> Solid:
+    """Return a box between two corners, turned about its own middle."""
+    low, high = np.array(low_W), np.array(high_W)
+    return Solid(
+        kind=kind,
+        centre_W=0.5 * (low + high),
+        half_m=0.5 * (high - low),
+        R_WK=rotation_z(yaw_rad),
+        colour=colour,
+        index=index,
+    )
+
+
+def beam(
+    kind: str,
+    start_W: Float[np.ndarray, " 3"],
+    end_W: Float[np.ndarray, " 3"],
+    across_m: tuple[float, float],
+    *,
+    colour: Rgb | None = None,
+) -> Solid:
+    """Return a bar from one point to another.
+
+    Args:
+        across_m: Its width (horizontal, as far as it goes) and its height.
+    """
+    along = end_W - start_W
+    length = float(np.linalg.norm(along))
+    x = along / length
+    side = np.cross(np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.99 else np.array([1.0, 0.0, 0.0]), x)
+    y = side / np.linalg.norm(side)
+    return Solid(
+        kind=kind,
+        centre_W=0.5 * (start_W + end_W),
+        half_m=np.array([0.5 * length, 0.5 * across_m[0], 0.5 * across_m[1]]),
+        R_WK=np.column_stack([x, y, np.cross(x, y)]),
+        colour=colour,
+    )
