@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification import era, identify
-from treadline.identification.era import hankel, hankel_svd
+from treadline.identification.era import hankel, hankel_svd, hankel_times
 from treadline.identification.order import CLEAR_GAP, choose_order
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
@@ -68,7 +68,29 @@ def test_a_realisation_is_balanced() -> None:
 def test_the_matrix_is_what_its_decomposition_says() -> None:
     response = impulse_response(modal([0.8, 0.3], 2), 13)
     svd = hankel_svd(response, 6, 6, np.ones(2), np.ones(2))
-    np.testing.assert_allclose(svd.matrix, hankel(response, 6, 6, 0), atol=1e-14)
+    np.testing.assert_allclose(svd.U * svd.s @ svd.Vt, hankel(response, 6, 6, 0), atol=1e-14)
+    np.testing.assert_array_equal(svd.matrix, hankel(response, 6, 6, 0))
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(7, 12), (12, 7), (1, 5)])
+def test_a_product_with_the_matrix_needs_no_matrix(rows: int, columns: int) -> None:
+    rng = np.random.default_rng(rows)
+    response, right = rng.standard_normal((rows + columns, 3, 2)), rng.standard_normal((2 * columns, 4))
+    expected = hankel(response, rows, columns, 0) @ right
+    # Eight digits more than rounding of some tens of terms would leave wrong.
+    np.testing.assert_allclose(hankel_times(response, rows, right), expected, atol=1e-12)
+
+
+def test_a_large_matrix_without_being_made_gives_what_a_dense_decomposition_gives() -> None:
+    poles = [0.99, 0.97, 0.9, -0.95, 0.5, -0.6]
+    response = impulse_response(modal(poles, 5), 402)
+    noisy = response + 1e-3 * np.random.default_rng(1).standard_normal(response.shape)
+    for markov, atol in ((response, 1e-12), (noisy, 1e-9)):
+        svd = hankel_svd(markov, 200, 200, np.ones(2), np.ones(2))
+        s = np.linalg.svd(hankel(markov, 200, 200, 0), compute_uv=False)
+        np.testing.assert_allclose(svd.s[:6] / s[0], s[:6] / s[0], atol=atol)
+    found = np.sort(np.linalg.eigvals(era(response, 6, rows=200)[0]).real)
+    np.testing.assert_allclose(found, np.sort(poles), atol=1e-8)
 
 
 def test_more_states_than_the_response_has_are_refused() -> None:

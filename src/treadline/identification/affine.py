@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification.gram import Units
-from treadline.models import LinearModel
+from treadline.models import LinearModel, Provenance
 
 FREE = 1e4
 """How far the state may move for the operating point, in deviations: freely."""
@@ -54,7 +54,9 @@ class Affine:
         return cls(A=predictor.A + K @ predictor.C, B=predictor.B[:, :-p] + K @ D, C=predictor.C, D=D, K=K)
 
 
-def to_model(fitted: Affine, units: Units, dt_s: float, names: tuple[str, ...]) -> LinearModel:
+def to_model(
+    fitted: Affine, units: Units, dt_s: float, names: tuple[str, ...], provenance: Provenance | None = None
+) -> LinearModel:
     """Return the model in the record's units, about an operating point near the data's means.
 
     Any (s, u₀, y₀) with (A - I)s - B u₀ = b and y₀ + Cs - D u₀ = c will do: the nearest is taken, distances in
@@ -63,12 +65,11 @@ def to_model(fitted: Affine, units: Units, dt_s: float, names: tuple[str, ...]) 
     """
     n, m, p = fitted.order, units.input_count, len(fitted.C)
     B, D = fitted.B[:, :m], fitted.D[:, :m]
-    equations = np.block(
-        [
-            [(fitted.A - np.eye(n)) * FREE, -B / 3.0, np.zeros((n, p))],
-            [fitted.C * FREE, -D / 3.0, np.eye(p)],
-        ]
-    )
+    equations = np.zeros((n + p, n + m + p))
+    equations[:n, :n] = (fitted.A - np.eye(n)) * FREE
+    equations[n:, :n] = fitted.C * FREE
+    equations[:n, n : n + m], equations[n:, n : n + m] = B / -3.0, D / -3.0
+    equations[n:, n + m :] = np.eye(p)
     rest = np.linalg.lstsq(equations, np.concatenate([fitted.B[:, m], fitted.D[:, m]]), rcond=1e-12)[0]
     into, out = units.input_scale, units.output_scale
     return LinearModel(
@@ -82,4 +83,5 @@ def to_model(fitted: Affine, units: Units, dt_s: float, names: tuple[str, ...]) 
         observer_gain=None if fitted.K is None else fitted.K / out,
         input_names=names[:m],
         output_names=names[m:],
+        provenance=provenance or {},
     )

@@ -97,13 +97,32 @@ def check_independent(data: Gram, names: tuple[str, ...]) -> None:
         PoorExcitation: With the inputs and their rank.
     """
     m = data.units.input_count
-    at = np.arange(1, 1 + m)
+    at = slice(1, 1 + m)
     mean = data.sums[0, at] / data.count
-    rank = int(np.sum(np.linalg.eigvalsh(data.sums[np.ix_(at, at)] / data.count - np.outer(mean, mean)) > TOGETHER))
+    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > TOGETHER))
     if rank < m:
         raise PoorExcitation(
             f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which each moves by itself"
         )
+
+
+def check_excitation(data: Gram, order: int) -> None:
+    """Check that the inputs excite an order at all, as far as the lags of the sums tell.
+
+    Raises:
+        PoorExcitation: With the order that they excite.
+    """
+    most = min(order, data.lags)
+    possible = excitation_order(data.fewer(most))
+    if possible < order and possible <= most:
+        raise PoorExcitation(
+            f"{too_little(possible, order)}; give inputs that move more freely, or ask for order {possible} or less"
+        )
+
+
+def too_little(support: int, order: int) -> str:
+    """Return what inputs that excite too low an order are told."""
+    return f"the inputs excite order {support} persistently, not {order}"
 
 
 def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
@@ -117,9 +136,9 @@ def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
     """
     m, r = data.units.input_count, len(data.units.scale)
     at = (1 + r * np.arange(data.lags + 1)[:, None] + np.arange(m)).ravel()
-    mean = data.sums[0, at] / data.count
-    covariance = data.sums[np.ix_(at, at)] / data.count - np.outer(mean, mean)
-    factor, info = lapack.dpotrf(covariance, lower=1)
+    rows = data.sums[at]
+    covariance = rows[:, at] / data.count - rows[:, :1] * rows[:, 0] / data.count**2
+    factor, info = lapack.dpotrf(covariance, lower=1, clean=0)
     pivots = np.diag(factor)[: info - 1 if info > 0 else None] ** 2
     new = int(np.argmax(np.append(pivots <= max(NOTHING_NEW, samples / data.count), values=True)))
     return new // m

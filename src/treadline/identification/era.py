@@ -5,12 +5,15 @@ Hankel matrix holds the system's Markov parameters alone; an observer gain's do 
 on Eq. (12)).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.fft import irfft, next_fast_len, rfft
 
 from treadline.errors import PoorExcitation
+from treadline.identification.kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""
@@ -22,14 +25,36 @@ MISSED = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HankelSvd:
-    """H = U diag(s) V', the shifted H', and H's first block row and column."""
+    """H = U diag(s) V', and the Markov parameters that H and the shifted H' are made of."""
 
     U: Float[np.ndarray, "a k"]
     s: Float[np.ndarray, " k"]
     Vt: Float[np.ndarray, "k b"]
-    shifted: Float[np.ndarray, "a b"]
-    matrix: Float[np.ndarray, "a b"]
-    """H itself."""
+    markov: Float[np.ndarray, "n p m"]
+    """Scaled."""
+
+    @property
+    def rows(self) -> int:
+        """Block rows."""
+        return len(self.U) // self.markov.shape[1]
+
+    @property
+    def columns(self) -> int:
+        """Block columns."""
+        return self.Vt.shape[1] // self.markov.shape[2]
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "a b"]:
+        """H itself."""
+        return hankel(self.markov, self.rows, self.columns, 0)
+
+    def system_matrix(self, order: int) -> Float[np.ndarray, "n n"]:
+        """Return A of the balanced realisation: S^-½ U' H' V S^-½."""
+        root = np.sqrt(self.s[:order])
+        left, right = (self.U[:, :order] / root).T, self.Vt[:order].T / root
+        if min(left.shape[1], len(right)) <= DENSE_MOST:
+            return left @ (hankel(self.markov, self.rows, self.columns, 1) @ right)
+        return left @ hankel_times(self.markov[1:], self.rows, right)
 
 
 def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: int) -> Float[np.ndarray, "a b"]:
@@ -37,9 +62,18 @@ def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: i
 
     Paper: Eq. (8a) with shift 0, Eq. (8b) with shift 1.
     """
+    return np.asarray(hankel_matrix(np.ascontiguousarray(markov), rows, columns, shift))
+
+
+def hankel_times(markov: Float[np.ndarray, "n p m"], rows: int, right: Float[np.ndarray, "b k"]) -> Float[np.ndarray, "a k"]:
+    """Return the Hankel matrix times some columns: a convolution of the Markov parameters, so no matrix is made."""
     _, p, m = markov.shape
-    at = 1 + shift + np.arange(rows)[:, None] + np.arange(columns)
-    return np.ascontiguousarray(markov[at].transpose(0, 2, 1, 3)).reshape(rows * p, columns * m)
+    columns = len(right) // m
+    width = rows + columns - 1
+    size = next_fast_len(width, real=True)
+    backwards = rfft(right.reshape(columns, m, -1)[::-1], size, axis=0)
+    product = irfft(rfft(markov[1 : 1 + width], size, axis=0) @ backwards, size, axis=0)
+    return np.asarray(product[columns - 1 : width].reshape(rows * p, -1))
 
 
 def hankel_svd(
@@ -56,30 +90,49 @@ def hankel_svd(
     Scaled, a singular value says how much of what was measured a state explains; unscaled, it depends on units.
     """
     scaled = markov * input_scale / output_scale[:, None]
-    H = hankel(scaled, rows, columns, 0)
-    U, s, Vt = decompose(H, max(rank, RANK_MOST))
-    return HankelSvd(U=U, s=s, Vt=Vt, shifted=hankel(scaled, rows, columns, 1), matrix=H)
+    _, p, m = markov.shape
+    if min(rows * p, columns * m) <= DENSE_MOST:
+        U, s, Vt = np.linalg.svd(hankel(scaled, rows, columns, 0), full_matrices=False)
+    else:
+        turned = scaled.transpose(0, 2, 1)
+        # Y_k stands on the anti-diagonal of k.
+        squares = np.convolve(np.ones(rows), np.ones(columns)) @ np.sum(scaled[1 : rows + columns] ** 2, axis=(1, 2))
+        U, s, Vt = leading(
+            lambda X: hankel_times(scaled, rows, X),
+            lambda X: hankel_times(turned, columns, X),
+            columns * m,
+            float(squares),
+            max(rank, RANK_MOST),
+        )
+    return HankelSvd(U=U, s=s, Vt=Vt, markov=scaled)
 
 
-def decompose(
-    H: Float[np.ndarray, "a b"], rank: int = RANK_MOST
+Product = Callable[[Float[np.ndarray, "_ k"]], Float[np.ndarray, "_ k"]]
+
+
+def leading(
+    times: Product, turned_times: Product, width: int, squares: float, rank: int
 ) -> tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.ndarray, "k b"]]:
-    """Return the leading singular values and vectors: all of a small matrix, ``rank`` of a large one.
+    """Return the leading singular values and vectors of a large matrix, of which only products are known.
 
-    A large matrix is looked at through ten random directions more than asked for; where they miss something, as under
-    noise, two power iterations turn them towards what is large (Halko, Martinsson and Tropp, 2011).
+    It is looked at through ten random directions more than asked for; where they miss something, as under noise, two power
+    iterations turn them towards what is large (Halko, Martinsson and Tropp, 2011).
+
+    Args:
+        times: The matrix times some columns.
+        turned_times: Its transpose times some columns.
+        width: Its columns.
+        squares: The sum of its squares.
+        rank: Singular values wanted.
     """
-    if min(H.shape) <= DENSE_MOST:
-        return np.linalg.svd(H, full_matrices=False)
-    basis = np.random.default_rng(0).standard_normal((H.shape[1], rank + 10))
-    Q = np.linalg.qr(H @ basis)[0]
-    seen = Q.T @ H
-    if float(np.vdot(seen, seen)) < (1.0 - MISSED) * float(np.vdot(H, H)):
+    Q = np.linalg.qr(times(np.random.default_rng(0).standard_normal((width, rank + 10))))[0]
+    seen = turned_times(Q)
+    if float(np.vdot(seen, seen)) < (1.0 - MISSED) * squares:
         for _ in range(2):
-            Q = np.linalg.qr(H @ np.linalg.qr(seen.T)[0])[0]
-            seen = Q.T @ H
+            Q = np.linalg.qr(times(np.linalg.qr(seen)[0]))[0]
+            seen = turned_times(Q)
     # Thin: the decomposition of a tall orthogonal factor's small partner.
-    basis, R = np.linalg.qr(seen.T)
+    basis, R = np.linalg.qr(seen)
     U, s, Vt = np.linalg.svd(R.T)
     return (Q @ U)[:, :rank], s[:rank], Vt[:rank] @ basis.T
 
@@ -100,13 +153,14 @@ def realise(
         raise PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
     root = np.sqrt(svd.s[:order])
     observability, controllability = svd.U[:, :order] * root, root[:, None] * svd.Vt[:order]
-    A = (svd.U[:, :order] / root).T @ svd.shifted @ (svd.Vt[:order].T / root)
     m, p = input_scale.size, output_scale.size
-    return A, controllability[:, :m] / input_scale, observability[:p] * output_scale[:, None]
+    return svd.system_matrix(order), controllability[:, :m] / input_scale, observability[:p] * output_scale[:, None]
 
 
-def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shifts: int) -> HankelSvd:
-    """Return the decomposition of ERA/DC: of correlations of Hankel matrices, in place of one Hankel matrix.
+def realise_correlated(
+    markov: Float[np.ndarray, "n p m"], order: int, rows: int, columns: int, shifts: int
+) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"]]:
+    """Return A, B, C of an order by ERA/DC: from correlations of Hankel matrices, in place of one Hankel matrix.
 
     ``[R_0 … R_c; …; R_c … R_2c]`` with ``R_k = H(k) H(0)'`` and c shifts: noise that differs from one shift to the next
     averages out, where ERA sees it once.
@@ -115,24 +169,15 @@ def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, 
         markov: Scaled Markov parameters, ``rows + columns + 2c + 1`` of them or more.
     """
     H0 = hankel(markov, rows, columns, 0)
-    R = np.stack([hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2)])
-    at = np.arange(shifts + 1)[:, None] + np.arange(shifts + 1)
-    size = (shifts + 1) * len(H0)
-    H, shifted = (np.ascontiguousarray(R[at + k].transpose(0, 2, 1, 3)).reshape(size, size) for k in (0, 1))
-    U, s, Vt = decompose(H)
-    return HankelSvd(U=U, s=s, Vt=Vt, shifted=shifted, matrix=H)
-
-
-def realise_correlated(
-    svd: HankelSvd, H0: Float[np.ndarray, "a b"], order: int, p: int, m: int
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
-    """Return A, B, C of an order from a decomposition of correlations, in the scaled units of ``H0``."""
-    root = np.sqrt(svd.s[:order])
-    O = svd.U[:, :order] * root
-    A = (svd.U[:, :order] / root).T @ svd.shifted @ (svd.Vt[:order].T / root)
+    # The matrices of correlations are Hankel themselves, of the blocks R_k.
+    R = np.stack([np.zeros((len(H0), len(H0))), *(hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2))])
+    ones = np.ones(len(H0))
+    svd = hankel_svd(R, shifts + 1, shifts + 1, ones, ones)
+    _, p, m = markov.shape
+    O = svd.U[:, :order] * np.sqrt(svd.s[:order])
     # The upper rows of O are H(0)'s own observability matrix; what it leaves of H(0) is the controllability matrix.
     B = np.linalg.lstsq(O[: len(H0)], H0, rcond=None)[0][:, :m]
-    return A, B, O[:p]
+    return svd.system_matrix(order), B, O[:p]
 
 
 def era(

@@ -20,7 +20,7 @@ from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram, Units
 from treadline.identification.modal import linear_sums, modes_of
-from treadline.identification.okid import ObserverMarkov, observer_markov
+from treadline.identification.okid import ObserverMarkov, scaled_observer
 from treadline.identification.pbsid import StateMap, pbsid, state_map
 from treadline.identification.realisation import block_rows, markov_svd, realised
 from treadline.identification.refine import (
@@ -149,10 +149,8 @@ class Fitting:
 
     def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
         """Return OKID's observer in units of deviations, and its Hankel matrix, long enough for an order."""
-        if lags not in self._observers or len(self._observers[lags][1].matrix) < len(self.data.units.output_scale) * block_rows(
-            self._observers[lags][0], order
-        ):
-            observer = observer_markov(self.data, lags, feedthrough=self.feedthrough).scaled()
+        if lags not in self._observers or self._observers[lags][1].rows < block_rows(self._observers[lags][0], order):
+            observer = scaled_observer(self.data, lags, feedthrough=self.feedthrough)
             self._observers[lags] = observer, markov_svd(observer, order)
         return self._observers[lags]
 

@@ -9,12 +9,14 @@ counted. The constant column takes the offsets, so that nobody has to subtract a
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.errors import LogFormatError, ShapeMismatch, TreadlineError
+from treadline.identification.factor import Factor
 from treadline.identification.kernels import column_moments, fold, lagged_products, normalise, slide
 from treadline.models import InputOutputRecord
 
@@ -51,7 +53,7 @@ class Units:
         return self.scale[self.input_count :]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Gram:
     """Sums over all whole windows of one or more experiments, in units of each channel's deviation."""
 
@@ -66,6 +68,11 @@ class Gram:
     """R with R'R = sums, by orthogonal steps (``solver="qr"``): digits that squaring would lose."""
     names: tuple[str, ...] = ()
     """Channels, inputs first; empty where nobody said."""
+
+    @cached_property
+    def factor(self) -> Factor:
+        """The factor that regressions of all lags share."""
+        return Factor.of(self.sums, self.units.input_count, len(self.units.scale))
 
     def __add__(self, other: "Gram") -> "Gram":
         if self.lags != other.lags or self.sums.shape != other.sums.shape:
@@ -328,7 +335,8 @@ def gram_of(records: Sequence[InputOutputRecord], lags: int, units: Units, *, so
 def units_of(records: Sequence[InputOutputRecord]) -> Units:
     """Return mean and deviation of each channel over all records; a NaN does not count."""
     m = records[0].u.shape[1]
-    about = np.concatenate([np.nan_to_num(records[0].u[0]), np.nan_to_num(records[0].y[0])])
+    about = np.concatenate([records[0].u[0], records[0].y[0]])
+    about[~np.isfinite(about)] = 0.0
     sums = np.zeros((3, about.size))
     for _ in range(2):  # about a first value, then about the mean: no digit is lost to an offset
         sums[:] = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 from treadline.identification import report as reports
 from treadline.identification.affine import Affine
 from treadline.identification.best import Trial
+from treadline.identification.checks import FEW_SAMPLES, excitation_order, too_little
 from treadline.identification.delays import input_delays
 from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe
@@ -39,7 +40,6 @@ class Found:
     choice: OrderChoice
     noise: float | None
     trials: Sequence[Trial]
-    excitation_order: int
     warnings: Sequence[str]
 
 
@@ -102,7 +102,8 @@ class Identified:
         found, model = self._found, self.model
         judgement = reports.judge(model, self.judged)
         delays = [d + shift for d, shift in zip(input_delays(found.observer), self._shifts, strict=True)]
-        warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning()]
+        support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
+        warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning(support)]
         warnings += reports.doubts(judgement, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
@@ -125,7 +126,7 @@ class Identified:
             one_step_vaf_percent=judgement.one_step_vaf_percent,
             whiteness_p=judgement.whiteness_p,
             crosscorrelation_p=judgement.crosscorrelation_p,
-            excitation_order=found.excitation_order,
+            excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
             candidates=[
@@ -151,5 +152,9 @@ class Identified:
         ]
         return [f"dead time: {', '.join(late)}; --delays auto takes it out of the states"] if late else []
 
-    def _excitation_warning(self) -> list[str]:
-        return reports.together(self.fitted, self.model.input_names)
+    def _excitation_warning(self, support: int) -> list[str]:
+        told = reports.together(self.fitted, self.model.input_names)
+        order = self._found.system.order
+        if support < order and support <= self.gram.lags:
+            told.append(f"poor excitation: {too_little(support, order)}; give inputs that move more freely")
+        return told

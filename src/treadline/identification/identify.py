@@ -15,26 +15,25 @@ from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.best import Trial, best
 from treadline.identification.checks import (
-    FEW_SAMPLES,
     channel_names,
     check_alike,
+    check_excitation,
     check_independent,
     check_records,
-    excitation_order,
 )
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
 from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import Found, Identified
-from treadline.identification.okid import observer_markov
+from treadline.identification.okid import observer_markov, scaled_observer
 from treadline.identification.order import OrderChoice, stands_out
 from treadline.identification.realisation import realised
 from treadline.identification.reduction import stabilised
 from treadline.identification.structure import choose_structure, noise_level, settle_order, structural_order
 from treadline.identification.threads import one_thread
 from treadline.identification.windows import carried_lags
-from treadline.models import InputOutputRecord, LinearModel
+from treadline.models import InputOutputRecord
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
@@ -112,11 +111,11 @@ def identify(
     )
     if stable:
         found = replace(found, system=_stable(found))
-    model = to_model(found.system, found.units, data.dt_s, channel_names(given[0]))
+    model = to_model(found.system, found.units, data.dt_s, channel_names(given[0]), made_by(method, found.recipe, shifts))
     if any(shifts):
         model = with_delays(model, shifts)
     return Identified(
-        model=described(model, method, found.recipe),
+        model=model,
         found=found,
         method=method,
         fitted=fitted,
@@ -126,9 +125,9 @@ def identify(
     )
 
 
-def described(model: LinearModel, method: str, recipe: Recipe) -> LinearModel:
-    """Return the model with what it was made by."""
-    return replace(model, provenance={"method": method, "order": model.order, "lags": recipe.lags, "step": recipe.step})
+def made_by(method: str, recipe: Recipe, shifts: Sequence[int] = ()) -> dict[str, str | float]:
+    """Return what a model was made by."""
+    return {"method": method, "order": recipe.order + sum(shifts), "lags": recipe.lags, "step": recipe.step}
 
 
 def from_sums(
@@ -161,17 +160,14 @@ def from_sums(
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
         data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", data.units)
-    possible, support = excitation_order(data), excitation_order(data, samples=FEW_SAMPLES)
-    if order is not None and possible < order:
-        raise PoorExcitation(
-            f"{_too_little(possible, order)}; give inputs that move more freely, or ask for order {possible} or less"
-        )
+    if order is not None:
+        check_excitation(data, order)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     observer, svd = fitting.observer(used, order)
     structural = structural_order(observer)
     noise = None
     if order is None and halves is not None:
-        first, second = (observer_markov(half, used, feedthrough=has_d).scaled() for half in halves)
+        first, second = (scaled_observer(half, used, feedthrough=has_d) for half in halves)
         noise = noise_level(first, second, order)
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     trials: Sequence[Trial] = []
@@ -193,8 +189,6 @@ def from_sums(
         if lags is None and recipe.method != "pbsid" and structural is not None:
             # An observer of few lags answers noise as those few lags let it: its gain is fitted for itself.
             system = fitting.with_gain(system)
-    if support < choice.order:
-        warnings.append(f"poor excitation: {_too_little(support, choice.order)}; give inputs that move more freely")
     if data.dropped:
         warnings.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return Found(
@@ -207,7 +201,6 @@ def from_sums(
         choice=choice,
         noise=noise,
         trials=trials,
-        excitation_order=support,
         warnings=warnings,
     )
 
@@ -227,7 +220,6 @@ def _printed(fitting: Fitting, order: int | None, warnings: list[str]) -> Found:
         choice=choice,
         noise=None,
         trials=[],
-        excitation_order=excitation_order(fitting.data, samples=FEW_SAMPLES),
         warnings=warnings,
     )
 
@@ -245,10 +237,6 @@ def _asked(fitting: Fitting, recipe: Recipe) -> Affine:
         rank = int(np.sum(s > 1e-14 * s[0]))
         raise PoorExcitation(f"order {recipe.order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
     return system
-
-
-def _too_little(support: int, order: int) -> str:
-    return f"the inputs excite order {support} persistently, not {order}"
 
 
 def _gap(s: Float[np.ndarray, " k"], order: int) -> float:

@@ -116,6 +116,20 @@ def unroll(direct, alpha, beta, count):
 
 @njit(cache=True)
 @no_type_check
+def hankel_matrix(markov, rows, columns, shift):
+    """Return the matrix whose block (i, j) is Y_{1 + shift + i + j}."""
+    _, p, m = markov.shape
+    H = np.empty((rows * p, columns * m))
+    for i in range(rows):
+        for a in range(p):
+            for j in range(columns):
+                for b in range(m):
+                    H[i * p + a, j * m + b] = markov[1 + shift + i + j, a, b]
+    return H
+
+
+@njit(cache=True)
+@no_type_check
 def free_run(A, B, C, D, x0, u):
     """Return the outputs of x⁺ = Ax + Bu, y = Cx + Du from x0."""
     n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)

@@ -5,17 +5,15 @@ of p lags the regression is short and well posed (Juang, Phan, Horta, Longman, 1
 experiment, whose past is unknown, are targets of no row.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import lapack, solve_triangular
 
+from treadline.identification.factor import RIDGE, inverse
 from treadline.identification.gram import Gram, Units
 from treadline.identification.kernels import unroll
-
-RIDGE = 1e-13
-"""Relative eigenvalue below which a direction of the regressors counts as not excited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,127 +55,90 @@ class ObserverMarkov:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Regression:
-    """Sums of regressors X = [1, u_k, z_{k-1}, …, z_{k-p}] and of targets Y = y_k."""
+    """Least squares of y_k on X = [1, u_k, z_{k-1}, …, z_{k-p}], or on the same without u_k."""
 
-    XX: Float[np.ndarray, "q q"]
-    XY: Float[np.ndarray, "q p"]
-    YY: Float[np.ndarray, "p p"]
-    root: Float[np.ndarray, "w w"] | None
-
-    def solve(self) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "p p"]]:
-        """Return the coefficients and the residual sum of squares."""
-        if self.root is None:
-            theta = solve_normal(self.XX, self.XY)
-            return theta, self.YY - theta.T @ self.XY
-        q = len(self.XX)
-        R, target = self.root[:q, :q], self.root[:q, q:]
-        theta = np.linalg.lstsq(R, target, rcond=RIDGE)[0]
-        misfit = np.vstack([target - R @ theta, self.root[q:, q:]])
-        return theta, misfit.T @ misfit
+    theta: Float[np.ndarray, "q p"]
+    squares: Float[np.ndarray, "p p"]
+    """Sums of products of what is left of the outputs."""
+    information: Float[np.ndarray, "q q"]
+    """Sums of products X'X."""
 
 
 def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
-    """Return the sums that a regression of fewer lags needs, with or without the column of u_k."""
+    """Return the regression of some lags, with or without the column of u_k."""
     m, r = data.units.input_count, len(data.units.scale)
-    target = np.arange(1 + m, 1 + r)
     columns = np.concatenate([np.arange(1 + m if feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
-    root: Float[np.ndarray, ...] | None = None
-    if data.root is not None:
-        root = np.asarray(np.linalg.qr(data.root[:, np.concatenate([columns, target])], mode="r"))
-        missing = columns.size + target.size - len(root)
-        root = np.vstack([root, np.zeros((missing, root.shape[1]))])
     at = data.sums[columns]
-    return Regression(XX=at[:, columns], XY=at[:, target], YY=data.sums[1 + m : 1 + r, 1 + m : 1 + r], root=root)
+    XX, XY, YY = at[:, columns], at[:, 1 + m : 1 + r], data.sums[1 + m : 1 + r, 1 + m : 1 + r]
+    if data.root is not None:
+        theta, squares = _by_root(data.root[:, np.concatenate([columns, np.arange(1 + m, 1 + r)])], len(columns))
+        return Regression(theta=theta, squares=squares, information=XX)
+    solved = data.factor.solved(XX, XY, lags, feedthrough=feedthrough)
+    theta = inverse(XX) @ XY if solved is None else solved
+    return Regression(theta=theta, squares=YY - theta.T @ XY, information=XX)
 
 
-def solve_normal(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:
-    """Return the least-squares solution: by Cholesky where the regressors are well excited, else by eigenvalues."""
-    factor = _factor(XX)
-    if factor is None:
-        return inverse(XX) @ XY
-    theta, _ = lapack.dpotrs(factor, XY, lower=1)
-    # One step of refinement wins back the digits that squaring the condition lost.
-    return np.asarray(theta + lapack.dpotrs(factor, XY - XX @ theta, lower=1)[0])
+def _by_root(columns: Float[np.ndarray, "_ w"], q: int) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "p p"]]:
+    """Return coefficients and residual sums of products by orthogonal steps; the last columns are the outputs."""
+    root = np.asarray(np.linalg.qr(columns, mode="r"))
+    root = np.vstack([root, np.zeros((columns.shape[1] - len(root), columns.shape[1]))])
+    R, target = root[:q, :q], root[:q, q:]
+    theta = np.linalg.lstsq(R, target, rcond=RIDGE)[0]
+    misfit = np.vstack([target - R @ theta, root[q:, q:]])
+    return theta, misfit.T @ misfit
 
 
-def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
-    """Return the inverse of a normal matrix; directions that nothing excites count for nothing."""
-    factor = _factor(XX)
-    if factor is not None:
-        lower = np.tril(lapack.dpotri(factor, lower=1)[0])
-        return lower + np.tril(lower, -1).T
-    values, vectors = np.linalg.eigh(XX)
-    kept = values > RIDGE * values[-1]
-    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
-
-
-def _factor(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"] | None:
-    """Return the Cholesky factor, or None where a direction is not excited."""
-    factor, failed = lapack.dpotrf(XX, lower=1, clean=0)
-    diagonal = np.diag(factor)
-    return None if failed or diagonal.min() <= np.sqrt(RIDGE) * diagonal.max() else factor
-
-
-def residuals_by_lags(data: Gram, *, feedthrough: bool) -> Float[np.ndarray, "lags p p"] | None:
-    """Return the residual sums of squares for 1, 2, … lags, by one factorisation; None where it fails.
-
-    The factor of fewer lags is the leading block of the factor of all.
-    """
-    whole = regression(data, data.lags, feedthrough=feedthrough)
-    L = _factor(whole.XX)
-    if L is None:
-        return None
-    explained = solve_triangular(L, whole.XY, lower=True, check_finite=False)
-    squares = np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
-    r = len(data.units.scale)
-    first = len(whole.XX) - r * data.lags
-    return np.asarray(whole.YY - squares[first + r - 1 :: r])
-
-
-def residuals_by_feedthrough(data: Gram, lags: int) -> Float[np.ndarray, "2 p p"] | None:
-    """Return the residual sums of squares without and with u_k, by one factorisation; None where it fails."""
-    whole = regression(data, lags, feedthrough=True)
-    m = data.units.input_count
-    last = np.concatenate([[0], np.arange(1 + m, len(whole.XX)), np.arange(1, 1 + m)])
-    L = _factor(whole.XX[np.ix_(last, last)])
-    if L is None:
-        return None
-    explained = solve_triangular(L, whole.XY[last], lower=True, check_finite=False)
-    without = whole.YY - explained[:-m].T @ explained[:-m]
-    return np.stack([without, without - explained[-m:].T @ explained[-m:]])
+def residuals_by_lags(data: Gram, lags: range, kinds: Sequence[bool]) -> Float[np.ndarray, "kinds P p p"]:
+    """Return the residual sums of squares for some lags, without and with u_k: by one factorisation as far as it goes."""
+    quick = range(lags.start, min(lags.stop, data.factor.lags + 1))
+    if quick == lags or not quick:
+        both, told = data.factor.residuals(lags) if quick else (None, np.zeros(0, dtype=bool))
+        if both is not None and told.all():
+            return both[np.array(kinds, dtype=int)]
+    return np.array([[regression(data, p, feedthrough=has_d).squares for p in lags] for has_d in kinds])
 
 
 def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
-    """Return the observer's Markov parameters that fit the data best.
+    """Return the observer's Markov parameters that fit the data best, in the record's units.
 
     Paper: Eq. (9a), (9b).
 
     Args:
         lags: At most those of the sums; all of them when left out.
     """
-    lags = data.lags if lags is None else lags
-    equations = regression(data, lags, feedthrough=feedthrough)
-    theta, squares = equations.solve()
-    units = data.units
-    m = units.input_count
-    into, out = units.input_scale, units.output_scale
-    p = out.size
-    first = 1 + (m if feedthrough else 0)
-    coefficients = theta.T * out[:, None]
-    D = coefficients[:, 1:first] / into if feedthrough else np.zeros((p, m))
-    lagged = coefficients[:, first:].reshape(p, lags, m + p).transpose(1, 0, 2) / units.scale
-    alpha, beta = np.ascontiguousarray(lagged[:, :, :m]), np.ascontiguousarray(lagged[:, :, m:])
+    scaled, units = scaled_observer(data, lags, feedthrough=feedthrough), data.units
+    m, into, out = units.input_count, units.input_scale, units.output_scale
+    D = scaled.D * out[:, None] / into
+    alpha, beta = scaled.alpha * out[:, None] / into, scaled.beta * out[:, None] / out
     u0, y0 = units.shift[:m], units.shift[m:]
-    freedom = max(data.count - theta.shape[0], 1.0)
-    return ObserverMarkov(
-        bias=coefficients[:, 0] + y0 - beta.sum(axis=0) @ y0 - (D + alpha.sum(axis=0)) @ u0,
+    return replace(
+        scaled,
+        bias=scaled.bias * out + y0 - beta.sum(axis=0) @ y0 - (D + alpha.sum(axis=0)) @ u0,
         D=D,
         alpha=alpha,
         beta=beta,
-        residual_covariance=0.5 * (squares + squares.T) / freedom * np.outer(out, out),
-        information=equations.XX,
-        count=data.count,
+        residual_covariance=scaled.residual_covariance * np.outer(out, out),
         units=units,
+    )
+
+
+def scaled_observer(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
+    """Return the same in units of deviations, about the means."""
+    lags = data.lags if lags is None else lags
+    found = regression(data, lags, feedthrough=feedthrough)
+    m, r = data.units.input_count, len(data.units.scale)
+    p = r - m
+    first = 1 + (m if feedthrough else 0)
+    lagged = found.theta[first:].reshape(lags, r, p).transpose(0, 2, 1)
+    return ObserverMarkov(
+        bias=found.theta[0],
+        D=np.ascontiguousarray(found.theta[1:first].T) if feedthrough else np.zeros((p, m)),
+        alpha=np.ascontiguousarray(lagged[:, :, :m]),
+        beta=np.ascontiguousarray(lagged[:, :, m:]),
+        residual_covariance=0.5 * (found.squares + found.squares.T) / max(data.count - len(found.theta), 1.0),
+        information=found.information,
+        count=data.count,
+        units=Units(shift=np.zeros(r), scale=np.ones(r), input_count=m),
         feedthrough=feedthrough,
     )
 

@@ -29,7 +29,7 @@ def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
     """Return how the state follows from the past."""
     m, r = data.units.input_count, len(data.units.scale)
     p = r - m
-    theta, _ = regression(data, lags, feedthrough=feedthrough).solve()
+    theta = regression(data, lags, feedthrough=feedthrough).theta
     first = len(theta) - lags * r
     response = theta[first:].reshape(lags, r, p).transpose(0, 2, 1)
     padded = np.concatenate([response, np.zeros_like(response)])

@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification.affine import Affine
-from treadline.identification.era import HankelSvd, correlated_svd, hankel_svd, realise, realise_correlated
-from treadline.identification.kernels import unroll
+from treadline.identification.era import HankelSvd, hankel_svd, realise, realise_correlated
+from treadline.identification.kernels import observability, unroll
 from treadline.identification.okid import ObserverMarkov, system_markov
 
 BLOCKS_LEAST = 8
@@ -54,10 +54,9 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
 def _by_correlations(
     observer: ObserverMarkov, svd: HankelSvd, order: int
 ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
-    blocks = len(svd.matrix) // len(observer.D)
-    shifts = blocks // 2
-    markov = system_markov(observer, 2 * blocks + 2 * shifts + 2)
-    return realise_correlated(correlated_svd(markov, blocks, blocks, shifts), svd.matrix, order, *observer.D.shape)
+    shifts = svd.rows // 2
+    markov = system_markov(observer, 2 * svd.rows + 2 * shifts + 2)
+    return realise_correlated(markov, order, svd.rows, svd.columns, shifts)
 
 
 def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " p"]]:
@@ -82,10 +81,7 @@ def observer_gain(
     steps = max(lags, A.shape[0]) + 1
     # I, CK, CAK, …: the response of the outputs to an innovation.
     response = unroll(np.eye(p), observer.beta, observer.beta, steps)
-    rows, reach = [], C
-    for _ in range(1, steps):
-        rows.append(reach)
-        reach = reach @ A
-    gain = np.linalg.lstsq(np.vstack(rows), response[1:].reshape(-1, p), rcond=None)[0]
+    O = observability(np.ascontiguousarray(A), np.ascontiguousarray(C), steps - 1).reshape(-1, A.shape[0])
+    gain = np.linalg.lstsq(O, response[1:].reshape(-1, p), rcond=None)[0]
     stable = float(np.abs(np.linalg.eigvals(A - gain @ C)).max()) < 1.0
     return np.asarray(gain) if stable else None

@@ -92,6 +92,5 @@ def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) ->
     The realisation is balanced: the state matrix of a lower order is the leading block of a higher one's.
     """
     rank = min(most, int(np.sum(svd.s > ROUNDING * svd.s[0])))
-    root = np.sqrt(svd.s[:rank])
-    A = (svd.U[:, :rank] / root).T @ svd.shifted @ (svd.Vt[:rank].T / root)
+    A = svd.system_matrix(rank)
     return stabilisation(lambda order: A[:order, :order], range(1, rank + 1), dt_s)

@@ -9,7 +9,7 @@ from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_records
 from treadline.identification.gram import Gram, GramBuilder
 from treadline.identification.identified import Identified
-from treadline.identification.identify import SOLVERS, described, from_sums
+from treadline.identification.identify import SOLVERS, from_sums, made_by
 from treadline.identification.threads import one_thread
 from treadline.identification.validate import joined_in_time, part
 from treadline.identification.windows import carried_lags
@@ -54,9 +54,8 @@ def identify_chunks(
     found = from_sums(
         data, halves, [last], order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, again=False
     )
-    model = to_model(found.system, found.units, data.dt_s, channel_names(last))
     return Identified(
-        model=described(model, method, found.recipe),
+        model=to_model(found.system, found.units, data.dt_s, channel_names(last), made_by(method, found.recipe)),
         found=found,
         method=method,
         fitted=[last],

@@ -3,14 +3,16 @@
 Lags and feedthrough by Schwarz's criterion, order by the largest gap of the singular values above the noise floor.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
-from treadline.identification.era import HankelSvd
+from treadline.identification.era import HankelSvd, hankel
 from treadline.identification.gram import Gram
-from treadline.identification.okid import ObserverMarkov, regression, residuals_by_feedthrough, residuals_by_lags
+from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
 from treadline.identification.order import OrderChoice, choose_order, stands_out
-from treadline.identification.realisation import markov_svd
+from treadline.identification.realisation import block_rows
 
 EXACT = 1e-12
 """Residual variance over the outputs' variance at which data are free of noise."""
@@ -20,31 +22,20 @@ def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None) ->
     """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients."""
     if lags is not None and feedthrough is not None:
         return lags, feedthrough
-    if lags is not None:
-        both = residuals_by_feedthrough(whole, lags)
-        tables = {has_d: None if both is None else {lags: both[int(has_d)]} for has_d in (False, True)}
-    else:
-        kinds = (False, True) if feedthrough is None else (feedthrough,)
-        tables = {has_d: _by_lags(residuals_by_lags(whole, feedthrough=has_d)) for has_d in kinds}
-    costs = {}
-    for has_d, table in tables.items():
-        for p in range(1, whole.lags + 1) if lags is None else (lags,):
-            left = regression(whole, p, feedthrough=has_d).solve()[1] if table is None else table[p]
-            costs[p, has_d] = _schwarz(whole, left, p, has_d)
-    return min(costs, key=lambda key: costs[key])
+    tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
+    kinds = (False, True) if feedthrough is None else (feedthrough,)
+    left = residuals_by_lags(whole, tried, kinds)
+    choices = [(p, has_d) for has_d in kinds for p in tried]
+    return choices[int(np.argmin(_schwarz(whole, np.concatenate(left), choices)))]
 
 
-def _by_lags(squares: Float[np.ndarray, "lags p p"] | None) -> dict[int, Float[np.ndarray, "p p"]] | None:
-    return None if squares is None else dict(enumerate(squares, start=1))
-
-
-def _schwarz(whole: Gram, squares: Float[np.ndarray, "p p"], lags: int, feedthrough: bool) -> float:
+def _schwarz(whole: Gram, squares: Float[np.ndarray, "k p p"], choices: Sequence[tuple[int, bool]]) -> Float[np.ndarray, " k"]:
     m, r = whole.units.input_count, len(whole.units.scale)
-    values = np.linalg.eigvalsh(0.5 * (squares + squares.T) / whole.count)
+    values = np.linalg.eigvalsh(0.5 * (squares + squares.transpose(0, 2, 1)) / whole.count)
     # Residuals below rounding are all the same: exact.
     floor = 1e-20 * (r - m)
-    coefficients = (1 + (m if feedthrough else 0) + lags * r) * (r - m)
-    return whole.count * float(np.sum(np.log(np.maximum(values, floor)))) + coefficients * np.log(whole.count)
+    coefficients = np.array([(1 + m * has_d + lags * r) * (r - m) for lags, has_d in choices])
+    return np.asarray(whole.count * np.log(np.maximum(values, floor)).sum(axis=1) + coefficients * np.log(whole.count))
 
 
 def structural_order(observer: ObserverMarkov) -> int | None:
@@ -59,18 +50,20 @@ def structural_order(observer: ObserverMarkov) -> int | None:
 
 def noise_level(first: ObserverMarkov, second: ObserverMarkov, order: int | None) -> float:
     """Return the largest singular value that noise alone would show: half of what two halves of the data differ by."""
-    difference = markov_svd(first, order).matrix - markov_svd(second, order).matrix
-    return 0.5 * float(np.linalg.norm(difference, 2))
+    # The difference of two Hankel matrices is that of the differences.
+    blocks = block_rows(first, order)
+    difference = system_markov(first, 2 * blocks + 1) - system_markov(second, 2 * blocks + 1)
+    return 0.5 * float(np.linalg.svd(hankel(difference, blocks, blocks, 0), compute_uv=False)[0])
 
 
 def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
     """Return the order asked for, or the one the singular values show; a doubt goes to the warnings."""
-    # An observer of p lags has no more than p states per output: the drop after those says nothing of the system.
-    choice = choose_order(svd.s[:structural], noise=noise)
     if order is not None:
         following = float(svd.s[order]) if order < svd.s.size else 0.0
         gap = float(svd.s[min(order, svd.s.size) - 1]) / following if following > 0.0 else float("inf")
         return OrderChoice(order=order, gap=gap, clear=True)
+    # An observer of p lags has no more than p states per output: the drop after those says nothing of the system.
+    choice = choose_order(svd.s[:structural], noise=noise)
     if not stands_out(svd.s, noise):
         warnings.append(
             f"no clear gap in the singular values (the largest is {svd.s[0] / noise:.1f} times what noise alone shows); "
