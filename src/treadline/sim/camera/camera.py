@@ -3,12 +3,15 @@
 Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, noise of 0.05 px and steps of 1/8 px
 (σ_Z about 1.4 mm at 1 m, 5.7 at 2, 12.8 at 3), 0.8 px of lateral jitter at edges, a shadow beside each edge, drop-outs at grazing
 angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
+
+Kinect 2: time of flight, 1 to 2 mm at 1 m and more as the light fades, alike in neighbours, mixed pixels at edges, no shadow.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
@@ -16,9 +19,9 @@ from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
-from treadline.sim.camera.solids import Solid, solids_of
+from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of
 
-SENSOR_WIDTH_PX = 640
+SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
 VIEW_M = 7.0
 """Boxes further away than this are not drawn: the sensor ends at 6 m."""
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
@@ -34,12 +37,14 @@ FLOOR_COLOUR = (120.0, 118.0, 115.0)
 POOL = 1_000_000
 """Places in the held random numbers at which a frame's streams may start."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
-"""Light falls from above: risers are darker than treads."""
+"""Light falls from above: risers are darker than treads. Of the sides -x, +x, -y, +y, -z, +z."""
+SQUARE = 0.99
+"""Cosine up to which a box counts as square to the world's axes: it has the six shades as they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DepthSensor:
-    """One kind of depth sensor."""
+class StructuredLight:
+    """A projector and a camera that sees its pattern shifted."""
 
     focal_px: float
     """Of the sensor's own disparity image, 640 pixels wide."""
@@ -51,10 +56,24 @@ class DepthSensor:
     far_m: float
 
 
-SENSORS = {
-    "kinect1": DepthSensor(focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0),
-    # Time of flight: about 2 mm at 2 m, no steps and no projector's shadow to speak of.
-    "kinect2": DepthSensor(focal_px=575.0, baseline_m=0.075, sigma_px=0.02, step_px=0.001, lateral_px=0.5, near_m=0.5, far_m=4.5),
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeOfFlight:
+    """A camera that measures how long its own light takes."""
+
+    floor_m: float
+    gain_m: float
+    ripple_m: float
+    near_m: float
+    far_m: float
+
+
+SENSORS: dict[str, StructuredLight | TimeOfFlight] = {
+    "kinect1": StructuredLight(
+        focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0
+    ),
+    # Fitted to recorded frames: plane-fit residuals of 1.4 to 2.1 mm in blocks of 16×16 between 0.6 and 1.2 m, three
+    # quarters of them alike from one pixel to the next.
+    "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
 }
 
 
@@ -105,7 +124,8 @@ class RenderedFrame(RgbdFrame):
 class Camera:
     """One camera in front of one staircase, or of any solids.
 
-    ``told`` is the calibration its frames carry, where that is not quite true.
+    ``told`` is the calibration its frames carry, where that is not quite true; ``blur_px`` is how far the colour image moves
+    to the right and down while it is exposed.
     """
 
     def __init__(
@@ -117,27 +137,36 @@ class Camera:
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
+        blur_px: tuple[float, float] = (0.0, 0.0),
+        shadows: Sequence[Shadow] = (),
+        puddles: Sequence[Puddle] = (),
         rng: np.random.Generator,
     ) -> None:
         solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
         self._told = told or calibration
         self._sensor = SENSORS.get(kind)
-        self._pattern = TEXTURES.index(texture)
+        self._patterns = np.array([TEXTURES.index(solid.texture or texture) for solid in solids])
         self._light = light
+        self._blur_px = blur_px
+        self._shadows = np.array([[*band.normal_W, band.level_m, band.half_m] for band in shadows]).reshape(-1, 5)
+        self._puddles = np.array([[*pool.centre_W, *pool.half_m] for pool in puddles]).reshape(-1, 5)
         self._rng = rng
         self._centres = np.array([solid.centre_W for solid in solids])
         self._halves = np.array([solid.half_m for solid in solids])
         self._turns = np.array([solid.R_WK for solid in solids])
         colours = {"wall": WALL_COLOUR, "floor": FLOOR_COLOUR}
         self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[texture]) for solid in solids])
+        # Near infrared: what is dark to the eye is less so to the sensor.
+        self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
         self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
         self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         # Drawn once; each frame reads its streams from places of its own. Fresh numbers would cost as much as the rest.
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
-        self._shades = np.tile(np.array(SHADES), (len(solids), 1))
+        self._shades = np.array([_shades(solid) for solid in solids])
+        self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
         """Return depth and faces as they are."""
@@ -150,7 +179,7 @@ class Camera:
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
-            depth_m=self._measured(depth, face),
+            depth_m=self._wetted(self._measured(depth, face, near), depth, R_WC, p_WC),
             camera=self._told,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
@@ -176,14 +205,30 @@ class Camera:
             camera.cx_px,
             camera.cy_px,
             self._shades[near],
+            self._axes[near],
             self._colours[near],
-            self._pattern,
+            self._patterns[near],
             self._light,
-            self._normal,
-            place,
+            self._shadows,
+            self._puddles,
+            np.zeros(depth.size, dtype=np.float32) if any(self._blur_px) else self._normal,
+            0 if any(self._blur_px) else place,
             rgb,
         )
-        return rgb
+        return self._blurred(rgb, place) if any(self._blur_px) else rgb
+
+    def _blurred(self, rgb: UInt8[np.ndarray, "h w 3"], place: int) -> UInt8[np.ndarray, "h w 3"]:
+        """Return the mean of an image on its way, with the sensor's noise, which does not move."""
+        right, down = self._blur_px
+        height, width = rgb.shape[:2]
+        count = max(2, round(2.0 * float(np.hypot(right, down))))
+        total = np.zeros(rgb.shape, dtype=np.float32)
+        for t in np.linspace(-0.5, 0.5, count):
+            shift = np.array([[1.0, 0.0, t * right], [0.0, 1.0, t * down]])
+            total += cv2.warpAffine(rgb, shift, (width, height), borderMode=cv2.BORDER_REPLICATE)
+        mean = total / count
+        grain = self._normal[place : place + height * width].reshape(height, width, 1) * (1.5 + 0.25 * np.sqrt(mean[:, :, 1:2]))
+        return np.clip(mean + grain, 0.0, 255.0).astype(np.uint8)
 
     def _cast(
         self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
@@ -210,26 +255,75 @@ class Camera:
         )
         return depth, face, near
 
-    def _measured(self, exact: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-        sensor = self._sensor
+    def _wetted(
+        self,
+        measured: Float32[np.ndarray, "h w"],
+        exact: Float[np.ndarray, "h w"],
+        R_WC: Float[np.ndarray, "3 3"],
+        p_WC: Float[np.ndarray, " 3"],
+    ) -> Float32[np.ndarray, "h w"]:
+        """Return measured depth as puddles leave it."""
+        if len(self._puddles) and self._sensor is not None:
+            c, place = self.calibration, int(self._rng.integers(POOL))
+            kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
+        return measured
+
+    def _measured(
+        self, exact: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"], near: Int[np.ndarray, " b"]
+    ) -> Float32[np.ndarray, "h w"]:
+        sensor, camera = self._sensor, self.calibration
         if sensor is None:
             return exact.astype(np.float32)
-        scale = self.calibration.width_px / SENSOR_WIDTH_PX
         measured = np.empty(exact.shape, dtype=np.float32)
+        places = self._rng.integers(POOL, size=4)
+        if isinstance(sensor, TimeOfFlight):
+            kernels.time_of_flight(
+                exact,
+                face,
+                camera.fx_px,
+                camera.fy_px,
+                camera.cx_px,
+                camera.cy_px,
+                self._albedos[near],
+                sensor.floor_m,
+                sensor.gain_m,
+                sensor.ripple_m,
+                camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
+                sensor.near_m,
+                sensor.far_m,
+                self._normal,
+                self._chance,
+                places,
+                measured,
+            )
+            return measured
         kernels.kinect(
             exact,
             face,
             sensor.focal_px,
             sensor.baseline_m,
-            self.calibration.fx_px * sensor.baseline_m,
+            camera.fx_px * sensor.baseline_m,
             sensor.sigma_px,
             sensor.step_px,
-            sensor.lateral_px * scale,
+            sensor.lateral_px * camera.width_px / SENSOR_WIDTH_PX,
             sensor.near_m,
             sensor.far_m,
             self._normal,
             self._chance,
-            self._rng.integers(POOL, size=4),
+            places,
             measured,
         )
         return measured
+
+
+def _shades(solid: Solid) -> Float[np.ndarray, " 6"]:
+    """Return how light each side of a solid is: a mixture of the six by the way it faces."""
+    if np.abs(solid.R_WK).max(axis=0).min() > SQUARE and np.argmax(np.abs(solid.R_WK), axis=0).tolist() == [0, 1, 2]:
+        return np.array(SHADES)
+    low, high = np.array(SHADES[::2]), np.array(SHADES[1::2])
+    sides = []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            normal = sign * solid.R_WK[:, axis]
+            sides.append(float(np.sum(normal**2 * np.where(normal > 0.0, high, low))))
+    return np.array(sides)

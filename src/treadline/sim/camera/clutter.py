@@ -3,13 +3,14 @@
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.mechanics.staircase import TREAD_THICKNESS_M, Staircase, Step
 from treadline.sim.camera.recipe import Clutter
-from treadline.sim.camera.solids import Rgb, Solid, beam, upright
+from treadline.sim.camera.solids import Puddle, Rgb, Shadow, Solid, beam, upright
 
 RAIL_INSET_M = 0.07
 """From the stair's side to the middle of a rail."""
@@ -30,7 +31,7 @@ CHAMFER_M = 0.004
 
 
 def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Generator) -> list[Solid]:
-    """Return what makes up one kind of clutter; nothing for a kind that is light or water, which the painter adds.
+    """Return what makes up one kind of clutter; nothing for shadows and water, which are no solids.
 
     Args:
         step: That the thing stands on or, of a thing along the whole flight, is near to.
@@ -44,6 +45,35 @@ def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Ge
         "strips": lambda: _strips(staircase),
     }
     return makers[name]() if name in makers else []
+
+
+def cast_shadows(rng: np.random.Generator) -> list[Shadow]:
+    """Return a few dark bands, oblique to the steps or nearly along them, as a lamp behind a banister casts them."""
+    turns = rng.uniform(0.0, math.pi, size=int(rng.integers(2, 6)))
+    return [
+        Shadow(
+            normal_W=(math.cos(turn) * 0.9, math.sin(turn) * 0.9, math.sqrt(0.19)),
+            level_m=float(rng.uniform(-1.5, 4.5)),
+            half_m=float(rng.uniform(0.02, 0.15)),
+        )
+        for turn in turns
+    ]
+
+
+def spilt(staircase: Staircase, steps: range, rng: np.random.Generator) -> list[Puddle]:
+    """Return a puddle on most of some treads."""
+    return [
+        Puddle(
+            centre_W=(
+                staircase.steps[i].x_m + float(rng.uniform(0.2, 0.8)) * staircase.steps[i].depth_m,
+                float(rng.uniform(-0.35, 0.35)) * staircase.width_m,
+                staircase.steps[i].z_m,
+            ),
+            half_m=(float(rng.uniform(0.06, 0.14)), float(rng.uniform(0.08, 0.35))),
+        )
+        for i in steps
+        if rng.random() < 0.8
+    ]
 
 
 def _rail(staircase: Staircase, side: float) -> list[Solid]:
@@ -81,7 +111,7 @@ def _legs(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[So
         solids.append(beam("leg", ankle, hip + np.array([0.0, offset, 0.0]), (0.13, 0.14), colour=colour))
         low = (step.x_m + along - 0.14, y + offset - 0.05, step.z_m + rise)
         high = (step.x_m + along + 0.12, y + offset + 0.05, step.z_m + rise + 0.1)
-        solids.append(upright("leg", low, high, colour=(48.0, 38.0, 30.0)))
+        solids.append(upright("leg", low, high, colour=(48.0, 38.0, 30.0), texture="dark"))
     return solids
 
 
@@ -91,7 +121,7 @@ def _mat(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Sol
     half = 0.35 * staircase.width_m
     low = (step.x_m + 0.03, y - half, step.z_m)
     high = (step.x_m + step.depth_m - 0.02, y + half, step.z_m + 0.012)
-    return [upright("mat", low, high, colour=MAT, yaw_rad=float(rng.uniform(-0.05, 0.05)))]
+    return [upright("mat", low, high, colour=MAT, texture="carpet", yaw_rad=float(rng.uniform(-0.05, 0.05)))]
 
 
 def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
@@ -102,7 +132,7 @@ def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Sol
     low = (x - 0.5 * size[0], y - 0.5 * size[1], step.z_m)
     high = (x + 0.5 * size[0], y + 0.5 * size[1], step.z_m + size[2])
     colour = BAGS[int(rng.integers(len(BAGS)))]
-    return [upright("bag", low, high, colour=colour, yaw_rad=float(rng.uniform(-0.6, 0.6)))]
+    return [upright("bag", low, high, colour=colour, texture="dark", yaw_rad=float(rng.uniform(-0.6, 0.6)))]
 
 
 def _strips(staircase: Staircase) -> list[Solid]:
@@ -114,7 +144,9 @@ def _strips(staircase: Staircase) -> list[Solid]:
             forward = np.array([math.cos(step.yaw_rad), math.sin(step.yaw_rad), 0.0])
             centre = np.array([step.x_m, 0.0, step.z_m]) + 0.03 * forward
             low, high = centre - np.array([0.025, half, 0.001]), centre + np.array([0.025, half, 0.001])
-            strips.append(upright("strip", tuple(low), tuple(high), colour=STRIP, yaw_rad=step.yaw_rad, index=step.index))
+            strips.append(
+                upright("strip", tuple(low), tuple(high), colour=STRIP, texture="dark", yaw_rad=step.yaw_rad, index=step.index)
+            )
     return strips
 
 
@@ -156,11 +188,4 @@ def _chamfer(solid: Solid, size: float, y: float, half_width: float) -> Solid:
 def _like(
     solid: Solid, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
 ) -> Solid:
-    return Solid(
-        kind=solid.kind,
-        centre_W=solid.centre_W + solid.R_WK @ centre_K,
-        half_m=half_m,
-        R_WK=solid.R_WK @ turn,
-        colour=solid.colour,
-        index=solid.index,
-    )
+    return replace(solid, centre_W=solid.centre_W + solid.R_WK @ centre_K, half_m=half_m, R_WK=solid.R_WK @ turn)

@@ -152,15 +152,24 @@ def _pattern(kind, a, b, seed):
 
 @njit(cache=True)
 @no_type_check
-def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light, noise, place, rgb):
-    """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, gain, sensor noise."""
+def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds, light, shadows, puddles, noise, place, rgb):
+    """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, shadows, water, gain, sensor noise.
+
+    Args:
+        shades: Of each box's six sides.
+        axes: World axis that each side faces most.
+        kinds: Pattern of each box.
+        shadows: Rows of normal (3), level and half width.
+        puddles: Rows of centre (3) and half axes (2).
+    """
     rows, columns = depth.shape
     for v in range(rows):
         y = (v - cy) / fy
         for u in range(columns):
             f = face[v, u]
+            shine = 0.0
             if f < 0:
-                level, box, side = 0.25, -1, 0
+                level, box = 0.25, -1
             else:
                 box, side = f // 6, f % 6
                 z = depth[v, u]
@@ -168,19 +177,68 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, colours, kind, light,
                 wx = p_WC[0] + z * (R_WC[0, 0] * x + R_WC[0, 1] * y + R_WC[0, 2])
                 wy = p_WC[1] + z * (R_WC[1, 0] * x + R_WC[1, 1] * y + R_WC[1, 2])
                 wz = p_WC[2] + z * (R_WC[2, 0] * x + R_WC[2, 1] * y + R_WC[2, 2])
-                if side < 2:
+                if axes[box, side] == 0:
                     a, b = wy, wz
-                elif side < 4:
+                elif axes[box, side] == 1:
                     a, b = wx, wz
                 else:
                     a, b = wy, wx
-                level = shades[box, side] * _pattern(kind, a, b, 31 * side + 7)
+                level = shades[box, side] * _pattern(kinds[box], a, b, 31 * side + 7)
+                for k in range(shadows.shape[0]):
+                    off = abs(shadows[k, 0] * wx + shadows[k, 1] * wy + shadows[k, 2] * wz - shadows[k, 3])
+                    # A lamp is no point: the shadow's edge is a few centimetres wide.
+                    level *= 1.0 - 0.6 * min(max((shadows[k, 4] - off) / 0.03, 0.0), 1.0)
+                for k in range(puddles.shape[0]):
+                    inside = _within(puddles, k, wx, wy, wz)
+                    if inside > 0.0:
+                        level *= 0.7
+                        shine += 230.0 * inside * inside * _smooth(wx * 14.0, wy * 14.0, 5)
             gain = light * level
             # Shot noise grows with the root of the signal.
             grain = noise[place + v * columns + u] * (1.5 + 0.25 * math.sqrt(gain * (colours[box, 1] if box >= 0 else 90.0)))
             for channel in range(3):
-                value = gain * (colours[box, channel] if box >= 0 else 90.0) + grain
+                value = gain * (colours[box, channel] if box >= 0 else 90.0) + light * shine + grain
                 rgb[v, u, channel] = np.uint8(min(max(value, 0.0), 255.0))
+
+
+@njit(cache=True)
+@no_type_check
+def _within(puddles, k, wx, wy, wz):
+    """Return how far inside a puddle a point lies: 1 in its middle, 0 outside."""
+    if abs(wz - puddles[k, 2]) > 0.004:
+        return 0.0
+    along, across = (wx - puddles[k, 0]) / puddles[k, 3], (wy - puddles[k, 1]) / puddles[k, 4]
+    return max(1.0 - along * along - across * across, 0.0)
+
+
+@njit(cache=True)
+@no_type_check
+def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
+    """Spoil measured depth in puddles: no return from their middle, and at the rim some of what they mirror.
+
+    A mirror shows what stands above it as far below it: depth beyond the surface, by a hand's breadth here.
+    """
+    rows, columns = measured.shape
+    for v in range(rows):
+        y = (v - cy) / fy
+        for u in range(columns):
+            z = exact[v, u]
+            if z != z:
+                continue
+            x = (u - cx) / fx
+            wx = p_WC[0] + z * (R_WC[0, 0] * x + R_WC[0, 1] * y + R_WC[0, 2])
+            wy = p_WC[1] + z * (R_WC[1, 0] * x + R_WC[1, 1] * y + R_WC[1, 2])
+            wz = p_WC[2] + z * (R_WC[2, 0] * x + R_WC[2, 1] * y + R_WC[2, 2])
+            for k in range(puddles.shape[0]):
+                inside = _within(puddles, k, wx, wy, wz)
+                if inside <= 0.0:
+                    continue
+                # Blotches, not single pixels: water mirrors in patches.
+                patch = _smooth(wx * 25.0, wy * 25.0, 9)
+                if inside > 0.6 or chance[place + v * columns + u] < 0.3:
+                    measured[v, u] = np.nan
+                elif patch > 0.6:
+                    measured[v, u] += 0.25 * (patch - 0.6)
 
 
 @njit(cache=True)
@@ -237,3 +295,69 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
             disparity = round(disparity / step_px) * step_px
             if disparity > 0.0:
                 measured[v, u] = strength / disparity
+
+
+@njit(cache=True)
+@no_type_check
+def time_of_flight(
+    exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, normal, chance, places, measured
+):
+    """Fill ``measured`` with what a time-of-flight sensor makes of exact depth.
+
+    Args:
+        albedos: Of each box, at the sensor's wavelength.
+        floor_m: Noise where much light comes back; ``gain_m`` is added to it where a white wall faces the sensor at 1 m, and
+            grows as light fades: with distance squared, at grazing angles, on dark surfaces.
+        ripple_m: Size of the sensor's own waves across the image, the same in every frame.
+        scale: Pixels of this image per pixel of the sensor.
+        normal: Standard normal numbers to draw from, and ``places`` where the streams of this frame start.
+    """
+    rows, columns = exact.shape
+    first, second, third = places[0], places[1], places[2]
+    for v in range(rows):
+        for u in range(columns):
+            measured[v, u] = np.nan
+            z = exact[v, u]
+            if not (near <= z <= far):
+                continue
+            n = v * columns + u
+            f = face[v, u]
+            # Mixed pixels: light from both sides of an edge comes back at once; most the driver drops.
+            lu, ru, lv, rv = max(u - 1, 0), min(u + 1, columns - 1), max(v - 1, 0), min(v + 1, rows - 1)
+            beyond = z
+            for k in range(4):
+                other = exact[v, lu] if k == 0 else exact[v, ru] if k == 1 else exact[lv, u] if k == 2 else exact[rv, u]
+                names = face[v, lu] if k == 0 else face[v, ru] if k == 1 else face[lv, u] if k == 2 else face[rv, u]
+                if names != f and other == other and abs(other - z) > abs(beyond - z):
+                    beyond = other
+            jump = abs(beyond - z)
+            if jump > 0.04 * z and chance[first + n] < 0.7:
+                continue
+            # The inverse depth's gradient on this face gives its normal, and so the angle at which it is seen.
+            w = 1.0 / z
+            wu, wv = 0.0, 0.0
+            if face[v, ru] == f and ru > u:
+                wu = (1.0 / exact[v, ru] - w) * fx
+            elif face[v, lu] == f and lu < u:
+                wu = (w - 1.0 / exact[v, lu]) * fx
+            if face[rv, u] == f and rv > v:
+                wv = (1.0 / exact[rv, u] - w) * fy
+            elif face[lv, u] == f and lv < v:
+                wv = (w - 1.0 / exact[lv, u]) * fy
+            x, y = (u - cx) / fx, (v - cy) / fy
+            wz = w - wu * x - wv * y
+            cosine = w / math.sqrt((wu * wu + wv * wv + wz * wz) * (1.0 + x * x + y * y))
+            light = albedos[f // 6] * cosine / (z * z)
+            faded = gain_m / max(light, 1e-3)
+            sigma = math.sqrt(floor_m * floor_m + faded * faded)
+            if sigma > 0.04 or chance[second + n] < 0.0003:
+                continue
+            # The driver smooths over neighbours; a binomial of nine is about as correlated.
+            noise = 0.0
+            for i in range(-1, 2):
+                for j in range(-1, 2):
+                    weight = (2.0 if i == 0 else 1.0) * (2.0 if j == 0 else 1.0)
+                    noise += weight * normal[third + min(max(v + i, 0), rows - 1) * columns + min(max(u + j, 0), columns - 1)]
+            wave = _smooth(u / (7.0 * scale), v / (7.0 * scale), 3) - 0.5
+            share = 0.5 * chance[first + n] if jump > 0.02 * z else 0.0
+            measured[v, u] = z + share * (beyond - z) + sigma * noise / 6.0 + ripple_m * wave

@@ -5,6 +5,7 @@ The chair stands level at the origin; what is to be seen lies ahead of it, along
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,14 +16,20 @@ BEECH: Rgb = (176.0, 132.0, 84.0)
 WHITE: Rgb = (205.0, 203.0, 198.0)
 CARDBOARD: Rgb = (158.0, 124.0, 84.0)
 BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))
+FLOORS = ("wood", "concrete", "carpet", "terrazzo")
 HALL_M = 8.0
 WALL_M = 3.0
 
 
 def room(scene: str, rng: np.random.Generator) -> list[Solid]:
     """Return what stands in a place, floor and all."""
-    floor = upright("floor", (-HALL_M, -HALL_M, -0.2), (HALL_M, HALL_M, 0.0))
-    return [floor, *MAKERS[scene](rng)]
+    floor = upright("floor", (-HALL_M, -HALL_M, -0.2), (HALL_M, HALL_M, 0.0), texture=FLOORS[int(rng.integers(len(FLOORS)))])
+    return [floor, *(plain(solid) for solid in MAKERS[scene](rng))]
+
+
+def plain(solid: Solid) -> Solid:
+    """Return a wall with plaster on it; other things as they are."""
+    return replace(solid, texture="dark") if solid.kind == "wall" else solid
 
 
 def askew_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> Solid:
@@ -52,7 +59,9 @@ def _sides(half_width_m: float) -> list[Solid]:
 def _corridor(rng: np.random.Generator) -> list[Solid]:
     sides = _sides(rng.uniform(0.6, 1.1))
     skirting = [
-        upright("wall", (-HALL_M, side.centre_W[1] - 0.065, 0.0), (HALL_M, side.centre_W[1] + 0.065, 0.1), colour=WHITE)
+        upright(
+            "wall", (-HALL_M, side.centre_W[1] - 0.065, 0.0), (HALL_M, side.centre_W[1] + 0.065, 0.1), colour=WHITE, texture="dark"
+        )
         for side in sides
     ]
     doors = [askew_wall(rng.uniform(2.0, 5.0), rng.uniform(-5.0, 5.0) * DEG)] if rng.random() < 0.5 else []
@@ -71,7 +80,7 @@ def _shelf(rng: np.random.Generator) -> list[Solid]:
     yaw = rng.uniform(-25.0, 25.0) * DEG
     boards = []
     for level in np.arange(0.06, 1.9, gap):
-        boards.append(upright("shelf", (x, -half, level), (x + depth, half, level + 0.02), colour=BEECH))
+        boards.append(upright("shelf", (x, -half, level), (x + depth, half, level + 0.02), colour=BEECH, texture="wood"))
         y = -half + 0.05
         while y < half - 0.1 and rng.random() < 0.9:
             thick, tall = rng.uniform(0.02, 0.06), rng.uniform(0.5, 0.9) * gap
@@ -79,8 +88,11 @@ def _shelf(rng: np.random.Generator) -> list[Solid]:
             low = (x + rng.uniform(0.01, 0.06), y, level + 0.02)
             boards.append(upright("book", low, (x + depth - 0.02, y + thick, level + 0.02 + tall), colour=colour))
             y += thick + 0.004
-    frame = [upright("shelf", (x, side - 0.01, 0.0), (x + depth, side + 0.01, 1.95), colour=BEECH) for side in (-half, half)]
-    back = upright("shelf", (x + depth, -half, 0.0), (x + depth + 0.01, half, 1.95), colour=BEECH)
+    frame = [
+        upright("shelf", (x, side - 0.01, 0.0), (x + depth, side + 0.01, 1.95), colour=BEECH, texture="wood")
+        for side in (-half, half)
+    ]
+    back = upright("shelf", (x + depth, -half, 0.0), (x + depth + 0.01, half, 1.95), colour=BEECH, texture="wood")
     return [_turned(solid, yaw, (x, 0.0)) for solid in (*boards, *frame, back)]
 
 
@@ -88,13 +100,7 @@ def _turned(solid: Solid, yaw_rad: float, about_m: tuple[float, float]) -> Solid
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     pivot = np.array([*about_m, 0.0])
-    return Solid(
-        kind=solid.kind,
-        centre_W=pivot + turn @ (solid.centre_W - pivot),
-        half_m=solid.half_m,
-        R_WK=turn @ solid.R_WK,
-        colour=solid.colour,
-    )
+    return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
 
 
 def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[Solid]:
@@ -113,7 +119,7 @@ def _table(rng: np.random.Generator) -> list[Solid]:
     for side in (-0.35, 0.35):
         cx, cy = x - 0.55, y + side
         solids += _legged(cx, cy, (0.22, 0.2), 0.45, 0.018, WHITE)
-        solids.append(upright("furniture", (cx - 0.24, cy - 0.2, 0.55), (cx - 0.22, cy + 0.2, 0.9), colour=WHITE))
+        solids.append(upright("furniture", (cx - 0.24, cy - 0.2, 0.55), (cx - 0.22, cy + 0.2, 0.9), colour=WHITE, texture="dark"))
     wall = [askew_wall(x + rng.uniform(0.8, 2.0), yaw)] if rng.random() < 0.5 else []
     return [*(_turned(solid, yaw, (x, y)) for solid in solids), *wall]
 
@@ -127,7 +133,7 @@ def _boxes(rng: np.random.Generator) -> list[Solid]:
         z = 0.0 if rng.random() < 0.6 else rng.uniform(0.15, 0.5)
         low = (x - 0.5 * size[0], y - 0.5 * size[1], z)
         high = (x + 0.5 * size[0], y + 0.5 * size[1], z + size[2])
-        solids.append(upright("carton", low, high, colour=CARDBOARD, yaw_rad=rng.uniform(-1.5, 1.5)))
+        solids.append(upright("carton", low, high, colour=CARDBOARD, texture="dark", yaw_rad=rng.uniform(-1.5, 1.5)))
     return solids
 
 

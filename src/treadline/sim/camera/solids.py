@@ -12,6 +12,25 @@ from treadline.mechanics.staircase import Box
 Rgb = tuple[float, float, float]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Puddle:
+    """Water on a tread: dark, with a highlight, and a mirror to a depth sensor."""
+
+    centre_W: tuple[float, float, float]
+    half_m: tuple[float, float]
+    """Half axes of the ellipse along x and y."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shadow:
+    """A dark band across the scene, as a beam or a banister casts it: all points near a plane."""
+
+    normal_W: tuple[float, float, float]
+    level_m: float
+    """Of the band's middle, along the normal."""
+    half_m: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solid:
     """A box K in the world."""
@@ -23,6 +42,8 @@ class Solid:
     R_WK: Float[np.ndarray, "3 3"]
     colour: Rgb | None = None
     """Of its own; None for what its kind has."""
+    texture: str | None = None
+    """Of its own; None for the scene's."""
     index: int = -1
     """Of the step it belongs to; -1 for the rest."""
 
@@ -47,6 +68,7 @@ def upright(
     high_W: tuple[float, float, float],
     *,
     colour: Rgb | None = None,
+    texture: str | None = None,
     yaw_rad: float = 0.0,
     index: int = -1,
 ) -> Solid:
@@ -58,6 +80,7 @@ def upright(
         half_m=0.5 * (high - low),
         R_WK=rotation_z(yaw_rad),
         colour=colour,
+        texture=texture,
         index=index,
     )
 
@@ -86,4 +109,5 @@ def beam(
         half_m=np.array([0.5 * length, 0.5 * across_m[0], 0.5 * across_m[1]]),
         R_WK=np.column_stack([x, y, np.cross(x, y)]),
         colour=colour,
+        texture="dark",
     )

@@ -12,7 +12,7 @@ positive anticlockwise seen from above. The same generator state and recipe give
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -24,10 +24,10 @@ from treadline.mechanics.staircase import FLOOR_LENGTH_M, Staircase, Step, build
 from treadline.scenario import Stair
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
-from treadline.sim.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M, clutter_of, worn_step
+from treadline.sim.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M, cast_shadows, clutter_of, spilt, worn_step
 from treadline.sim.camera.recipe import PLACES_M, STAIR_SCENES, Range, Recipe, RoomScene, StairScene
-from treadline.sim.camera.rooms import askew_wall, room
-from treadline.sim.camera.solids import Solid, solids_of, upright
+from treadline.sim.camera.rooms import askew_wall, plain, room
+from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of, upright
 
 Direction = Literal["up", "down"]
 DIRECTIONS: dict[str, Direction] = {
@@ -103,6 +103,15 @@ class _Pose:
     p_WB: Float[np.ndarray, " 3"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Setting:
+    """What is to be seen."""
+
+    solids: list[Solid]
+    shadows: list[Shadow] = field(default_factory=list)
+    puddles: list[Puddle] = field(default_factory=list)
+
+
 def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
     """Return one view; all that the recipe leaves open is drawn from ``rng``."""
     chair = read_chair("wheelchair")
@@ -113,22 +122,25 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         staircase = _staircase(recipe, rng)
         pose = _pose(scene, staircase, heading, recipe, rng)
         pose = _clear_of_walls(pose, staircase, np.array(true.mount_m), _is_railed(recipe))
-        clutter = _clutter(staircase, scene, pose, recipe, rng)
-        solids = _stair_solids(staircase, clutter, recipe, rng)
+        setting = _setting(staircase, scene, pose, recipe, rng)
     else:
-        staircase, clutter = None, []
+        staircase = None
         yaw = rotation_z(_drawn(ROOM_YAW_DEG, rng) * DEG)
         pose = _Pose(R_WB=yaw @ _rocked(recipe, rng), p_WB=np.array([0.0, _drawn(recipe.lateral_m, rng), 0.0]))
-        solids = room(scene, rng)
+        setting = _Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
     R_WC = pose.R_WB @ true.R_BC
     p_WC = pose.p_WB + pose.R_WB @ np.array(true.mount_m)
+    length, way = _drawn(recipe.blur_px, rng), rng.uniform(0.0, math.pi)
     camera = Camera(
-        solids,
+        setting.solids,
         true,
         told=told,
         kind=recipe.sensor,
         texture=str(rng.choice(recipe.textures)),
         light=_drawn(recipe.light, rng),
+        blur_px=(length * math.cos(way), length * math.sin(way)),
+        shadows=setting.shadows,
+        puddles=setting.puddles,
         rng=rng,
     )
     exact = camera.exact(R_WC, p_WC)
@@ -140,7 +152,7 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         true_gravity_C=R_WC.T @ down_W,
         true_camera=true,
         exact=exact,
-        stair=None if staircase is None else _truth(DIRECTIONS[scene], staircase, pose, true, solids, exact, chair),
+        stair=None if staircase is None else _truth(DIRECTIONS[scene], staircase, pose, true, setting.solids, exact, chair),
     )
 
 
@@ -235,9 +247,9 @@ def _clear_of_walls(pose: _Pose, staircase: Staircase, p_BC: Float[np.ndarray, "
     return replace(pose, p_WB=pose.p_WB + np.array([0.0, min(max(y, -limit), limit) - y, 0.0]))
 
 
-def _clutter(staircase: Staircase, scene: str, pose: _Pose, recipe: Recipe, rng: np.random.Generator) -> list[Solid]:
-    """Return what stands about, one to five steps ahead of the chair's nose."""
-    solids = []
+def _setting(staircase: Staircase, scene: str, pose: _Pose, recipe: Recipe, rng: np.random.Generator) -> _Setting:
+    """Return the stair and what stands about, one to five steps ahead of the chair's nose."""
+    clutter, shadows, puddles = [], [], []
     x = np.array([step.x_m for step in staircase.steps])
     ahead = (pose.p_WB + pose.R_WB @ np.array([1.2, 0.0, 0.0]))[0]
     nearest = int(np.argmin(np.abs(x - ahead)))
@@ -245,16 +257,20 @@ def _clutter(staircase: Staircase, scene: str, pose: _Pose, recipe: Recipe, rng:
     for name in recipe.clutter:
         there = rng.random() < recipe.clutter_chance
         step = min(max(nearest + way * int(rng.integers(4)), 0), len(x) - 3)
-        if there:
-            solids += clutter_of(name, staircase, step, rng)
-    return solids
+        if there and name == "shadow":
+            shadows = cast_shadows(rng)
+        elif there and name == "wet":
+            puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
+        elif there:
+            clutter += clutter_of(name, staircase, step, rng)
+    return _Setting(solids=_stair_solids(staircase, clutter, recipe, rng), shadows=shadows, puddles=puddles)
 
 
 def _stair_solids(staircase: Staircase, clutter: list[Solid], recipe: Recipe, rng: np.random.Generator) -> list[Solid]:
     """Return floor, steps, walls and clutter, with a wall behind the landing and one before the floor's end."""
     last = staircase.steps[-1]
     end_x = last.x_m + max(staircase.landing_m, last.depth_m)
-    floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0))
+    floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0), texture="concrete")
     behind = askew_wall(end_x, _drawn(recipe.back_wall_deg, rng) * DEG, low_m=last.z_m)
     before = askew_wall(-float(rng.uniform(2.5, 5.5)), math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
     solids = [floor, behind, before]
@@ -263,7 +279,7 @@ def _stair_solids(staircase: Staircase, clutter: list[Solid], recipe: Recipe, rn
             solids += worn_step(solid, staircase.open_risers, recipe.worn_m, rng)
         elif solid.kind != "floor":
             solids.append(solid)
-    return solids + clutter
+    return [plain(solid) for solid in solids + clutter]
 
 
 def _tilted(direction: Float[np.ndarray, " 3"], angle_rad: float, rng: np.random.Generator) -> Float[np.ndarray, " 3"]:
