@@ -29,11 +29,12 @@ PAUSE = 3.0
 HALF = 0.5
 """Stamps are whole nanoseconds: half of one absorbs rounding."""
 
-_READERS: dict[str, Callable[[Path, Callable[[str], bool]], Iterator[Packet]]] = {
+READERS: dict[str, Callable[[Path, Callable[[str], bool]], Iterator[Packet]]] = {
     ".mcap": mcap_messages,
     ".bag": bag_messages,
     ".db3": db3_messages,
 }
+"""What reads a file of messages, by its ending."""
 
 
 def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], period_s: float | None) -> tuple[Table, float]:
@@ -45,9 +46,9 @@ def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], peri
     """
     wanted = (*inputs, *outputs)
     channels = Channels(path, wanted)
-    for file in [path] if path.is_file() else sorted((p for p in path.iterdir() if p.suffix in _READERS), key=_number):
-        with _damage(file):
-            for topic, time_ns, data in _READERS[file.suffix.lower()](file, channels.wants):
+    for file in parts_of(path):
+        with damage(file):
+            for topic, time_ns, data in READERS[file.suffix.lower()](file, channels.wants):
                 channels.take(topic, time_ns, data)
     series = channels.series()
     medians = {name: float(np.median(np.diff(t))) for name, (t, _) in series.items()}
@@ -79,6 +80,11 @@ def _in_a_pause(grid: Float64[np.ndarray, " k"], t: Float64[np.ndarray, " n"], l
     return (np.diff(t)[before] > longest) & (grid > t[before] + HALF) & (grid < t[before + 1] - HALF)
 
 
+def parts_of(path: Path) -> list[Path]:
+    """Return the files of a log in their order: itself, or those of a bag's folder."""
+    return [path] if path.is_file() else sorted((p for p in path.iterdir() if p.suffix in READERS), key=_number)
+
+
 def _number(path: Path) -> tuple[int, str]:
     """Order the parts of a bag: run_2 before run_10."""
     digits = path.stem.rpartition("_")[2]
@@ -86,7 +92,7 @@ def _number(path: Path) -> tuple[int, str]:
 
 
 @contextmanager
-def _damage(file: Path) -> Iterator[None]:
+def damage(file: Path) -> Iterator[None]:
     """Make one error of whatever a broken log does to its readers."""
     try:
         yield

@@ -60,6 +60,17 @@ class CdrWriter:
         return HEADER + bytes(self._data)
 
 
+TICK_NS = 10_000_000
+TICK_S = 0.01
+"""Base period of a mission (Table I: 100 Hz)."""
+
+
+def seconds_of(time_ns: int) -> float:
+    """Return a time in seconds: of a whole tick the very number that a mission counts, so that a replay repeats every bit."""
+    ticks, rest = divmod(time_ns, TICK_NS)
+    return time_ns / 1e9 if rest else ticks * TICK_S
+
+
 def nanoseconds_of(t_s: float) -> int:
     """Return a time on the mission clock in nanoseconds."""
     return round(t_s * 1e9)

@@ -1,17 +1,19 @@
 """Signals out of the ROS 2 messages that ``messages`` writes: the way back, for replay and for scoring.
 
+The standard ones (image, calibration, IMU) are read whoever wrote them, also as ROS 1 has them.
+
 A pose and its ``…/detail`` say one thing twice; the detail is exact, so only it is read. A frame is whole when its
 calibration has come. The camera's mount is not in a ``CameraInfo``: it comes back as zero.
 """
 
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from treadline.errors import LogFormatError
-from treadline.io.cdr import HEADER
+from treadline.io.cdr import HEADER, seconds_of
 from treadline.io.messages import TRUTH_NAMES
 from treadline.ports import Truth
 from treadline.signals import (
@@ -32,11 +34,14 @@ from treadline.signals import (
 class CdrReader:
     """Takes values off a message one after the other; never beyond its end."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, *, origin_ns: int = 0, logged_ns: int = 0) -> None:
+        """Read a message whose clock shows ``origin_ns`` when the mission's shows zero."""
         if data[:4] != HEADER:
             raise LogFormatError("a message is not little-endian CDR")
         self._data = data[4:]
         self._at = 0
+        self._origin_ns = origin_ns
+        self._logged_ns = logged_ns
 
     def take(self, size: int) -> bytes:
         """Return the next bytes."""
@@ -70,62 +75,115 @@ class CdrReader:
         return self.take(self.uint32())[:-1].decode()
 
     def stamp(self) -> tuple[float, str]:
-        """Return the time and the frame of the next std_msgs/Header."""
+        """Return the time and the frame of the next std_msgs/Header; a stamp that was never set is the time of logging."""
         self._align(4)
         seconds, nanoseconds = struct.unpack("<iI", self.take(8))
-        return (seconds * 1_000_000_000 + nanoseconds) / 1e9, self.string()
+        time_ns = seconds * 1_000_000_000 + nanoseconds or self._logged_ns
+        return seconds_of(time_ns - self._origin_ns), self.string()
 
     def _align(self, size: int) -> None:
         self._at += -self._at % size
 
 
+class Ros1Reader(CdrReader):
+    """The same of a ROS 1 message: nothing is aligned, strings end without a zero, headers begin with a count."""
+
+    def __init__(self, data: bytes, *, origin_ns: int = 0, logged_ns: int = 0) -> None:
+        super().__init__(HEADER + data, origin_ns=origin_ns, logged_ns=logged_ns)
+
+    def string(self) -> str:
+        """Return the next string."""
+        return self.take(self.uint32()).decode()
+
+    def stamp(self) -> tuple[float, str]:
+        """Return the time and the frame of the next std_msgs/Header."""
+        self.uint32()
+        return super().stamp()
+
+    def _align(self, size: int) -> None:
+        pass
+
+
 class Decoder:
-    """Turns messages into signals; holds the two images of a frame until its calibration comes."""
+    """Turns a run's own messages into signals; holds the two images of a frame until its calibration comes."""
 
     def __init__(self) -> None:
-        self._images: dict[str, tuple[float, np.ndarray]] = {}
+        self._images: dict[str, Picture] = {}
 
     def signal(self, topic: str, data: bytes) -> Any | None:
         """Return the signal that a message completes, or None."""
         if topic in IMAGES:
-            self._images[topic] = _image(data, *IMAGES[topic])
+            self._images[topic] = picture(CdrReader(data))
+            if self._images[topic].encoding != IMAGES[topic]:
+                raise LogFormatError(f"{topic} holds '{self._images[topic].encoding}'; '{IMAGES[topic]}' is read")
             return None
         if topic == "/camera/color/camera_info":
-            return self._frame(data)
-        read = _READERS.get(topic)
-        return None if read is None else read(data)
+            return self._frame(CdrReader(data))
+        read = OURS.get(topic)
+        return None if read is None else read[1](CdrReader(data))
 
-    def _frame(self, data: bytes) -> RgbdFrame:
-        t_s, camera = _camera(data)
-        images = [self._images.get(topic) for topic in IMAGES]
-        for image in images:
-            if image is None or image[0] != t_s or image[1].shape[:2] != (camera.height_px, camera.width_px):
+    def _frame(self, r: CdrReader) -> RgbdFrame:
+        t_s, camera = calibration(r)
+        rgb, depth = (self._images.get(topic) for topic in IMAGES)
+        for image in (rgb, depth):
+            if image is None or image.t_s != t_s or image.pixels.shape[:2] != (camera.height_px, camera.width_px):
                 raise LogFormatError(f"the calibration at {t_s} s has no images of its time and size")
-        (_, rgb), (_, depth) = (image for image in images if image is not None)
-        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=depth, camera=camera)
+        assert rgb is not None  # noqa: S101 - for the type checker
+        assert depth is not None  # noqa: S101 - the same
+        return RgbdFrame(t_s=t_s, rgb=rgb.pixels, depth_m=depth.pixels, camera=camera)
 
 
-IMAGES: dict[str, tuple[str, np.dtype[Any], tuple[int, ...]]] = {
-    "/camera/color/image_raw": ("rgb8", np.dtype(np.uint8), (3,)),
-    "/camera/depth/image_rect": ("32FC1", np.dtype("<f4"), ()),
+IMAGES = {"/camera/color/image_raw": "rgb8", "/camera/depth/image_rect": "32FC1"}
+"""Encoding of each image topic of a run's log."""
+
+
+class Picture(NamedTuple):
+    """One image as its message holds it."""
+
+    t_s: float
+    encoding: str
+    pixels: np.ndarray
+
+
+ENCODINGS: dict[str, tuple[str, int]] = {
+    "rgb8": ("u1", 3),
+    "bgr8": ("u1", 3),
+    "8UC3": ("u1", 3),
+    "rgba8": ("u1", 4),
+    "bgra8": ("u1", 4),
+    "mono8": ("u1", 1),
+    "8UC1": ("u1", 1),
+    "mono16": ("u2", 1),
+    "16UC1": ("u2", 1),
+    "32FC1": ("f4", 1),
 }
-"""Encoding, number type and channels of each image topic."""
+"""Number type and channels of the encodings that are read."""
 
 
-def _image(data: bytes, encoding: str, kind: np.dtype[Any], channels: tuple[int, ...]) -> tuple[float, np.ndarray]:
-    r = CdrReader(data)
+def picture(r: CdrReader) -> Picture:
+    """Return the image in a sensor_msgs/Image."""
+    t_s, height, width, encoding = heading_of_image(r)
+    if encoding not in ENCODINGS:
+        raise LogFormatError(f"an image is encoded in '{encoding[:40]}'; read are: {', '.join(ENCODINGS)}")
+    number, channels = ENCODINGS[encoding]
+    kind = np.dtype((">" if r.uint8() else "<") + number)
+    step, pixels = r.uint32(), r.take(r.uint32())
+    row = width * channels * kind.itemsize
+    if step < row or len(pixels) != height * step:
+        raise LogFormatError(f"an image of {width}×{height} '{encoding}' holds {len(pixels)} bytes in rows of {step}")
+    rows = np.frombuffer(pixels, np.uint8).reshape(height, step)
+    values = np.ascontiguousarray(rows[:, :row]).view(kind)
+    return Picture(t_s, encoding, values.reshape((height, width, channels) if channels > 1 else (height, width)))
+
+
+def heading_of_image(r: CdrReader) -> tuple[float, int, int, str]:
+    """Return what stands before an image's pixels: time, height, width, encoding."""
     t_s, _ = r.stamp()
-    height, width, found = r.uint32(), r.uint32(), r.string()
-    r.uint8()
-    r.uint32()
-    pixels = r.take(r.uint32())
-    if found != encoding or len(pixels) != height * width * kind.itemsize * int(np.prod(channels, initial=1)):
-        raise LogFormatError(f"an image of {width} x {height} '{found}' holds {len(pixels)} bytes; '{encoding}' is read")
-    return t_s, np.frombuffer(pixels, kind).reshape(height, width, *channels)
+    return t_s, r.uint32(), r.uint32(), r.string()
 
 
-def _camera(data: bytes) -> tuple[float, PinholeCamera]:
-    r = CdrReader(data)
+def calibration(r: CdrReader) -> tuple[float, PinholeCamera]:
+    """Return time and camera of a sensor_msgs/CameraInfo."""
     t_s, _ = r.stamp()
     height, width = r.uint32(), r.uint32()
     r.string()
@@ -134,33 +192,33 @@ def _camera(data: bytes) -> tuple[float, PinholeCamera]:
     return t_s, PinholeCamera(width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy)
 
 
-def _joints(data: bytes, count: int, *, velocity: bool) -> tuple[float, str, tuple[float, ...]]:
-    """Return time, frame and the ``count`` numbers that matter of a JointState."""
-    r = CdrReader(data)
-    t_s, frame = r.stamp()
-    for _ in range(r.uint32()):
-        r.string()
-    position, rate = r.sequence(), r.sequence()
-    values = rate if velocity else position
-    if len(values) != count:
-        raise LogFormatError(f"a JointState holds {len(values)} numbers where {count} belong")
-    return t_s, frame, values
-
-
-def _imu(data: bytes) -> ImuSample:
-    r = CdrReader(data)
+def imu(r: CdrReader) -> ImuSample:
+    """Return the sample in a sensor_msgs/Imu; where it says that orientation is not measured, the quaternion is zero."""
     t_s, _ = r.stamp()
     values = np.array(r.doubles(4 + 9 + 3 + 9 + 3))
     return ImuSample(
         t_s=t_s,
-        orientation=values[[3, 0, 1, 2]],
+        orientation=np.zeros(4) if values[4] == -1.0 else values[[3, 0, 1, 2]],
         angular_velocity_rad_s=values[13:16],
         linear_acceleration_m_s2=values[25:28],
     )
 
 
-def _event(data: bytes) -> Event:
-    r = CdrReader(data)
+def _joints(r: CdrReader) -> tuple[float, str, tuple[float, ...], tuple[float, ...]]:
+    """Return time, frame, positions and velocities of a JointState."""
+    t_s, frame = r.stamp()
+    for _ in range(r.uint32()):
+        r.string()
+    return t_s, frame, r.sequence(), r.sequence()
+
+
+def _counted(values: tuple[float, ...], count: int) -> tuple[float, ...]:
+    if len(values) != count:
+        raise LogFormatError(f"a JointState holds {len(values)} numbers where {count} belong")
+    return values
+
+
+def _event(r: CdrReader) -> Event:
     t_s, _ = r.stamp()
     if r.uint32() != 1:
         raise LogFormatError("a DiagnosticArray of treadline holds one status")
@@ -168,61 +226,71 @@ def _event(data: bytes) -> Event:
     return Event(t_s=t_s, name=r.string(), cause=r.string())
 
 
-def _belts(data: bytes) -> tuple[float, float, float, bool]:
-    t_s, _, speeds = _joints(data, 3, velocity=True)
-    _, _, places = _joints(data, 3, velocity=False)
-    return t_s, speeds[0], speeds[1], bool(places[2])
+def _belts(r: CdrReader) -> tuple[float, float, float, bool]:
+    t_s, _, places, speeds = _joints(r)
+    left, right, _ = _counted(speeds, 3)
+    return t_s, left, right, bool(_counted(places, 3)[2])
 
 
-def _track_command(data: bytes) -> TrackCommand:
-    t_s, left, right, brake = _belts(data)
+def _track_command(r: CdrReader) -> TrackCommand:
+    t_s, left, right, brake = _belts(r)
     return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=brake)
 
 
-def _track_reading(data: bytes) -> TrackReading:
-    t_s, left, right, brake = _belts(data)
+def _track_reading(r: CdrReader) -> TrackReading:
+    t_s, left, right, brake = _belts(r)
     return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=brake)
 
 
-def _seat_command(data: bytes) -> SeatCommand:
-    t_s, _, (rate,) = _joints(data, 1, velocity=True)
-    return SeatCommand(t_s=t_s, rate_m_s=rate)
+def _seat_command(r: CdrReader) -> SeatCommand:
+    t_s, _, _, speeds = _joints(r)
+    return SeatCommand(t_s=t_s, rate_m_s=_counted(speeds, 1)[0])
 
 
-def _seat_reading(data: bytes) -> SeatReading:
-    t_s, _, (stroke, pitch) = _joints(data, 2, velocity=False)
+def _seat_reading(r: CdrReader) -> SeatReading:
+    t_s, _, places, _ = _joints(r)
+    stroke, pitch = _counted(places, 2)
     return SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=stroke)
 
 
-def _operator(data: bytes) -> OperatorInput:
-    t_s, _, (dead_man, stop, rearm) = _joints(data, 3, velocity=False)
+def _operator(r: CdrReader) -> OperatorInput:
+    t_s, _, places, _ = _joints(r)
+    dead_man, stop, rearm = _counted(places, 3)
     return OperatorInput(t_s=t_s, dead_man=bool(dead_man), stop=bool(stop), rearm=bool(rearm))
 
 
-def _estimate(data: bytes) -> HeadingEstimate:
-    t_s, source, (heading, rate, sigma) = _joints(data, 3, velocity=False)
+def _estimate(r: CdrReader) -> HeadingEstimate:
+    t_s, source, places, _ = _joints(r)
+    heading, rate, sigma = _counted(places, 3)
     return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=rate, sigma_rad=sigma, source=source)
 
 
-def _measurement(data: bytes) -> HeadingMeasurement:
-    t_s, _, (heading, sigma, count) = _joints(data, 3, velocity=False)
+def _measurement(r: CdrReader) -> HeadingMeasurement:
+    t_s, _, places, _ = _joints(r)
+    heading, sigma, count = _counted(places, 3)
     return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count))
 
 
-def _truth(data: bytes) -> Truth:
-    t_s, _, values = _joints(data, len(TRUTH_NAMES), velocity=False)
-    return Truth(t_s=t_s, **dict(zip(TRUTH_NAMES, values, strict=True)))
+def _truth(r: CdrReader) -> Truth:
+    t_s, _, places, _ = _joints(r)
+    return Truth(t_s=t_s, **dict(zip(TRUTH_NAMES, _counted(places, len(TRUTH_NAMES)), strict=True)))
 
 
-_READERS: dict[str, Callable[[bytes], Any]] = {
-    "/imu": _imu,
-    "/tracks/cmd": _track_command,
-    "/tracks/state": _track_reading,
-    "/seat/cmd": _seat_command,
-    "/seat/state": _seat_reading,
-    "/operator": _operator,
-    "/stair/heading/detail": _estimate,
-    "/stair/heading_measured/detail": _measurement,
-    "/diagnostics": _event,
-    "/truth": _truth,
+IMU = "sensor_msgs/msg/Imu"
+JOINTS = "sensor_msgs/msg/JointState"
+HEADINGS = "/stair/heading_measured/detail"
+"""Topic of the headings that vision saw."""
+EVENTS = "/diagnostics"
+OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
+    "/imu": (IMU, imu),
+    "/tracks/cmd": (JOINTS, _track_command),
+    "/tracks/state": (JOINTS, _track_reading),
+    "/seat/cmd": (JOINTS, _seat_command),
+    "/seat/state": (JOINTS, _seat_reading),
+    "/operator": (JOINTS, _operator),
+    "/stair/heading/detail": (JOINTS, _estimate),
+    HEADINGS: (JOINTS, _measurement),
+    EVENTS: ("diagnostic_msgs/msg/DiagnosticArray", _event),
+    "/truth": (JOINTS, _truth),
 }
+"""Topics of a run's log, images aside: their type, and what reads them."""

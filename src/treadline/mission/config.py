@@ -73,11 +73,14 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
         estimator=estimator,
         driver=driver,
         leveller=Leveller(LevellerConfig(seat=config.chair.seat)),
-        guard=Guard(
-            GuardConfig(
-                belt_limit_m_s=config.chair.drives.max_speed_m_s,
-                needs_heading=config.loop == "closed",
-                driver_timeout_s=PERIODS_MISSED * driver.period_s,
-            )
-        ),
+        guard=Guard(guard_config(config, driver.period_s)),
+    )
+
+
+def guard_config(config: MissionConfig, period_s: float) -> GuardConfig:
+    """Return the limits that follow from the chair and from the driver's period."""
+    return GuardConfig(
+        belt_limit_m_s=config.chair.drives.max_speed_m_s,
+        needs_heading=config.loop == "closed",
+        driver_timeout_s=PERIODS_MISSED * period_s,
     )

@@ -1,0 +1,126 @@
+"""``treadline replay``: recorded sensors through estimators and controller again."""
+
+import math
+from pathlib import Path
+from types import TracebackType
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from treadline.cli.answer import Answer
+
+
+def replay(
+    log: Path | None = None,
+    /,
+    *,
+    out: Path | None = None,
+    changes: Annotated[list[str] | None, Parameter(name="--set")] = None,
+    topics: str | None = None,
+    keys: bool = False,
+    log_images: bool = False,
+) -> Answer:
+    """Run a recording through perception, fusion, controller and guard again.
+
+    The log is a run folder (treadline climb --log-images keeps the frames), or an MCAP file or ROS bag of anybody's: depth
+    (sensor_msgs/Image, 16UC1 or 32FC1), colour, CameraInfo and Imu are found by their types. What the mission asks of the
+    tracks is compared with what was asked then. Without images the headings recorded go into the fusion.
+
+    treadline replay runs/climb --set filter.gate=16 --set vision=paper --out runs/again
+
+    Args:
+        log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
+        out: The run folder to write: manifest.json, log.mcap, series.csv, result.json.
+        changes: key=value over what a replay may change; any number of times. --keys lists them.
+        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,headings=/e.
+        keys: List the keys of --set with their defaults, of the log's run if a log is given, and end.
+        log_images: Keep the frames in the new log, too.
+    """
+    from treadline.errors import SettingsError
+    from treadline.io.topics import parse_topics
+
+    if keys:
+        return _keys(log)
+    if log is None or out is None:
+        raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
+    from treadline.experiments.replayed import replayed_run
+
+    with _Played() as progress:
+        run = replayed_run(
+            out,
+            log,
+            changes=changes or (),
+            topics=parse_topics(topics),
+            log_images=log_images,
+            begun=progress.begin,
+            watch=lambda tick: progress.at(tick.t_s),
+        )
+    values = run.summary()
+    return Answer(values=values | {"run": str(out)}, summary=_lines(values, out), code=0 if run.verdict == "time_up" else 1)
+
+
+def _keys(log: Path | None) -> Answer:
+    from treadline.experiments.replay_settings import key_lines
+    from treadline.experiments.replayed import CHAIR, source_of
+    from treadline.mechanics.chair import read_chair
+    from treadline.mission.config import MissionConfig
+
+    lines = key_lines(MissionConfig(chair=read_chair(CHAIR)) if log is None else source_of(log).base)
+    return Answer(values={"keys": dict(line.split(" = ", 1) for line in lines)}, summary=lines)
+
+
+class _Played:
+    """Shows how far the recording has been played."""
+
+    PARTS = 20
+
+    def __init__(self) -> None:
+        from treadline.cli.progress import Progress
+
+        self._progress = Progress("replay", self.PARTS)
+        self._duration_s = math.inf
+        self._shown = 0
+
+    def __enter__(self) -> "_Played":
+        self._progress.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._progress.__exit__(kind, error, trace)
+
+    def begin(self, duration_s: float) -> None:
+        self._duration_s = max(duration_s, 1e-9)
+
+    def at(self, t_s: float) -> None:
+        while self._shown < min(int(self.PARTS * t_s / self._duration_s), self.PARTS):
+            self._shown += 1
+            self._progress.done(f"{t_s:.1f} s of {self._duration_s:.1f} s")
+
+
+def _lines(values: dict[str, Any], out: Path) -> list[str]:
+    """Return the summary for people."""
+    held = f"held: {values['cause']}" if values["verdict"] == "held" else "played to the end"
+    lines = [f"{held}, {values['duration_s']:.1f} s at {values['real_time_factor']:.1f} × real time"]
+    topics = ", ".join(f"{role} {name}" for role, name in values["topics"].items() if name is not None)
+    if values["sees"] == "images":
+        lines.append(
+            f"{values['frames']} frames, {values['accepted']} accepted, {values['rejected']} of these rejected by the gate; "
+            f"{_number(values['ms_per_frame'], ' ms')} a frame"
+        )
+        lines += [f"  refused {count}: {reason}" for reason, count in values["refusals"].items()]
+    else:
+        lines.append(
+            f"no images in this log: perception was skipped, {values['accepted']} headings recorded went into the fusion, "
+            f"{values['rejected']} of these rejected by the gate"
+        )
+    then, truth, before = (_number(values[key], "°") for key in ("rms_difference_deg", "rms_error_deg", "recorded_rms_error_deg"))
+    gap = _number(values["largest_command_gap_m_s"], " m/s")
+    lines.append(
+        f"heading {then} RMS from the estimate of then, {truth} from the truth (then {before}); commands at most {gap} apart"
+    )
+    lines += [f"  dropped {count}: {reason}" for reason, count in values["dropped"].items()]
+    return [*lines, f"topics: {topics}", f"run folder: {out} (treadline report {out} draws it)"]
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "–" if value is None else f"{value:.3g}{unit}"

@@ -1,0 +1,270 @@
+"""What a replay may change: dotted keys over the mission's choices and over every setting of its blocks.
+
+The tables ``filter``, ``guard``, ``detector`` and ``offset`` are the blocks' own settings, so a new one of theirs is a key here
+at once. Angles are in degrees, as everywhere a person types.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from jaxtyping import Float
+from numpy import ndarray
+from pydantic import Field, create_model
+
+from treadline.angles import DEG
+from treadline.errors import SettingsError
+from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
+from treadline.estimation.aberration import AberrationRule
+from treadline.experiments.shipped import shipped_controller
+from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
+from treadline.mission.guard import Guard
+from treadline.mission.loop import Blocks
+from treadline.models import ControllerDesign
+from treadline.perception import DetectorConfig
+from treadline.settings import Settings, settings_of
+from treadline.signals import PinholeCamera
+
+Positive = Annotated[float, Field(gt=0.0)]
+Turn = Annotated[float, Field(ge=-180.0, le=180.0)]
+CONTROL_RATE_PERIOD_S = 0.25
+INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
+UNSET = {
+    "": "as logged, or as the chair's file says",
+    "estimator": "kalman with robust vision, offset with the paper's",
+    "controller": "of the log's run if it named one, else the one shipped for the chair",
+    "control.reconstruct": "as the controller's file says",
+}
+"""What stands in for a key that is not set and has no default."""
+MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
+
+
+class CameraKeys(Settings):
+    """The camera, where the log is silent or wrong; None leaves it as logged, or as the chair's file says."""
+
+    fx_px: Positive | None = None
+    fy_px: Positive | None = None
+    cx_px: float | None = None
+    cy_px: float | None = None
+    depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
+    """One count of a depth image of 16 bits."""
+    mount_pitch_deg: Turn | None = None
+    mount_roll_deg: Turn | None = None
+    mount_yaw_deg: Turn | None = None
+
+
+class ImuKeys(Settings):
+    """How the IMU sits."""
+
+    axes: Literal["chair", "camera"] = "chair"
+    """Its axes: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplaySettings:
+    """Everything that a replay runs with."""
+
+    values: Settings
+    """All keys, resolved."""
+    mission: MissionConfig
+    controller_name: str
+
+    def blocks(self, detector: Any) -> Blocks:
+        """Return the mission's blocks; the detector is made by who wants to watch it."""
+        values: Any = self.values
+        driver = heading_driver(self.mission)
+        estimator = values.estimator or ("kalman" if values.vision == "robust" else "offset")
+        kalman: Any = HeadingFilter(applied(FilterConfig(), values.filter))
+        guard = applied(guard_config(self.mission, driver.period_s), values.guard)
+        return replace(
+            build_blocks(self.mission, driver),
+            detector=detector,
+            estimator=kalman if estimator == "kalman" else OffsetEstimator(applied(AberrationRule(), values.offset)),
+            guard=Guard(guard),
+        )
+
+    @property
+    def detector(self) -> DetectorConfig:
+        """How to look."""
+        values: Any = self.values
+        return replace(applied(DetectorConfig(), values.detector), method=values.vision)
+
+    @property
+    def depth_unit_m(self) -> float:
+        """One count of a depth image."""
+        values: Any = self.values
+        return float(values.camera.depth_unit_m)
+
+    @property
+    def R_BI(self) -> Float[ndarray, "3 3"] | None:
+        """Rotation of the IMU's axes in the chair; None if it has the chair's."""
+        values: Any = self.values
+        if values.imu.axes == "chair":
+            return None
+        return self._mounted(PinholeCamera(width_px=1, height_px=1, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)).R_BC
+
+    def calibrate(self, logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+        """Return the calibration that counts: the log's with what is set in its place, on the chair's mount."""
+        values: Any = self.values
+        every: dict[str, Any] = {name: getattr(values.camera, name) for name in INTRINSICS}
+        given = {name: value for name, value in every.items() if value is not None}
+        if logged is None:
+            if len(given) < len(INTRINSICS):
+                return None
+            logged = PinholeCamera(width_px=size[0], height_px=size[1], **given)
+        return self._mounted(replace(logged, **given))
+
+    def _mounted(self, camera: PinholeCamera) -> PinholeCamera:
+        values: Any = self.values
+        mount = self.mission.chair.camera_at(240)
+        angles: dict[str, Any] = {}
+        for name in MOUNT:
+            degrees = getattr(values.camera, name + "_deg")
+            angles[name + "_rad"] = getattr(mount, name + "_rad") if degrees is None else degrees * DEG
+        return replace(camera, mount_m=mount.mount_m, **angles)
+
+
+def resolved(base: MissionConfig, items: Sequence[str], controller: str | None = None) -> ReplaySettings:
+    """Return the settings of a replay.
+
+    Args:
+        base: What the log's run was told; its controller is not in the log.
+        items: ``key=value``; a later one overrules an earlier one.
+        controller: The controller's file; None for the one shipped for the chair.
+
+    Raises:
+        SettingsError: If a key is unknown, or a value is of the wrong type or out of range.
+    """
+    model = keys_of(base)
+    values: Any = settings_of(_tables(items, _flat(model())), model, where="--set")
+    name = values.controller or controller
+    design = shipped_controller(base.chair.name) if name is None else ControllerDesign.load(Path(name))
+    mission = replace(
+        base,
+        controller=design,
+        climb_speed_m_s=values.control.speed_m_s,
+        loop=values.loop,
+        vision=values.vision,
+        allocation=values.control.allocation,
+        reconstruct=values.control.reconstruct,
+    )
+    return ReplaySettings(values=values, mission=mission, controller_name=name or f"shipped for {base.chair.name}")
+
+
+def keys_of(base: MissionConfig) -> type[Settings]:
+    """Return the model of all keys, with what the log's run had as defaults."""
+    control: dict[str, Any] = {
+        "speed_m_s": (Annotated[float, Field(gt=0.0, le=0.30)], base.climb_speed_m_s),
+        "allocation": (Literal["climb-safe", "paper"], base.allocation),
+        "reconstruct": (Literal["observer", "static"] | None, base.reconstruct),
+    }
+    guard = guard_config(base, CONTROL_RATE_PERIOD_S)
+    parts: dict[str, type[Settings]] = {
+        "control": create_model("control", __base__=Settings, **control),
+        "camera": CameraKeys,
+        "imu": ImuKeys,
+        "detector": table_of("detector", DetectorConfig(), leave=("method",)),
+        "filter": table_of("filter", FilterConfig()),
+        "offset": table_of("offset", AberrationRule()),
+        "guard": table_of("guard", guard, leave=("needs_heading",)),
+    }
+    top: dict[str, Any] = {
+        "vision": (Literal["robust", "paper"], base.vision),
+        "estimator": (Literal["kalman", "offset"] | None, None),
+        "loop": (Literal["closed", "open"], base.loop),
+        "controller": (str | None, None),
+        **{name: (part, part()) for name, part in parts.items()},
+    }
+    model: type[Settings] = create_model("replay", __base__=Settings, **top)
+    return model
+
+
+def key_lines(base: MissionConfig) -> list[str]:
+    """Return every key with its default and what it may be, for people."""
+    defaults = _flat(keys_of(base)())
+    return [f"{key} = {UNSET.get(key, UNSET['']) if value is None else value}" for key, value in defaults.items()]
+
+
+def table_of(name: str, config: Any, leave: tuple[str, ...] = ()) -> type[Settings]:
+    """Return the keys of a block's settings: its plain fields, angles in degrees, its parts as tables."""
+    hints = get_type_hints(type(config), include_extras=True)
+    entries: dict[str, Any] = {}
+    for item in fields(config):
+        value = getattr(config, item.name)
+        if item.name in leave:
+            continue
+        if is_dataclass(value):
+            part = table_of(item.name, value)
+            entries[item.name] = (part, part())
+        elif _is_plain(hints[item.name]):
+            shown = float(f"{value / DEG:.12g}") if "_rad" in item.name else value
+            entries[item.name.replace("_rad", "_deg")] = (_bounded(hints[item.name], value), shown)
+    return create_model(name, __base__=Settings, **entries)
+
+
+def applied(config: Any, values: Settings) -> Any:
+    """Return a block's settings with those keys changed that were given: degrees and back would not be the same bits."""
+    changes: dict[str, Any] = {}
+    for name in values.model_fields_set:
+        value = getattr(values, name)
+        source = name.replace("_deg", "_rad")
+        if isinstance(value, Settings):
+            changes[name] = applied(getattr(config, name), value)
+        else:
+            changes[source] = value * DEG if source != name else value
+    return replace(config, **changes)
+
+
+def _is_plain(hint: Any) -> bool:
+    if get_origin(hint) is Union or isinstance(hint, type(int | None)):
+        return all(_is_plain(part) for part in get_args(hint))
+    return hint in (float, int, bool, str, type(None)) or get_origin(hint) is Literal
+
+
+def _bounded(hint: Any, value: Any) -> Any:
+    """Return a type: no limit, deviation, gate or time of a block's is negative, unless it is by itself."""
+    return Annotated[hint, Field(ge=0)] if hint in (float, int) and value >= 0 else hint
+
+
+def _flat(values: Settings, before: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name in type(values).model_fields:
+        value = getattr(values, name)
+        flat |= _flat(value, f"{before}{name}.") if isinstance(value, Settings) else {before + name: value}
+    return flat
+
+
+def _tables(items: Sequence[str], known: dict[str, Any]) -> dict[str, object]:
+    tables: dict[str, Any] = {}
+    for item in items:
+        key, sign, text = item.partition("=")
+        key = key.strip()
+        if not sign:
+            raise SettingsError(f"--set {item}: must be key=value, as --set filter.gate=16")
+        if key not in known:
+            raise SettingsError(
+                f"--set {key}: unknown key; {_allowed(key, list(known))}; all with defaults: treadline replay --keys"
+            )
+        *path, last = key.split(".")
+        here = tables
+        for part in path:
+            here = here.setdefault(part, {})
+        here[last] = _value(text.strip())
+    return tables
+
+
+def _allowed(key: str, known: list[str]) -> str:
+    beside = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
+    close = difflib.get_close_matches(key, known, 1)
+    return (f"did you mean {close[0]}? " if close else "") + f"allowed: {', '.join(beside)}"
+
+
+def _value(text: str) -> object:
+    """Return a value as TOML has it; what is none of TOML's is text without quotes."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text

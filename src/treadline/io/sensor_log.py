@@ -1,0 +1,282 @@
+"""A recording as a chair's sensors: what it read, in the order of its stamps, and what it did, for comparison.
+
+A log is not believed. A stamp that is not later than the one before on its topic is dropped, and so is a sample that is not
+finite; both are counted and told. Where the clock itself leaps, or nothing was recorded for long, the recording ends: what
+follows cannot be put in order. One second of the log is held at a time, to sort it; never more.
+"""
+
+import heapq
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from treadline.errors import ImageError, LogFormatError
+from treadline.io.decode import EVENTS, HEADINGS, OURS, CdrReader, Picture, calibration, imu, picture
+from treadline.io.mcap_read import BROKEN
+from treadline.io.topics import Topics, packets, reader_of, roles, survey
+from treadline.signals import (
+    Event,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    PinholeCamera,
+    RgbdFrame,
+    SeatReading,
+    TrackReading,
+)
+
+HORIZON_S = 1.0
+"""How far the stamps of two topics may lie apart where they stand side by side in the file; a longer leap is another clock."""
+SILENCE_S = 60.0
+"""A longer pause is another recording."""
+PAIR_S = 0.02
+"""Between a depth image and its colour image: two thirds of a frame at 30 Hz."""
+EVENTS_MAX = 20
+"""Of one kind on one topic; the rest is only counted."""
+PLAUSIBLE_M = (0.05, 100.0)
+"""Median depth of a frame: outside it, the unit is wrong by a thousand."""
+NO_RETURN = 65535
+BGR = ("bgr8", "bgra8", "8UC3")
+
+Sensor = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput
+
+
+Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
+"""From the log's calibration, None if it has none, and the size of its images, to the one that counts."""
+
+
+def _as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+    del size
+    return logged
+
+
+class SensorLog:
+    """One recording.
+
+    Raises:
+        LogFormatError: If it is missing, damaged, or holds nothing to replay.
+        SettingsError: If a topic is named that it does not have.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        named: Mapping[str, str] | None = None,
+        sealed: bool = False,
+        depth_unit_m: float = 0.001,
+        calibrate: Calibrate = _as_logged,
+    ) -> None:
+        """Survey a log.
+
+        Args:
+            named: Topics by role, where the types do not tell.
+            sealed: Whether it is a run's own log, with checksums everywhere.
+            depth_unit_m: One count of a depth image of 16 bits.
+            calibrate: Gives the camera its mount, and the intrinsics that the log lacks or has wrong.
+        """
+        self._path = path
+        self._sealed = sealed
+        self._unit_m = depth_unit_m
+        self._calibrate = calibrate
+        self.found = survey(path, sealed=sealed)
+        self.topics = roles(path, self.found, named or {}, calibrated=calibrate(None, (1, 1)) is not None)
+        self.dropped: Counter[str] = Counter()
+        """Messages that were not handed out, by topic and reason."""
+        self.ended: str | None = None
+        """Why the recording ended before its last message, if it did."""
+        self._roles = {name: role for role, name in _named(self.topics) if name is not None}
+        used = [self.found[name] for name in self._roles]
+        self._origin_ns = min(item.stamp_ns for item in used)
+        self.duration_s = (max(item.last_ns for item in used) - min(item.first_ns for item in used)) / 1e9
+
+    def signals(self, aside: Callable[[Any], None]) -> Iterator[Sensor]:
+        """Yield what the sensors read, in time order from ``t_s = 0``.
+
+        Args:
+            aside: Takes the rest as it comes, up to a second early: commands, estimates, and events about what was dropped.
+        """
+        self._aside = aside
+        self._last: dict[str, tuple[float, int]] = {}
+        self._ready: list[tuple[float, int, str, Sensor]] = []
+        self._frames = _Frames(self, self.topics)
+        self._given_s = 0.0
+        count = 0
+        for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
+            try:
+                name = self._roles.get(topic.name, "")
+                signal = self._decoded(name, topic.name, reader_of(topic, data, logged_ns, self._origin_ns), logged_ns)
+            except LogFormatError as error:
+                raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
+            except BROKEN as error:
+                raise LogFormatError(f"{self._path}: {topic.name}: a message that cannot be read: {error}") from None
+            if self.ended is not None:
+                break
+            if isinstance(signal, Sensor):
+                count += 1
+                heapq.heappush(self._ready, (signal.t_s, count, topic.name, signal))
+                yield from self._due(signal.t_s - HORIZON_S)
+            elif signal is not None:
+                aside(signal)
+        yield from self._due(math.inf)
+
+    def _wants(self, name: str) -> bool:
+        ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
+        return name in self._roles or ours
+
+    def _decoded(self, role: str, name: str, r: CdrReader, logged_ns: int) -> Any | None:
+        match role:
+            case "depth" | "color":
+                image = picture(r)
+                return self._frames.image(role, image) if self._in_order(name, image.t_s, logged_ns) else None
+            case "info":
+                return self._frames.calibrate(calibration(r)[1])
+            case "imu":
+                signal: Any = imu(r)
+            case _:
+                signal = OURS[name if role == "" else HEADINGS][1](r)
+        if not isinstance(signal, Sensor):
+            return signal
+        return signal if self._in_order(name, signal.t_s, logged_ns) and self._finite(name, signal) else None
+
+    def _in_order(self, name: str, t_s: float, logged_ns: int) -> bool:
+        """Say whether a message comes after the one before on its topic, and end where the clock has leapt."""
+        if name in self._last:
+            before_s, before_ns = self._last[name]
+            step_s, logged_s = t_s - before_s, (logged_ns - before_ns) / 1e9
+            if step_s < -HORIZON_S or step_s - max(logged_s, 0.0) > HORIZON_S:
+                self._end(before_s, f"{name}: the clock leaps by {step_s:+.3f} s at {before_s:.3f} s")
+                return False
+            if step_s <= 0.0:
+                self.drop(before_s, name, "repeated stamp" if step_s == 0.0 else "stamp goes back", f"{step_s:+.3f} s")
+                return False
+        self._last[name] = t_s, logged_ns
+        return True
+
+    def _finite(self, name: str, signal: Sensor) -> bool:
+        match signal:
+            case ImuSample():
+                finite = bool(np.isfinite(signal.orientation).all() and np.isfinite(signal.angular_velocity_rad_s).all())
+            case HeadingMeasurement():
+                finite = math.isfinite(signal.heading_rad) and math.isfinite(signal.sigma_rad)
+            case _:
+                return True  # the leveller answers a seat's NaN with standstill; without it the seat would go on
+        if not finite:
+            self.drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
+        return finite
+
+    def _due(self, until_s: float) -> Iterator[Sensor]:
+        while self._ready and self._ready[0][0] <= until_s:
+            t_s, _, name, signal = heapq.heappop(self._ready)
+            if t_s - self._given_s > SILENCE_S:
+                self._end(self._given_s, f"nothing is recorded from {self._given_s:.1f} to {t_s:.1f} s")
+                self._ready.clear()
+            elif t_s < self._given_s:
+                self.drop(self._given_s, name, "stamps of another clock", f"{t_s - self._given_s:+.3f} s")
+            else:
+                self._given_s = t_s
+                yield signal
+
+    def drop(self, t_s: float, name: str, reason: str, number: str) -> None:
+        """Count a message that is not handed out, and tell of the first ones."""
+        key = f"{name}: {reason}"
+        self.dropped[key] += 1
+        if self.dropped[key] <= EVENTS_MAX:
+            self._aside(Event(t_s=max(t_s, 0.0), name="dropped", cause=f"{key} ({number})"))
+
+    def _end(self, t_s: float, cause: str) -> None:
+        if self.ended is None:
+            self.ended = cause
+            self._aside(Event(t_s=max(t_s, 0.0), name="ended", cause=cause))
+
+    def frame(self, t_s: float, depth: Picture, color: Picture | None, camera: PinholeCamera) -> RgbdFrame:
+        """Return a frame out of its parts.
+
+        Raises:
+            ImageError: If sizes differ, or the depth is in another unit.
+        """
+        size = (camera.height_px, camera.width_px)
+        for image in (depth, color):
+            if image is not None and image.pixels.shape[:2] != size:
+                height, width = image.pixels.shape[:2]
+                raise ImageError(f"{self._path}: an image of {width}×{height} at {t_s:.3f} s, calibrated for {size[1]}×{size[0]}")
+        rgb = np.zeros((*size, 3), np.uint8) if color is None else _rgb(color)
+        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._metres(depth), camera=camera)
+
+    def _metres(self, image: Picture) -> Float32[np.ndarray, "h w"]:
+        counts = image.pixels
+        if counts.dtype.kind == "u":
+            depth = np.where((counts > 0) & (counts < NO_RETURN), counts * np.float32(self._unit_m), np.float32(np.nan))
+        else:
+            depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, np.float32(np.nan))
+        seen = depth[::4, ::4]
+        middle = float(np.median(seen[seen > 0.0])) if (seen > 0.0).any() else None
+        if middle is not None and not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
+            remedy = "set camera.depth_unit_m" if counts.dtype.kind == "u" else "32FC1 must be in metres"
+            raise ImageError(f"{self._path}: the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
+        return depth.astype(np.float32, copy=False)
+
+    def calibrated(self, logged: PinholeCamera | None) -> PinholeCamera | None:
+        """Return the calibration that counts, if one is known.
+
+        Raises:
+            ImageError: If it has no focal length.
+        """
+        size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
+        camera = self._calibrate(logged, size)
+        if camera is not None and not (camera.fx_px > 0.0 and camera.fy_px > 0.0):  # NaN fails too
+            raise ImageError(
+                f"{self._path}: {self.topics.info}: no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g}; the camera was "
+                "never calibrated: --set camera.fx_px, fy_px, cx_px and cy_px"
+            )
+        return camera
+
+
+class _Frames:
+    """Puts depth, colour and calibration together."""
+
+    def __init__(self, log: SensorLog, topics: Topics) -> None:
+        self._log = log
+        self._topics = topics
+        self._camera = log.calibrated(None)
+        self._depth: Picture | None = None
+        self._color: Picture | None = None
+
+    def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
+        self._camera = self._log.calibrated(camera)
+        return self._whole()
+
+    def image(self, role: str, image: Picture) -> RgbdFrame | None:
+        if role == "color":
+            self._color = image
+        else:
+            if self._depth is not None and self._topics.depth is not None:
+                why = "no calibration yet" if self._camera is None else "no colour image of its time"
+                self._log.drop(self._depth.t_s, self._topics.depth, why, f"at {self._depth.t_s:.3f} s")
+            self._depth = image
+        return self._whole()
+
+    def _whole(self) -> RgbdFrame | None:
+        depth, color = self._depth, self._color
+        if depth is None or self._camera is None:
+            return None
+        if self._topics.color is not None and (color is None or abs(color.t_s - depth.t_s) > PAIR_S):
+            return None
+        self._depth = None
+        return self._log.frame(depth.t_s, depth, color, self._camera)
+
+
+def _rgb(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
+    pixels = image.pixels
+    if pixels.ndim == 2:
+        return np.repeat(pixels[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding in BGR else pixels[:, :, :3])
+
+
+def _named(topics: Topics) -> list[tuple[str, str | None]]:
+    return [(role, getattr(topics, role)) for role in ("depth", "color", "info", "imu", "headings")]

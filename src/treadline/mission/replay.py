@@ -1,0 +1,81 @@
+"""A recording as a plant: it hands out what sensors read, and no command moves it.
+
+``Mission`` turns its blocks on it as on any chair. The IMU of a recording may sit in the camera, and may give no attitude;
+here it becomes the chair's.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import quaternion_of, rotation_of
+from treadline.estimation.tilt import Tilt
+from treadline.signals import ImuSample, Reading, SeatCommand, TrackCommand
+
+ROUNDING_S = 0.5e-9
+"""Stamps are whole nanoseconds."""
+UNIT = 0.01
+"""How far the length of a unit quaternion may be off one: a few digits were kept."""
+
+
+class ReplayPlant:
+    """Readings at the mission's pace.
+
+    Args:
+        readings: In time order, from ``t_s = 0``.
+        R_BI: Rotation of the IMU's axes in the chair's frame; None where it reads in the chair's frame already.
+    """
+
+    def __init__(self, readings: Iterable[Reading], R_BI: Float[np.ndarray, "3 3"] | None = None) -> None:
+        self._readings = iter(readings)
+        self._R_BI = R_BI
+        self._tilt = Tilt()
+        self._next: Reading | None = None
+        self._due: list[Reading] = []
+
+    @property
+    def over(self) -> bool:
+        """Whether everything recorded has been handed out."""
+        return self._next is None and not self._due
+
+    def start(self) -> None:
+        """Look at the first reading."""
+        self._next = next(self._readings, None)
+
+    def advance(self, until_s: float) -> None:
+        """Gather what was read until then."""
+        while self._next is not None and self._next.t_s <= until_s + ROUNDING_S:
+            reading = self._attitude_of(self._next) if isinstance(self._next, ImuSample) else self._next
+            if reading is not None:
+                self._due.append(reading)
+            self._next = next(self._readings, None)
+
+    def read(self) -> Sequence[Reading]:
+        """Return every reading since the last call, in time order."""
+        due, self._due = self._due, []
+        return due
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+        """Take commands; the past does not obey."""
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _attitude_of(self, sample: ImuSample) -> ImuSample | None:
+        """Return a sample in the chair's frame with an orientation, or None while there can be none."""
+        R_BI = self._R_BI
+        given = abs(float(sample.orientation @ sample.orientation) - 1.0) < UNIT
+        if R_BI is not None:
+            turned = quaternion_of(rotation_of(sample.orientation) @ R_BI.T) if given else sample.orientation
+            sample = replace(
+                sample,
+                orientation=turned,
+                angular_velocity_rad_s=R_BI @ sample.angular_velocity_rad_s,
+                linear_acceleration_m_s2=R_BI @ sample.linear_acceleration_m_s2,
+            )
+        if given:
+            return sample
+        orientation = self._tilt.step(sample)
+        return None if orientation is None else replace(sample, orientation=orientation)
