@@ -61,7 +61,7 @@ def replay(
 
 def _keys(log: Path | None) -> Answer:
     from treadline.experiments.replay_settings import key_lines
-    from treadline.experiments.replayed import CHAIR, source_of
+    from treadline.experiments.replay_source import CHAIR, source_of
     from treadline.mechanics.chair import read_chair
     from treadline.mission.config import MissionConfig
 

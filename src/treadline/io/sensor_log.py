@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32, UInt8
 
 from treadline.errors import ImageError, LogFormatError
-from treadline.io.decode import EVENTS, HEADINGS, OURS, CdrReader, Picture, calibration, imu, picture
+from treadline.io.decode import EVENTS, HEADINGS, OURS, CdrReader, calibration, imu, picture
+from treadline.io.log_frames import Calibrate, Frames, as_logged
 from treadline.io.mcap_read import BROKEN
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
 from treadline.signals import (
@@ -24,7 +24,6 @@ from treadline.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    PinholeCamera,
     RgbdFrame,
     SeatReading,
     TrackReading,
@@ -34,25 +33,10 @@ HORIZON_S = 1.0
 """How far the stamps of two topics may lie apart where they stand side by side in the file; a longer leap is another clock."""
 SILENCE_S = 60.0
 """A longer pause is another recording."""
-PAIR_S = 0.02
-"""Between a depth image and its colour image: two thirds of a frame at 30 Hz."""
 EVENTS_MAX = 20
 """Of one kind on one topic; the rest is only counted."""
-PLAUSIBLE_M = (0.05, 100.0)
-"""Median depth of a frame: outside it, the unit is wrong by a thousand."""
-NO_RETURN = 65535
-BGR = ("bgr8", "bgra8", "8UC3")
 
 Sensor = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput
-
-
-Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
-"""From the log's calibration, None if it has none, and the size of its images, to the one that counts."""
-
-
-def _as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
-    del size
-    return logged
 
 
 class SensorLog:
@@ -70,7 +54,7 @@ class SensorLog:
         named: Mapping[str, str] | None = None,
         sealed: bool = False,
         depth_unit_m: float = 0.001,
-        calibrate: Calibrate = _as_logged,
+        calibrate: Calibrate = as_logged,
     ) -> None:
         """Survey a log.
 
@@ -104,7 +88,8 @@ class SensorLog:
         self._aside = aside
         self._last: dict[str, tuple[float, int]] = {}
         self._ready: list[tuple[float, int, str, Sensor]] = []
-        self._frames = _Frames(self, self.topics)
+        size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
+        self._frames = Frames(self.topics, size, self._unit_m, self._calibrate, self._unpaired)
         self._given_s = 0.0
         count = 0
         for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
@@ -113,6 +98,8 @@ class SensorLog:
                 signal = self._decoded(name, topic.name, reader_of(topic, data, logged_ns, self._origin_ns), logged_ns)
             except LogFormatError as error:
                 raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
+            except ImageError as error:
+                raise ImageError(f"{self._path}: {topic.name}: {error}") from None
             except BROKEN as error:
                 raise LogFormatError(f"{self._path}: {topic.name}: a message that cannot be read: {error}") from None
             if self.ended is not None:
@@ -133,7 +120,8 @@ class SensorLog:
         match role:
             case "depth" | "color":
                 image = picture(r)
-                return self._frames.image(role, image) if self._in_order(name, image.t_s, logged_ns) else None
+                take = self._frames.depth if role == "depth" else self._frames.color
+                return take(image) if self._in_order(name, image.t_s, logged_ns) else None
             case "info":
                 return self._frames.calibrate(calibration(r)[1])
             case "imu":
@@ -153,7 +141,7 @@ class SensorLog:
                 self._end(before_s, f"{name}: the clock leaps by {step_s:+.3f} s at {before_s:.3f} s")
                 return False
             if step_s <= 0.0:
-                self.drop(before_s, name, "repeated stamp" if step_s == 0.0 else "stamp goes back", f"{step_s:+.3f} s")
+                self._drop(before_s, name, "repeated stamp" if step_s == 0.0 else "stamp goes back", f"{step_s:+.3f} s")
                 return False
         self._last[name] = t_s, logged_ns
         return True
@@ -167,7 +155,7 @@ class SensorLog:
             case _:
                 return True  # the leveller answers a seat's NaN with standstill; without it the seat would go on
         if not finite:
-            self.drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
+            self._drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
         return finite
 
     def _due(self, until_s: float) -> Iterator[Sensor]:
@@ -177,12 +165,15 @@ class SensorLog:
                 self._end(self._given_s, f"nothing is recorded from {self._given_s:.1f} to {t_s:.1f} s")
                 self._ready.clear()
             elif t_s < self._given_s:
-                self.drop(self._given_s, name, "stamps of another clock", f"{t_s - self._given_s:+.3f} s")
+                self._drop(self._given_s, name, "stamps of another clock", f"{t_s - self._given_s:+.3f} s")
             else:
                 self._given_s = t_s
                 yield signal
 
-    def drop(self, t_s: float, name: str, reason: str, number: str) -> None:
+    def _unpaired(self, t_s: float, reason: str) -> None:
+        self._drop(t_s, str(self.topics.depth), reason, f"at {t_s:.3f} s")
+
+    def _drop(self, t_s: float, name: str, reason: str, number: str) -> None:
         """Count a message that is not handed out, and tell of the first ones."""
         key = f"{name}: {reason}"
         self.dropped[key] += 1
@@ -193,89 +184,6 @@ class SensorLog:
         if self.ended is None:
             self.ended = cause
             self._aside(Event(t_s=max(t_s, 0.0), name="ended", cause=cause))
-
-    def frame(self, t_s: float, depth: Picture, color: Picture | None, camera: PinholeCamera) -> RgbdFrame:
-        """Return a frame out of its parts.
-
-        Raises:
-            ImageError: If sizes differ, or the depth is in another unit.
-        """
-        size = (camera.height_px, camera.width_px)
-        for image in (depth, color):
-            if image is not None and image.pixels.shape[:2] != size:
-                height, width = image.pixels.shape[:2]
-                raise ImageError(f"{self._path}: an image of {width}×{height} at {t_s:.3f} s, calibrated for {size[1]}×{size[0]}")
-        rgb = np.zeros((*size, 3), np.uint8) if color is None else _rgb(color)
-        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=self._metres(depth), camera=camera)
-
-    def _metres(self, image: Picture) -> Float32[np.ndarray, "h w"]:
-        counts = image.pixels
-        if counts.dtype.kind == "u":
-            depth = np.where((counts > 0) & (counts < NO_RETURN), counts * np.float32(self._unit_m), np.float32(np.nan))
-        else:
-            depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, np.float32(np.nan))
-        seen = depth[::4, ::4]
-        middle = float(np.median(seen[seen > 0.0])) if (seen > 0.0).any() else None
-        if middle is not None and not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
-            remedy = "set camera.depth_unit_m" if counts.dtype.kind == "u" else "32FC1 must be in metres"
-            raise ImageError(f"{self._path}: the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
-        return depth.astype(np.float32, copy=False)
-
-    def calibrated(self, logged: PinholeCamera | None) -> PinholeCamera | None:
-        """Return the calibration that counts, if one is known.
-
-        Raises:
-            ImageError: If it has no focal length.
-        """
-        size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
-        camera = self._calibrate(logged, size)
-        if camera is not None and not (camera.fx_px > 0.0 and camera.fy_px > 0.0):  # NaN fails too
-            raise ImageError(
-                f"{self._path}: {self.topics.info}: no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g}; the camera was "
-                "never calibrated: --set camera.fx_px, fy_px, cx_px and cy_px"
-            )
-        return camera
-
-
-class _Frames:
-    """Puts depth, colour and calibration together."""
-
-    def __init__(self, log: SensorLog, topics: Topics) -> None:
-        self._log = log
-        self._topics = topics
-        self._camera = log.calibrated(None)
-        self._depth: Picture | None = None
-        self._color: Picture | None = None
-
-    def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
-        self._camera = self._log.calibrated(camera)
-        return self._whole()
-
-    def image(self, role: str, image: Picture) -> RgbdFrame | None:
-        if role == "color":
-            self._color = image
-        else:
-            if self._depth is not None and self._topics.depth is not None:
-                why = "no calibration yet" if self._camera is None else "no colour image of its time"
-                self._log.drop(self._depth.t_s, self._topics.depth, why, f"at {self._depth.t_s:.3f} s")
-            self._depth = image
-        return self._whole()
-
-    def _whole(self) -> RgbdFrame | None:
-        depth, color = self._depth, self._color
-        if depth is None or self._camera is None:
-            return None
-        if self._topics.color is not None and (color is None or abs(color.t_s - depth.t_s) > PAIR_S):
-            return None
-        self._depth = None
-        return self._log.frame(depth.t_s, depth, color, self._camera)
-
-
-def _rgb(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
-    pixels = image.pixels
-    if pixels.ndim == 2:
-        return np.repeat(pixels[:, :, None], 3, axis=2)
-    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding in BGR else pixels[:, :, :3])
 
 
 def _named(topics: Topics) -> list[tuple[str, str | None]]:

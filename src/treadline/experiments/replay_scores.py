@@ -1,0 +1,203 @@
+"""What a replay is judged by: its distance to what was recorded, and to the truth where a simulator wrote the log.
+
+Nothing of this is seen by the mission. Differences are summed as they come; of the log it holds the second by which it is ahead.
+"""
+
+from array import array
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, wrap
+from treadline.experiments.recorded import PLAIN_SERIES, SERIES
+from treadline.mission.loop import Signal, Tick
+from treadline.mission.rates import TICK_S
+from treadline.ports import Truth
+from treadline.signals import (
+    Event,
+    HeadingEstimate,
+    HeadingMeasurement,
+    RgbdFrame,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+)
+
+SAME_S = 0.5 * TICK_S
+"""Two stamps nearer than that belong to the same tick."""
+
+
+@dataclass(slots=True)
+class Spread:
+    """Differences as they come: their root mean square and the largest."""
+
+    count: int = 0
+    squares: float = 0.0
+    largest: float = 0.0
+
+    def add(self, difference: float) -> None:
+        """Count one."""
+        self.count += 1
+        self.squares += difference * difference
+        self.largest = max(self.largest, abs(difference))
+
+    @property
+    def mean_square(self) -> float | None:
+        """None where there was nothing to compare."""
+        return self.squares / self.count if self.count else None
+
+    @property
+    def rms_deg(self) -> float | None:
+        """In degrees."""
+        return (self.squares / self.count) ** 0.5 / DEG if self.count else None
+
+    @property
+    def largest_deg(self) -> float | None:
+        """In degrees."""
+        return self.largest / DEG if self.count else None
+
+
+COLUMNS = (
+    "t_s",
+    "estimate_deg",
+    "sigma_deg",
+    "seen_deg",
+    "recorded_deg",
+    "left_m_s",
+    "right_m_s",
+    "recorded_left_m_s",
+    "recorded_right_m_s",
+    "seat_pitch_deg",
+    *(name for name in (*SERIES, *PLAIN_SERIES) if name not in {"seat_pitch_deg", "left_m_s", "right_m_s"}),
+)
+"""Of series.csv. Those that only the truth knows are empty where the log has none."""
+
+
+@dataclass(slots=True)
+class ReplayScores:
+    """Compares tick by tick with what was recorded. It holds no more than the second by which the log is ahead."""
+
+    ticks: int = 0
+    frames: int = 0
+    seen: int = 0
+    events: list[Event] = field(default_factory=list)
+    _waiting: dict[type, deque[Any]] = field(default_factory=dict)
+    _now: list[HeadingMeasurement] = field(default_factory=list)
+    _last: dict[type, Any] = field(default_factory=dict)
+    _seat_pitch_rad: float = float("nan")
+    _columns: dict[str, "array[float]"] = field(default_factory=lambda: {name: array("d") for name in COLUMNS})
+    _to_recorded: Spread = field(default_factory=Spread)
+    _to_truth: Spread = field(default_factory=Spread)
+    _recorded_to_truth: Spread = field(default_factory=Spread)
+    _vision_to_truth: Spread = field(default_factory=Spread)
+    _normalised: Spread = field(default_factory=Spread)
+    _tracks: Spread = field(default_factory=Spread)
+    _seat: Spread = field(default_factory=Spread)
+    _brakes: int = 0
+
+    def note(self, signal: Signal) -> None:
+        """Take what the mission read or decided."""
+        match signal:
+            case RgbdFrame():
+                self.frames += 1
+            case HeadingMeasurement():
+                self.seen += 1
+                self._now.append(signal)
+            case SeatReading():
+                self._seat_pitch_rad = signal.pitch_rad
+            case Event():
+                self.events.append(signal)
+            case _:
+                pass
+
+    def compare_with(self, signal: Any) -> None:
+        """Take what was recorded beside the readings."""
+        if isinstance(signal, Event):
+            self.events.append(signal)
+        else:
+            self._waiting.setdefault(type(signal), deque()).append(signal)
+
+    def step(self, tick: Tick) -> Truth | None:
+        """Compare one tick; return its truth, if the log knows it."""
+        for kind, waiting in self._waiting.items():
+            while waiting and waiting[0].t_s <= tick.t_s + SAME_S:
+                self._last[kind] = waiting.popleft()
+        truth, recorded = self._at(Truth, tick.t_s), self._at(HeadingEstimate, tick.t_s)
+        estimate = tick.estimate
+        if estimate is not None and recorded is not None:
+            self._to_recorded.add(wrap(estimate.heading_rad - recorded.heading_rad))
+        if truth is not None:
+            if estimate is not None:
+                error = wrap(estimate.heading_rad - truth.heading_rad)
+                self._to_truth.add(error)
+                self._normalised.add(error / max(estimate.sigma_rad, 1e-9))
+            if recorded is not None:
+                self._recorded_to_truth.add(wrap(recorded.heading_rad - truth.heading_rad))
+            for seen in self._now:
+                if abs(seen.t_s - tick.t_s) < SAME_S:
+                    self._vision_to_truth.add(wrap(seen.heading_rad - truth.heading_rad))
+        self._compare_commands(tick)
+        self._row(tick, truth)
+        self._now.clear()
+        self.ticks += 1
+        return truth
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures; None where the log has nothing to compare with."""
+        return {
+            "rms_difference_deg": self._to_recorded.rms_deg,
+            "largest_difference_deg": self._to_recorded.largest_deg,
+            "rms_error_deg": self._to_truth.rms_deg,
+            "largest_error_deg": self._to_truth.largest_deg,
+            "recorded_rms_error_deg": self._recorded_to_truth.rms_deg,
+            "vision_rms_error_deg": self._vision_to_truth.rms_deg,
+            "vision_largest_error_deg": self._vision_to_truth.largest_deg,
+            "normalised_error_squared": self._normalised.mean_square,
+            "largest_command_gap_m_s": self._tracks.largest if self._tracks.count else None,
+            "largest_seat_gap_m_s": self._seat.largest if self._seat.count else None,
+            "commands_compared": self._tracks.count // 2,
+            "brakes_differ": self._brakes,
+        }
+
+    def series(self) -> dict[str, Float[np.ndarray, " T"]]:
+        """Return the columns of ``series.csv``."""
+        return {name: np.array(column) for name, column in self._columns.items()}
+
+    def _at(self, kind: type, t_s: float) -> Any | None:
+        signal = self._last.get(kind)
+        return signal if signal is not None and abs(signal.t_s - t_s) < SAME_S else None
+
+    def _compare_commands(self, tick: Tick) -> None:
+        tracks, seat = self._at(TrackCommand, tick.t_s), self._at(SeatCommand, tick.t_s)
+        if tracks is not None:
+            self._tracks.add(tick.tracks.left_m_s - tracks.left_m_s)
+            self._tracks.add(tick.tracks.right_m_s - tracks.right_m_s)
+            self._brakes += tracks.brake != tick.tracks.brake
+        if seat is not None:
+            self._seat.add(tick.seat.rate_m_s - seat.rate_m_s)
+
+    def _row(self, tick: Tick, truth: Truth | None) -> None:
+        recorded, command, estimate = self._at(HeadingEstimate, tick.t_s), self._last.get(TrackCommand), tick.estimate
+        values: dict[str, float] = {
+            "t_s": tick.t_s,
+            "left_m_s": tick.tracks.left_m_s,
+            "right_m_s": tick.tracks.right_m_s,
+            "seat_pitch_deg": self._seat_pitch_rad / DEG,
+        }
+        if estimate is not None:
+            values |= {"estimate_deg": estimate.heading_rad / DEG, "sigma_deg": estimate.sigma_rad / DEG}
+        if self._now:
+            values["seen_deg"] = self._now[-1].heading_rad / DEG
+        if recorded is not None:
+            values["recorded_deg"] = recorded.heading_rad / DEG
+        if command is not None:
+            values |= {"recorded_left_m_s": command.left_m_s, "recorded_right_m_s": command.right_m_s}
+        if truth is not None:
+            known = {name: getattr(truth, source) / DEG for name, source in SERIES.items()}
+            known |= {name: getattr(truth, name) for name in PLAIN_SERIES}
+            values = known | values
+        for name, column in self._columns.items():
+            column.append(values.get(name, float("nan")))

@@ -1,0 +1,82 @@
+"""A log to replay, and what its run folder's manifest says of the run that wrote it."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from treadline.errors import LogFormatError, SettingsError
+from treadline.experiments.traverse import mission_config
+from treadline.io.runs import LOG
+from treadline.mechanics.chair import read_chair
+from treadline.mission.config import MissionConfig
+from treadline.models import read_json
+from treadline.scenario import Scenario
+from treadline.settings import settings_of
+
+CHAIR = "wheelchair"
+"""Of a log that comes without a run's manifest."""
+MANIFEST = "manifest.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A log, and what is known of the run that wrote it."""
+
+    log: Path
+    base: MissionConfig
+    sealed: bool = False
+    """Whether it is a run's own log, with checksums everywhere."""
+    seed: int = 0
+    scenario: dict[str, Any] | None = None
+    changed: tuple[str, ...] = ()
+    """Keys that the run had changed, where it was itself a replay."""
+    controller: str | None = None
+
+
+def source_of(log: Path) -> Source:
+    """Return a log with what its run folder's manifest says of it.
+
+    Raises:
+        SettingsError: If the manifest cannot be used.
+        LogFormatError: If a run folder holds no log.
+    """
+    folder = log.parent if log.name == LOG and log.is_file() else log
+    if not (folder / MANIFEST).is_file():
+        return Source(log=log, base=MissionConfig(chair=read_chair(CHAIR)))
+    if not (folder / LOG).is_file():
+        raise LogFormatError(f"{folder}: no {LOG} in this run folder; only runs that kept their log can be replayed")
+    where = folder / MANIFEST
+    manifest = read_json(where)
+    settings, seed, command = manifest.get("settings"), manifest.get("seed"), manifest.get("command")
+    if not isinstance(settings, dict) or type(seed) is not int:
+        raise SettingsError(f"{where}: no 'settings' and 'seed'; replay its {LOG} from a folder without {MANIFEST}")
+    scenario: dict[str, Any] | None = settings
+    changed: tuple[str, ...] = ()
+    base = MissionConfig(chair=read_chair(CHAIR))
+    if "replay" in settings:
+        scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
+    if scenario is not None:
+        base = mission_config(settings_of(scenario, Scenario, where=f"{where}: settings"), None)
+    return Source(
+        log=folder / LOG,
+        base=base,
+        sealed=True,
+        seed=seed,
+        scenario=scenario,
+        changed=changed,
+        controller=_controller(where, str(command)) if "replay" not in settings else None,
+    )
+
+
+def _controller(where: Path, command: str) -> str | None:
+    """Return the controller that a run's command line named; another one would not repeat what it did."""
+    words = shlex.split(command) if command.count('"') % 2 == command.count("'") % 2 == 0 else command.split()
+    for i, word in enumerate(words):
+        option, sign, value = word.partition("=")
+        if option != "--controller":
+            continue
+        name = value if sign else [*words, ""][i + 1]
+        places = [Path(name), where.parent / name, where.parent.parent / name]
+        return str(next((place for place in places if place.is_file()), places[0]))
+    return None

@@ -1,0 +1,120 @@
+"""Depth, colour and calibration of a log put together: ``Image``, ``Image``, ``CameraInfo`` -> ``RgbdFrame``."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from treadline.errors import ImageError
+from treadline.io.decode import Picture
+from treadline.io.topics import Topics
+from treadline.signals import PinholeCamera, RgbdFrame
+
+PAIR_S = 0.02
+"""Between a depth image and its colour image: two thirds of a frame at 30 Hz."""
+PLAUSIBLE_M = (0.05, 100.0)
+"""Median depth of a frame: outside it, the unit is wrong by a thousand."""
+NO_RETURN = 65535
+BGR = ("bgr8", "bgra8", "8UC3")
+
+Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
+"""From the log's calibration, None if it has none, and the size of its images, to the one that counts."""
+
+
+def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+    """Return the log's own calibration."""
+    del size
+    return logged
+
+
+class Frames:
+    """Holds one depth and one colour image, until they and a calibration make a frame."""
+
+    def __init__(
+        self,
+        topics: Topics,
+        size: tuple[int, int],
+        unit_m: float,
+        calibrate: Calibrate,
+        unpaired: Callable[[float, str], None],
+    ) -> None:
+        """Start without images.
+
+        Args:
+            unit_m: One count of a depth image of 16 bits.
+            unpaired: Is told the time of a depth image that made no frame, and why.
+        """
+        self._topics = topics
+        self._size = size
+        self._unit_m = unit_m
+        self._calibrate = calibrate
+        self._unpaired = unpaired
+        self._camera = calibrate(None, size)
+        self._depth: Picture | None = None
+        self._color: Picture | None = None
+
+    def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
+        """Take a calibration; return the frame that it completes.
+
+        Raises:
+            ImageError: If it has no focal length.
+        """
+        self._camera = self._calibrate(camera, self._size)
+        if self._camera is None or not (self._camera.fx_px > 0.0 and self._camera.fy_px > 0.0):  # NaN fails too
+            raise ImageError(
+                f"no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g}; the camera was never calibrated: --set "
+                "camera.fx_px, fy_px, cx_px and cy_px"
+            )
+        return self._whole()
+
+    def depth(self, image: Picture) -> RgbdFrame | None:
+        """Take a depth image; return the frame that it completes."""
+        if self._depth is not None:
+            self._unpaired(self._depth.t_s, "no calibration yet" if self._camera is None else "no colour image of its time")
+        self._depth = image
+        return self._whole()
+
+    def color(self, image: Picture) -> RgbdFrame | None:
+        """Take a colour image; return the frame that it completes."""
+        self._color = image
+        return self._whole()
+
+    def _whole(self) -> RgbdFrame | None:
+        depth, color, camera = self._depth, self._color, self._camera
+        if depth is None or camera is None:
+            return None
+        if self._topics.color is not None and (color is None or abs(color.t_s - depth.t_s) > PAIR_S):
+            return None
+        self._depth = None
+        size = (camera.height_px, camera.width_px)
+        for image in (depth, color):
+            if image is not None and image.pixels.shape[:2] != size:
+                height, width = image.pixels.shape[:2]
+                raise ImageError(
+                    f"sizes differ: an image of {width}×{height} at {image.t_s:.3f} s, calibrated for {size[1]}×{size[0]}"
+                )
+        # Without colour the picture is black: in the dark depth alone is looked at.
+        rgb = np.zeros((*size, 3), np.uint8) if color is None else _rgb(color)
+        return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=_metres(depth, self._unit_m), camera=camera)
+
+
+def _metres(image: Picture, unit_m: float) -> Float32[np.ndarray, "h w"]:
+    counts, nothing = image.pixels, np.float32(np.nan)
+    if counts.dtype.kind == "u":
+        depth = np.where((counts > 0) & (counts < NO_RETURN), counts * np.float32(unit_m), nothing)
+    else:
+        depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, nothing)
+    some = depth[::4, ::4]
+    some = some[some > 0.0]
+    middle = float(np.median(some)) if some.size else None
+    if middle is not None and not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
+        remedy = "--set camera.depth_unit_m=0.001 is for millimetres" if counts.dtype.kind == "u" else "32FC1 must be in metres"
+        raise ImageError(f"the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
+    return depth.astype(np.float32, copy=False)
+
+
+def _rgb(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
+    pixels = image.pixels
+    if pixels.ndim == 2:
+        return np.repeat(pixels[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding in BGR else pixels[:, :, :3])
