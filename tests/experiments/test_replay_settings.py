@@ -1,0 +1,177 @@
+"""What a replay may change: every key reaches its block, and what cannot be is one line."""
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from treadline.angles import DEG
+from treadline.errors import SettingsError
+from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
+from treadline.experiments.replay_settings import applied, key_lines, resolved, table_of
+from treadline.experiments.shipped import shipped_controller
+from treadline.mechanics.chair import read_chair
+from treadline.mission.config import MissionConfig, guard_config
+from treadline.perception import StairDetector
+from treadline.settings import settings_of
+from treadline.signals import PinholeCamera
+
+BASE = MissionConfig(chair=read_chair("wheelchair"))
+LOGGED = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=288.5, cx_px=159.5, cy_px=119.5)
+
+
+def values_of(*items: str) -> Any:
+    return resolved(BASE, items).values
+
+
+def test_nothing_set_changes_nothing() -> None:
+    settings = resolved(BASE, ())
+    assert settings.mission.vision == BASE.vision
+    assert settings.mission.allocation == BASE.allocation
+    values: Any = settings.values
+    # The very bits: a gate that is 1e-17 off would be another run.
+    assert applied(FilterConfig(), values.filter) == FilterConfig()
+    assert applied(guard_config(BASE, 0.25), values.guard) == guard_config(BASE, 0.25)
+    assert settings.R_BI is None
+    mounted = settings.calibrate(LOGGED, (320, 240))
+    assert mounted is not None
+    assert mounted == BASE.chair.camera_at(240).__class__(
+        width_px=320,
+        height_px=240,
+        fx_px=287.5,
+        fy_px=288.5,
+        cx_px=159.5,
+        cy_px=119.5,
+        mount_pitch_rad=BASE.chair.camera.pitch_deg * DEG,
+        mount_roll_rad=BASE.chair.camera.roll_deg * DEG,
+        mount_yaw_rad=BASE.chair.camera.yaw_deg * DEG,
+        mount_m=BASE.chair.camera.position_m,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    spread_rad: float = 1.5 * DEG
+    count: int = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """Settings as blocks have them."""
+
+    rule: Rule = field(default_factory=Rule)
+    rate_rad_s: float = 0.35 * DEG
+    kind: Literal["a", "b"] = "a"
+    on: bool = True
+    limit_m: float | None = None
+    table: tuple[float, ...] = ()
+
+
+def set_in(block: Block, tables: dict[str, Any]) -> Any:
+    model = table_of("block", block)
+    return applied(block, settings_of(tables, model, where="--set"))
+
+
+def test_a_table_follows_a_blocks_settings_in_degrees() -> None:
+    model: Any = table_of("block", Block(), leave=("kind",))
+    assert set(model.model_fields) == {"rule", "rate_deg_s", "on", "limit_m"}  # a tuple is no single value
+    assert model().rate_deg_s == 0.35
+    assert model().rule.spread_deg == 1.5
+    changed = set_in(Block(), {"rate_deg_s": 1, "rule": {"spread_deg": 3.0}, "kind": "b", "on": False, "limit_m": 2.0})
+    assert changed == Block(rule=Rule(spread_rad=3.0 * DEG), rate_rad_s=DEG, kind="b", on=False, limit_m=2.0)
+    assert set_in(Block(), {}) == Block()
+
+
+@pytest.mark.parametrize(
+    ("tables", "word"),
+    [
+        ({"rule": {"count": 2.5}}, "rule.count: must be a whole number"),
+        ({"rule": {"spread_deg": -1.0}}, "rule.spread_deg: must be a number ≥ 0"),
+        ({"kind": "c"}, "'a' or 'b'"),
+        ({"on": 1}, "true or false"),
+    ],
+)
+def test_a_table_checks_types_and_signs(tables: dict[str, Any], word: str) -> None:
+    with pytest.raises(SettingsError, match=word):
+        set_in(Block(), tables)
+
+
+def test_the_blocks_own_settings_are_keys() -> None:
+    lines = key_lines(BASE)
+    assert not [line for line in lines if "_rad" in line]
+    for config, table in ((FilterConfig(), "filter"), (guard_config(BASE, 0.25), "guard")):
+        for name in (item.name for item in fields(config) if item.name != "needs_heading"):
+            assert any(line.startswith(f"{table}.{name.replace('_rad', '_deg')}") for line in lines), name
+    assert applied(FilterConfig(), values_of("filter.gate=16").filter) == replace(FilterConfig(), gate=16.0)
+
+
+def test_the_estimator_follows_vision_unless_it_is_named() -> None:
+    for items, kind in (
+        ((), HeadingFilter),
+        (("vision=paper",), OffsetEstimator),
+        (("vision=paper", "estimator=kalman"), HeadingFilter),
+        (("estimator=offset",), OffsetEstimator),
+    ):
+        assert isinstance(resolved(BASE, items).blocks(StairDetector()).estimator, kind)
+
+
+def test_the_camera_takes_what_is_set_and_keeps_the_rest() -> None:
+    settings = resolved(BASE, ("camera.mount_pitch_deg=30", "camera.fx_px=300"))
+    camera = settings.calibrate(LOGGED, (320, 240))
+    assert camera is not None
+    assert camera.mount_pitch_rad == 30 * DEG
+    assert (camera.fx_px, camera.fy_px) == (300.0, 288.5)
+    assert settings.calibrate(None, (320, 240)) is None  # three of the four intrinsics are unknown
+    whole = resolved(BASE, [f"camera.{name}=200" for name in ("fx_px", "fy_px", "cx_px", "cy_px")]).calibrate(None, (320, 240))
+    assert whole is not None
+    assert (whole.width_px, whole.fx_px) == (320, 200.0)
+
+
+def test_control_and_guard_take_what_is_set() -> None:
+    settings = resolved(BASE, ("control.speed_m_s=0.1", "control.allocation=paper", "loop=open", "guard.cruise_limit_m_s=0.2"))
+    assert settings.mission.climb_speed_m_s == 0.1
+    assert settings.mission.allocation == "paper"
+    assert settings.mission.loop == "open"
+    values: Any = settings.values
+    assert applied(guard_config(BASE, 0.25), values.guard).cruise_limit_m_s == 0.2
+
+
+def test_a_later_item_overrules_an_earlier_one() -> None:
+    assert values_of("filter.gate=16", "filter.gate=4").filter.gate == 4.0
+
+
+def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    shipped_controller("wheelchair").save(path)
+    assert resolved(BASE, (f"controller={path}",)).controller_name == str(path)
+    with pytest.raises(SettingsError, match="no such file"):
+        resolved(BASE, (f"controller={tmp_path / 'none.json'}",))
+
+
+@pytest.mark.parametrize(
+    ("item", "words"),
+    [
+        ("filter.gat=1", ("filter.gat", "did you mean filter.gate", "allowed: filter.", "--keys")),
+        ("speed=1", ("speed", "vision", "guard.cruise_limit_m_s")),
+        ("filter=3", ("unknown key",)),
+        ("filter.gate", ("key=value",)),
+        ("filter.gate=high", ("filter.gate", "a number ≥ 0", "'high'")),
+        ("filter.gate=-1", ("filter.gate", "≥ 0")),
+        ("filter.gate=nan", ("filter.gate",)),
+        ("filter.gate=true", ("filter.gate", "true")),
+        ("vision=truth", ("'robust' or 'paper'", "'truth'")),
+        ("control.speed_m_s=1.0", ("control.speed_m_s", "0.3")),
+        ("camera.mount_pitch_deg=400", ("180",)),
+        ("camera.depth_unit_m=0", ("camera.depth_unit_m",)),
+        ("imu.axes=world", ("'chair' or 'camera'",)),
+        ("=3", ("unknown key",)),
+    ],
+)
+def test_what_cannot_be_set_is_one_line_with_the_key(item: str, words: tuple[str, ...]) -> None:
+    with pytest.raises(SettingsError) as caught:
+        resolved(BASE, (item,))
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message, message
