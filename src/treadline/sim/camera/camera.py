@@ -21,6 +21,8 @@ from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
 from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of
 
+DISPARITY_PX_M = 575.0 * 0.075
+"""f·B of the Kinect 1."""
 SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
 VIEW_M = 7.0
 """Boxes further away than this are not drawn: the sensor ends at 6 m."""
@@ -124,8 +126,11 @@ class RenderedFrame(RgbdFrame):
 class Camera:
     """One camera in front of one staircase, or of any solids.
 
-    ``told`` is the calibration its frames carry, where that is not quite true; ``blur_px`` is how far the colour image moves
-    to the right and down while it is exposed.
+    Args:
+        told: The calibration its frames carry, where that is not quite true.
+        grain_px: Over how many of the sensor's pixels depth noise is alike; zero is white noise.
+        warp_px: Smooth error of depth across the image, the camera's own, in pixels of a Kinect 1's disparity.
+        blur_px: How far the colour image moves to the right and down while it is exposed.
     """
 
     def __init__(
@@ -137,6 +142,8 @@ class Camera:
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
+        grain_px: float = 0.0,
+        warp_px: float = 0.0,
         blur_px: tuple[float, float] = (0.0, 0.0),
         shadows: Sequence[Shadow] = (),
         puddles: Sequence[Puddle] = (),
@@ -165,6 +172,8 @@ class Camera:
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
+        self._depth_normal = _alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
+        self._warp_px = _warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
@@ -179,7 +188,7 @@ class Camera:
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
-            depth_m=self._wetted(self._measured(depth, face, near), depth, R_WC, p_WC),
+            depth_m=self._spoilt(self._measured(depth, face, near), depth, R_WC, p_WC),
             camera=self._told,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
@@ -255,17 +264,19 @@ class Camera:
         )
         return depth, face, near
 
-    def _wetted(
+    def _spoilt(
         self,
         measured: Float32[np.ndarray, "h w"],
         exact: Float[np.ndarray, "h w"],
         R_WC: Float[np.ndarray, "3 3"],
         p_WC: Float[np.ndarray, " 3"],
     ) -> Float32[np.ndarray, "h w"]:
-        """Return measured depth as puddles leave it."""
+        """Return measured depth as puddles and the sensor's warp leave it."""
         if len(self._puddles) and self._sensor is not None:
             c, place = self.calibration, int(self._rng.integers(POOL))
             kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
+        if self._warp_px is not None:
+            measured = (DISPARITY_PX_M / (DISPARITY_PX_M / measured + self._warp_px)).astype(np.float32)
         return measured
 
     def _measured(
@@ -291,7 +302,7 @@ class Camera:
                 camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
                 sensor.near_m,
                 sensor.far_m,
-                self._normal,
+                self._depth_normal,
                 self._chance,
                 places,
                 measured,
@@ -308,7 +319,7 @@ class Camera:
             sensor.lateral_px * camera.width_px / SENSOR_WIDTH_PX,
             sensor.near_m,
             sensor.far_m,
-            self._normal,
+            self._depth_normal,
             self._chance,
             places,
             measured,
@@ -327,3 +338,23 @@ def _shades(solid: Solid) -> Float[np.ndarray, " 6"]:
             normal = sign * solid.R_WK[:, axis]
             sides.append(float(np.sum(normal**2 * np.where(normal > 0.0, high, low))))
     return np.array(sides)
+
+
+def _alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> Float32[np.ndarray, " n"]:
+    """Return normal numbers that resemble those beside, above and below them in an image, as widely spread as before."""
+    if sigma_px == 0.0:
+        return normal
+    whole = len(normal) // width_px * width_px
+    smooth = cv2.GaussianBlur(normal[:whole].reshape(-1, width_px), (0, 0), sigma_px)
+    alike = normal.copy()
+    alike[:whole] = (smooth / smooth.std()).ravel()
+    return alike
+
+
+def _warp(camera: PinholeCamera, spread_px: float, rng: np.random.Generator) -> Float[np.ndarray, "h w"]:
+    """Return a smooth field over the image: what terms of up to third order in both coordinates make."""
+    u, v = np.linspace(-1.0, 1.0, camera.width_px), np.linspace(-1.0, 1.0, camera.height_px)
+    order = np.add.outer(np.arange(4), np.arange(4))
+    # Slow waves are the larger ones: a lens and a projector bend, they do not ripple.
+    field = np.polynomial.legendre.leggrid2d(v, u, rng.standard_normal((4, 4)) / (1.0 + order))
+    return np.asarray(spread_px * (field - field.mean()) / field.std())

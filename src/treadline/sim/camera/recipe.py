@@ -61,6 +61,11 @@ class Recipe(Settings):
     rock_deg: Spread = 0.0
     """Pitch and roll of the chair off the nosings, or off the floor."""
     sensor: Sensor = "kinect1"
+    grain_px: Spread = 0.0
+    """Over how many of the sensor's pixels its depth noise is alike, as a standard deviation; zero is white noise. Matching
+    windows of nine pixels make it about 1.2 in a Kinect 1; the model of the Kinect 2 has its own."""
+    warp_px: Spread = 0.0
+    """Smooth error of depth across the image, in pixels of a Kinect 1's disparity: about 0.1 as it leaves the factory."""
     height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
     """Rows of the image; None is the sensor's usual: 240, or 424 of the Kinect 2."""
     focal_px: Annotated[float, Field(gt=0.0)] | None = None

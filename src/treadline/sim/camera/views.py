@@ -48,6 +48,8 @@ SWEPT_HEIGHT_M = (0.06, 1.4)
 """Above the belts' lower line: lower things the belts climb, and the chair's rider is no taller."""
 GRAIN_M = 0.01
 """Distance between the points of a thing that are asked whether they stand in the way."""
+LEAST_WALL = 0.01
+"""Share of the image that a wall or a rail must fill to count as seen."""
 HIDDEN_M = 0.03
 """A nosing this far behind what the image shows in its place is hidden."""
 
@@ -67,14 +69,14 @@ class StairTruth:
     share: float
     """Of the image that shows steps."""
     nosings_B: Float[np.ndarray, "n 3"]
-    """Where each nosing ahead meets the chair's middle plane, the nearest first, those out of sight too. A worn nosing counts
-    as if it were sharp."""
+    """Where each nosing ahead meets the chair's middle plane, the nearest first; those out of sight too, and those that
+    would meet it beside the stair. A worn nosing counts as if it were sharp."""
     nosing_in_view: Bool[np.ndarray, " n"]
-    """Whether that point is in the image and not hidden."""
+    """Whether that point is on the stair, in the image and not hidden."""
     end_in_view: bool
     """Whether the flight's last nosing is in view, where it meets the middle plane or elsewhere."""
     left_wall_m: float | None
-    """From the chair's middle to the wall or rail at its left, square to that."""
+    """From the chair's middle to the wall or rail at its left, square to that; None if none is in view."""
     right_wall_m: float | None
     obstacle_m: float | None
     """Along x to the nearest thing in the volume that the chair's tracks will sweep."""
@@ -138,6 +140,8 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         kind=recipe.sensor,
         texture=str(rng.choice(recipe.textures)),
         light=_drawn(recipe.light, rng),
+        grain_px=recipe.grain_px,
+        warp_px=recipe.warp_px,
         blur_px=(length * math.cos(way), length * math.sin(way)),
         shadows=setting.shadows,
         puddles=setting.puddles,
@@ -305,8 +309,9 @@ def _truth(
     edge_B = pose.R_WB.T @ right_W
     is_step = np.array([*(solid.kind == "step" for solid in solids), False])
     nosings = _nosings(staircase, pose, direction)
+    on_stair = np.abs((pose.p_WB + nosings @ pose.R_WB.T)[:, 1]) <= 0.5 * staircase.width_m
     steps = staircase.steps
-    left, right = _walls(staircase, solids, pose, direction)
+    left, right = _walls(staircase, solids, pose, direction, exact)
     return StairTruth(
         direction=direction,
         heading_rad=math.atan2(-edge_B[0], -edge_B[1]),
@@ -316,7 +321,7 @@ def _truth(
         run_m=staircase.pitch_m * math.cos(staircase.slope_rad),
         share=float(is_step[np.where(exact.face >= 0, exact.face // 6, len(solids))].mean()),
         nosings_B=nosings,
-        nosing_in_view=_in_view(nosings, camera, exact),
+        nosing_in_view=_in_view(nosings, camera, exact) & on_stair,
         end_in_view=_end_in_view(steps[-1] if direction == "up" else steps[0], staircase.width_m, pose, camera, exact),
         left_wall_m=left,
         right_wall_m=right,
@@ -325,7 +330,7 @@ def _truth(
 
 
 def _nosings(staircase: Staircase, pose: _Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
-    """Return where the nosings ahead of the chair's middle meet its middle plane."""
+    """Return where the nosings ahead of the chair's middle, extended beyond the stair's width, meet its middle plane."""
     x_B, y_B, z_B = pose.R_WB.T
     points = []
     for step in staircase.steps if direction == "up" else reversed(staircase.steps):
@@ -335,7 +340,7 @@ def _nosings(staircase: Staircase, pose: _Pose, direction: Direction) -> Float[n
         along = np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
         aside = -float(y_B @ nosing) / float(y_B @ along)
         point = nosing + aside * along
-        if abs(aside) <= 0.5 * staircase.width_m and x_B @ point > 0.0:
+        if x_B @ point > 0.0:
             points.append([float(x_B @ point), 0.0, float(z_B @ point)])
     return np.array(points).reshape(-1, 3)
 
@@ -359,14 +364,20 @@ def _end_in_view(step: Step, width_m: float, pose: _Pose, camera: PinholeCamera,
     return bool(_in_view((points_W - pose.p_WB) @ pose.R_WB, camera, exact).any())
 
 
-def _walls(staircase: Staircase, solids: list[Solid], pose: _Pose, direction: Direction) -> tuple[float | None, float | None]:
-    """Return the free widths at the chair's left and right."""
-    free: dict[float, float | None] = {}
-    for side, name in ((1.0, "left"), (-1.0, "right")):
-        rails = [solid for solid in solids if solid.kind == "rail" and side * solid.centre_W[1] > 0.0]
-        inner = 0.5 * staircase.width_m - (RAIL_INSET_M + 0.5 * RAIL_M if rails else 0.0)
-        free[side] = inner - side * float(pose.p_WB[1]) if rails or staircase.walls in (name, "both") else None
-    return (free[1.0], free[-1.0]) if direction == "up" else (free[-1.0], free[1.0])
+def _walls(
+    staircase: Staircase, solids: list[Solid], pose: _Pose, direction: Direction, exact: ExactView
+) -> tuple[float | None, float | None]:
+    """Return the free widths at the chair's left and right, to the nearest of wall and rail that is in view."""
+    half = 0.5 * staircase.width_m
+    shown = np.bincount(exact.face[exact.face >= 0] // 6, minlength=len(solids)) / exact.face.size
+    free: list[float | None] = []
+    for side in (1.0, -1.0):
+        widths = []
+        for kind, inner in (("wall", half), ("rail", half - RAIL_INSET_M - 0.5 * RAIL_M)):
+            there = [i for i, solid in enumerate(solids) if solid.kind == kind and side * solid.centre_W[1] > 0.5 * half]
+            widths += [inner - side * float(pose.p_WB[1])] if shown[there].sum() > LEAST_WALL else []
+        free.append(min(widths, default=None))
+    return (free[0], free[1]) if direction == "up" else (free[1], free[0])
 
 
 def _obstacle(solids: list[Solid], pose: _Pose, chair: ChairDescription) -> float | None:
