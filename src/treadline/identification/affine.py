@@ -4,9 +4,10 @@ x⁺ = Ax + B [u; 1] + Ke, y = Cx + D [u; 1] + e. The last columns of B and D ar
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Num
 
 from treadline.identification.gram import Units
 from treadline.models import LinearModel, Provenance
@@ -15,7 +16,7 @@ FREE = 1e4
 """How far the state may move for the operating point, in deviations: freely."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Affine:
     """A linear model and its constants; K is None where none is known."""
 
@@ -30,10 +31,16 @@ class Affine:
         """Number of states."""
         return int(self.A.shape[0])
 
+    @cached_property
+    def eigen(self) -> tuple[Num[np.ndarray, " n"], Num[np.ndarray, "n n"]]:
+        """Poles and their directions; conjugates stand side by side, the one above first."""
+        poles, V = np.linalg.eig(self.A)
+        return poles, V
+
     @property
     def radius(self) -> float:
         """Largest modulus of the poles."""
-        return float(np.abs(np.linalg.eigvals(self.A)).max())
+        return float(np.abs(self.eigen[0]).max())
 
     def predictor(self) -> "Affine":
         """Return the system from [u; 1; y] to the predicted output: A - KC, [B - KD, K], C, [D, 0]."""

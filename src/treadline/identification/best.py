@@ -12,13 +12,14 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import GROWTH, Fitting, Recipe
 from treadline.identification.gram import gram_of
 from treadline.identification.intervals import of_observer
-from treadline.identification.kernels import observer_run
+from treadline.identification.kernels import observability, observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit, predictors_of
 from treadline.identification.validate import part
 from treadline.models import InputOutputRecord
@@ -382,7 +383,9 @@ def _forecast_errors(system: Affine, run: Experiment) -> Float[np.ndarray, "T2 p
     # Where noise is small the observer is slow: its initial state is estimated, not waited for.
     x0 = initial_state(predictor, run)
     drive, correction = u @ system.B.T, (run.y - u @ system.D.T) @ K.T
-    x = observer_run(system.A, predictor.A, drive, correction, run.there, x0)[:steps]
-    for k in range(HORIZON):
-        x = x @ system.A.T + u[k : k + steps] @ system.B.T
-    return np.asarray(run.y[HORIZON:] - x @ system.C.T - u[HORIZON:] @ system.D.T)
+    x = observer_run(*(np.ascontiguousarray(item) for item in (system.A, predictor.A, drive, correction)), run.there, x0)[:steps]
+    # y = C A^h x + Σ C A^(h-1-j) B u_j + D u_h: as one product with the inputs in between.
+    O = observability(np.ascontiguousarray(system.A), np.ascontiguousarray(system.C), HORIZON + 1)
+    answers = np.concatenate([(O[HORIZON - 1 :: -1] @ system.B), system.D[None]])
+    between = sliding_window_view(u, HORIZON + 1, axis=0).transpose(0, 2, 1).reshape(steps, -1)
+    return np.asarray(run.y[HORIZON:] - x @ O[HORIZON].T - between @ answers.transpose(0, 2, 1).reshape(-1, p))

@@ -155,6 +155,70 @@ def free_run(A, B, C, D, x0, u):
 
 @njit(cache=True)
 @no_type_check
+def run_misfit(A, B, C, D, u, y, there, last):
+    """Return what a free run from zero leaves of y, and the sums O'O and O'e over the first steps, O the rows CA^k."""
+    n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
+    e, x, following = np.empty((steps, p)), np.zeros(n), np.empty(n)
+    square, right = np.zeros((n, n)), np.zeros(n)
+    rows, later = C.copy(), np.empty((p, n))
+    for k in range(steps):
+        for o in range(p):
+            total = y[k, o]
+            for i in range(n):
+                total -= C[o, i] * x[i]
+            for j in range(m):
+                total -= D[o, j] * u[k, j]
+            e[k, o] = total if there[k] else 0.0
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += A[i, j] * x[j]
+            for j in range(m):
+                total += B[i, j] * u[k, j]
+            following[i] = total
+        x[:] = following
+        if k >= last:
+            continue
+        if there[k]:
+            for o in range(p):
+                for i in range(n):
+                    right[i] += rows[o, i] * e[k, o]
+                    for j in range(i + 1):
+                        square[i, j] += rows[o, i] * rows[o, j]
+        for o in range(p):
+            for i in range(n):
+                total = 0.0
+                for j in range(n):
+                    total += rows[o, j] * A[j, i]
+                later[o, i] = total
+        rows[:] = later
+    for i in range(n):
+        for j in range(i):
+            square[j, i] = square[i, j]
+    return e, square, right
+
+
+@njit(cache=True)
+@no_type_check
+def set_out_from(A, C, x0, there, last, e):
+    """Take the run of x⁺ = Ax, y = Cx from a state out of the first errors."""
+    n, p = A.shape[0], C.shape[0]
+    x, following = x0.copy(), np.empty(n)
+    for k in range(last):
+        for o in range(p):
+            if there[k]:
+                for i in range(n):
+                    e[k, o] -= C[o, i] * x[i]
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += A[i, j] * x[j]
+            following[i] = total
+        x[:] = following
+
+
+@njit(cache=True)
+@no_type_check
 def observability(A, C, steps):
     """Return C, CA, CA², …, (steps, p, n)."""
     n, p = A.shape[0], C.shape[0]
@@ -240,29 +304,211 @@ def tangents(A, B, C, u, dA, dB, dC, dD):
     return states, J
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"})
 @no_type_check
-def modal_filters(poles, u):
-    """Return the states of x⁺ = λx + u from zero, and λ^k, for each pole: (N, poles, inputs + 1)."""
-    n, m, steps = len(poles), u.shape[1], len(u)
-    states = np.zeros((steps, n, m + 1), dtype=np.complex128)
-    for i in range(n):
-        states[0, i, m] = 1.0
-    for k in range(1, steps):
-        for i in range(n):
+def modal_filters(real, imag, u, signals, decay_at):
+    """Write the states of f⁺ = λf + u from zero, and λ^k, of each pole and input, into columns of ``signals``.
+
+    Of a pair of poles the first has the real part in its columns, the second the imaginary part: half the work, and real.
+
+    Args:
+        real, imag: Of the poles; conjugates stand side by side, the one with the positive imaginary part first.
+        signals: Columns (pole, input) first, from ``decay_at`` on λ^k.
+    """
+    n, m, steps = len(real), u.shape[1], len(u)
+    i = 0
+    while i < n:
+        a, b = real[i], imag[i]
+        here, there = i * m, (i + 1) * m
+        if b == 0.0:
             for j in range(m):
-                states[k, i, j] = poles[i] * states[k - 1, i, j] + u[k - 1, j]
-            states[k, i, m] = poles[i] * states[k - 1, i, m]
-    return states
+                signals[0, here + j] = 0.0
+            signals[0, decay_at + i] = 1.0
+            for k in range(1, steps):
+                for j in range(m):
+                    signals[k, here + j] = a * signals[k - 1, here + j] + u[k - 1, j]
+                signals[k, decay_at + i] = a * signals[k - 1, decay_at + i]
+            i += 1
+            continue
+        for j in range(m):
+            signals[0, here + j] = signals[0, there + j] = 0.0
+        signals[0, decay_at + i], signals[0, decay_at + i + 1] = 1.0, 0.0
+        for k in range(1, steps):
+            for j in range(m):
+                re, im = signals[k - 1, here + j], signals[k - 1, there + j]
+                signals[k, here + j] = a * re - b * im + u[k - 1, j]
+                signals[k, there + j] = a * im + b * re
+            re, im = signals[k - 1, decay_at + i], signals[k - 1, decay_at + i + 1]
+            signals[k, decay_at + i], signals[k, decay_at + i + 1] = a * re - b * im, a * im + b * re
+        i += 2
+
+
+@njit(cache=True, fastmath={"contract"})
+@no_type_check
+def modal_run(real, imag, B, C, D, u, y, there, signals, state_at, error_at):
+    """Write modal states and what the run leaves of y into columns, from the filters that stand in the first ones."""
+    n, m, p, steps = len(real), u.shape[1], y.shape[1], len(u)
+    for k in range(steps):
+        for o in range(p):
+            total = y[k, o]
+            for j in range(m):
+                total -= D[o, j] * u[k, j]
+            signals[k, error_at + o] = total
+        i = 0
+        while i < n:
+            re, im, pair = 0.0, 0.0, imag[i] != 0.0
+            for j in range(m):
+                f = signals[k, i * m + j]
+                if pair:
+                    g = signals[k, (i + 1) * m + j]
+                    re += B[i, j].real * f - B[i, j].imag * g
+                    im += B[i, j].real * g + B[i, j].imag * f
+                else:
+                    re += B[i, j].real * f
+            signals[k, state_at + i] = re
+            if pair:
+                signals[k, state_at + i + 1] = im
+            for o in range(p):
+                signals[k, error_at + o] -= 2.0 * (C[o, i].real * re - C[o, i].imag * im) if pair else C[o, i].real * re
+            i += 2 if pair else 1
+        if not there[k]:
+            for o in range(p):
+                signals[k, error_at + o] = 0.0
+
+
+@njit(cache=True, fastmath={"contract"})
+@no_type_check
+def modal_chain(real, imag, start, C, there, signals, chain_at, decay_at, state_at, error_at):
+    """Let the run set out from a state, and write the states of g⁺ = λg + x: how an output answers to a change of λ."""
+    n, p, steps = len(real), C.shape[0], len(signals)
+    for k in range(steps):
+        i = 0
+        while i < n:
+            pair = imag[i] != 0.0
+            re, im = signals[k, decay_at + i], signals[k, decay_at + i + 1] if pair else 0.0
+            dx, dy = start[i].real * re - start[i].imag * im, start[i].real * im + start[i].imag * re
+            signals[k, state_at + i] += dx
+            a, b = real[i], imag[i]
+            if pair:
+                signals[k, state_at + i + 1] += dy
+                if k == 0:
+                    signals[k, chain_at + i] = signals[k, chain_at + i + 1] = 0.0
+                else:
+                    g, h = signals[k - 1, chain_at + i], signals[k - 1, chain_at + i + 1]
+                    signals[k, chain_at + i] = a * g - b * h + signals[k - 1, state_at + i]
+                    signals[k, chain_at + i + 1] = a * h + b * g + signals[k - 1, state_at + i + 1]
+            elif k == 0:
+                signals[k, chain_at + i] = 0.0
+            else:
+                signals[k, chain_at + i] = a * signals[k - 1, chain_at + i] + signals[k - 1, state_at + i]
+            if there[k]:
+                for o in range(p):
+                    signals[k, error_at + o] -= 2.0 * (C[o, i].real * dx - C[o, i].imag * dy) if pair else C[o, i].real * dx
+            i += 2 if pair else 1
 
 
 @njit(cache=True)
 @no_type_check
-def modal_chain(poles, x):
-    """Return the states of g⁺ = λg + x from zero, pole by pole: how an output answers to a change of λ."""
-    steps, n = x.shape
-    states = np.zeros((steps, n), dtype=np.complex128)
-    for k in range(1, steps):
+def modal_products(products, partner, C, mode, own):
+    """Return J'J and J'e of complex columns from the products of their real and imaginary parts.
+
+    Columns reach all outputs by C (``mode``: which of its columns), then ``own`` signals one output alone; the last are e.
+
+    Args:
+        partner: Columns on to the imaginary part, of the first of a pair; the same back, negative, of the second.
+    """
+    p, shared, size = C.shape[0], len(mode), len(products)
+    half = np.empty((size, size), dtype=np.complex128)
+    for a in range(size):
+        k = partner[a]
+        for b in range(size):
+            if k > 0:
+                half[a, b] = complex(products[a, b], -products[a + k, b])
+            elif k < 0:
+                half[a, b] = complex(products[a + k, b], products[a, b])
+            else:
+                half[a, b] = products[a, b]
+    whole = np.empty((size, size), dtype=np.complex128)
+    for b in range(size):
+        k = partner[b]
+        for a in range(size):
+            if k > 0:
+                whole[a, b] = half[a, b] + 1j * half[a, b + k]
+            elif k < 0:
+                whole[a, b] = half[a, b + k] - 1j * half[a, b]
+            else:
+                whole[a, b] = half[a, b]
+    width = shared + p * own
+    square, right = np.zeros((width, width), dtype=np.complex128), np.zeros(width, dtype=np.complex128)
+    for a in range(shared):
+        for b in range(shared):
+            weight = 0.0j
+            for o in range(p):
+                weight += np.conj(C[o, mode[a]]) * C[o, mode[b]]
+            square[a, b] = weight * whole[a, b]
+        for o in range(p):
+            c = np.conj(C[o, mode[a]])
+            right[a] += c * whole[a, shared + own + o]
+            for b in range(own):
+                square[a, shared + o * own + b] = c * whole[a, shared + b]
+                square[shared + o * own + b, a] = np.conj(square[a, shared + o * own + b])
+    for o in range(p):
+        for a in range(own):
+            right[shared + o * own + a] = whole[shared + a, shared + own + o]
+            for b in range(own):
+                square[shared + o * own + a, shared + o * own + b] = whole[shared + a, shared + b]
+    return square, right
+
+
+@njit(cache=True)
+@no_type_check
+def without_columns(square, right, start, stop, inverse):
+    """Return normal equations less what some columns explain, given the inverse of their own block."""
+    width, n = len(right), stop - start
+    kept = width - n
+    left, rest = np.empty((kept, kept), dtype=np.complex128), np.empty(kept, dtype=np.complex128)
+    cross = np.empty(n, dtype=np.complex128)
+    for a in range(kept):
+        row = a if a < start else a + n
         for i in range(n):
-            states[k, i] = poles[i] * states[k - 1, i] + x[k - 1, i]
-    return states
+            total = 0.0j
+            for j in range(n):
+                total += square[row, start + j] * inverse[j, i]
+            cross[i] = total
+        total = right[row]
+        for i in range(n):
+            total -= cross[i] * right[start + i]
+        rest[a] = total
+        for b in range(kept):
+            column = b if b < start else b + n
+            total = square[row, column]
+            for i in range(n):
+                total -= cross[i] * square[start + i, column]
+            left[a, b] = total
+    return left, rest
+
+
+@njit(cache=True)
+@no_type_check
+def gauge_directions(A, B, C, constant):
+    """Return how (A, B, C, D) change under dx = Xx, a column per entry of X, and under a shift of each state.
+
+    Rows: A, B, C and D one after the other; ``constant`` is the input that is one.
+    """
+    n, m, p = A.shape[0], B.shape[1], C.shape[0]
+    at_B, at_C, at_D = n * n, n * n + n * m, n * n + n * m + p * n
+    found = np.zeros((at_D + p * m, n * n + n))
+    for i in range(n):
+        for j in range(n):
+            column = i * n + j
+            for k in range(n):
+                found[i * n + k, column] += A[j, k]
+                found[k * n + j, column] -= A[k, i]
+            for k in range(m):
+                found[at_B + i * m + k, column] = B[j, k]
+            for o in range(p):
+                found[at_C + o * n + j, column] = -C[o, i]
+            found[at_B + i * m + constant, n * n + j] = (1.0 if i == j else 0.0) - A[i, j]
+        for o in range(p):
+            found[at_D + o * m + constant, n * n + i] = -C[o, i]
+    return found

@@ -6,40 +6,54 @@ products, where the recursion of all derivatives costs N·n²·d one by one.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int, Num
+from scipy.linalg import lapack
 
 from treadline.identification.affine import Affine
-from treadline.identification.kernels import modal_chain, modal_filters
+from treadline.identification.kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
 
+WELL_SEEN = 1e-4
+"""Ratio of pivots from which no direction of an initial state is doubtful."""
 ILL_CONDITIONED = 1e5
 """Condition of the modes beyond which modal coordinates lose too many digits: poles (nearly) coincide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Modes:
-    """A = V diag(poles) V⁻¹ and C V."""
+    """A = V diag(poles) V⁻¹, complex where a pole is, and C V."""
 
-    poles: Complex[np.ndarray, " n"]
-    V: Complex[np.ndarray, "n n"]
-    W: Complex[np.ndarray, "n n"]
+    poles: Num[np.ndarray, " n"]
+    V: Num[np.ndarray, "n n"]
+    W: Num[np.ndarray, "n n"]
     """V⁻¹."""
     C: Complex[np.ndarray, "p n"]
+
+    @property
+    def real(self) -> Float[np.ndarray, " n"]:
+        """Real parts of the poles."""
+        return np.ascontiguousarray(self.poles.real)
+
+    @property
+    def imag(self) -> Float[np.ndarray, " n"]:
+        """Imaginary parts; conjugates stand side by side, the positive one first."""
+        return np.ascontiguousarray(self.poles.imag)
 
 
 def modes_of(system: Affine) -> Modes | None:
     """Return the modes, or None where they are too ill conditioned."""
     if not np.isfinite(system.A).all():
         return None
-    poles, V = np.linalg.eig(system.A)
+    poles, V = system.eigen
     try:
         W = np.linalg.inv(V)
     except np.linalg.LinAlgError:
         return None
-    if not np.linalg.norm(V) * np.linalg.norm(W) < ILL_CONDITIONED:
+    if not np.vdot(V, V).real * np.vdot(W, W).real < ILL_CONDITIONED**2:
         return None
-    return Modes(poles=poles.astype(complex), V=V.astype(complex), W=W.astype(complex), C=(system.C @ V).astype(complex))
+    return Modes(poles=poles, V=V, W=W, C=(system.C @ V).astype(complex))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,81 +69,79 @@ def linear_sums(
 ) -> ModalSums:
     """Return the sums for modal B and D, about a system without them."""
     n, m1 = len(modes.poles), u.shape[1]
-    f = modal_filters(modes.poles, u)
-    shared = np.concatenate([f[:, :, :m1].reshape(len(f), -1), f[:, :, m1]], axis=1)
-    mode = np.concatenate([np.repeat(np.arange(n), m1), np.arange(n)])
-    return _sums(modes, shared, mode, u, y, there)
+    width = n * m1 + n
+    signals = np.empty((len(u), width + m1 + y.shape[1]))
+    modal_filters(modes.real, modes.imag, u, signals, n * m1)
+    signals[:, width : width + m1], signals[:, width + m1 :] = u, y
+    square, right = _products(modes, signals, (m1, 1), m1, there)
+    start = slice(width - n, width)
+    return _eliminated(square, right, start, _pseudo_inverse(square[start, start]))
 
 
 def derivative_sums(
     modes: Modes, system: Affine, u: Float[np.ndarray, "T m1"], y: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
 ) -> ModalSums:
     """Return the sums for modal B, λ, C and D about a system."""
-    n, m1 = len(modes.poles), u.shape[1]
-    f = modal_filters(modes.poles, u)
-    decay = f[:, :, m1]
-    x = np.einsum("kij,ij->ki", f[:, :, :m1], modes.W @ system.B)
-    e = y - (x @ modes.C.T).real - u @ system.D.T
-    if not there.all():
-        e[~there] = 0.0
-    shift = decay * _start(modes, decay, e, there)
-    x, e = x + shift, e - (shift @ modes.C.T).real
-    shared = np.concatenate([f[:, :, :m1].reshape(len(u), -1), modal_chain(modes.poles, x), decay], axis=1)
-    mode = np.concatenate([np.repeat(np.arange(n), m1), np.arange(n), np.arange(n)])
-    return _sums(modes, shared, mode, np.concatenate([x, u], axis=1), e, there)
+    n, m1, p = len(modes.poles), u.shape[1], y.shape[1]
+    chain, decay, state = (n * (m1 + k) for k in (0, 1, 2))
+    error = state + n + m1
+    signals = np.empty((len(u), error + p))
+    modal_filters(modes.real, modes.imag, u, signals, decay)
+    B, C = (modes.W @ system.B).astype(complex), modes.C
+    modal_run(modes.real, modes.imag, B, C, np.ascontiguousarray(system.D), u, y, there, signals, state, error)
+    signals[:, state + n : error] = u
+    # The initial state that explains best what the run from zero leaves.
+    square, right = _products(modes, np.hstack([signals[:, decay:state], signals[:, error:]]), (1,), 0, there)
+    inverse = _pseudo_inverse(square)
+    modal_chain(modes.real, modes.imag, inverse @ right, C, there, signals, chain, decay, state, error)
+    square, right = _products(modes, signals, (m1, 1, 1), n + m1, there)
+    return _eliminated(square, right, slice(decay, state), inverse)
 
 
-def _start(
-    modes: Modes, decay: Complex[np.ndarray, "T n"], e: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
-) -> Complex[np.ndarray, " n"]:
-    """Return the modal initial state that explains e best."""
-    seen = decay if there.all() else decay * there[:, None]
-    square = (modes.C.conj().T @ modes.C) * (seen.conj().T @ seen)
-    right = np.einsum("oi,io->i", modes.C.conj(), seen.conj().T @ e)
-    return _pseudo_inverse(square) @ right
-
-
-def _sums(
-    modes: Modes,
-    shared: Complex[np.ndarray, "T w"],
-    mode: Int[np.ndarray, " w"],
-    own: Num[np.ndarray, "T v"],
-    e: Float[np.ndarray, "T p"],
-    there: Bool[np.ndarray, " T"],
-) -> ModalSums:
-    """Return sums over columns that reach all outputs by C, and over columns that are one output's own.
+def _products(
+    modes: Modes, signals: Float[np.ndarray, "T all"], widths: tuple[int, ...], own: int, there: Bool[np.ndarray, " T"]
+) -> tuple[Complex[np.ndarray, "w w"], Complex[np.ndarray, " w"]]:
+    """Return J'J and J'e, J the columns that reach all outputs by C and those that are one output's own.
 
     Args:
-        shared: Signals of a mode each; the last n are the initial state's, which is eliminated.
-        mode: Which mode each of them is of.
-        own: Signals that enter one output alone, the same for each.
-        e: What is to be explained.
+        signals: Some of each mode (``widths``), ``own`` that enter one output alone, the same for each, and the errors.
+        own: Number of those; of them, states come first, a mode each.
     """
-    n, p = len(modes.poles), e.shape[1]
-    width, v = shared.shape[1], own.shape[1]
-    signals = np.concatenate([shared, own, e], axis=1)
+    mode, partner = _layout(tuple(np.sign(modes.poles.imag).astype(int).tolist()), widths, own, signals.shape[1])
     if not there.all():
         signals[~there] = 0.0
-    products = signals.conj().T @ signals
-    C = modes.C[:, mode]
-    square = np.zeros((width + p * v, width + p * v), dtype=complex)
-    right = np.zeros(width + p * v, dtype=complex)
-    square[:width, :width] = (C.conj().T @ C) * products[:width, :width]
-    for o in range(p):
-        at = slice(width + o * v, width + (o + 1) * v)
-        square[:width, at] = C[o].conj()[:, None] * products[:width, width : width + v]
-        square[at, :width] = square[:width, at].conj().T
-        square[at, at] = products[width : width + v, width : width + v]
-        right[at] = products[width : width + v, width + v + o]
-    right[:width] = np.einsum("ow,wo->w", C.conj(), products[:width, width + v :])
-    start = slice(width - n, width)
-    kept = np.concatenate([np.arange(width - n), np.arange(width, width + p * v)])
-    cross = square[kept, start] @ _pseudo_inverse(square[start, start])
-    return ModalSums(square=square[np.ix_(kept, kept)] - cross @ square[start, kept], right=right[kept] - cross @ right[start])
+    return modal_products(signals.T @ signals, partner, modes.C, mode, own)
+
+
+@cache
+def _layout(
+    signs: tuple[int, ...], widths: tuple[int, ...], own: int, count: int
+) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " all"]]:
+    """Return which mode each column is of, and how far off its imaginary or real part stands, as ``modal_products`` wants it."""
+    n = len(signs)
+    mode = np.concatenate([np.repeat(np.arange(n), width) for width in widths])
+    partner = np.zeros(count, dtype=np.int64)
+    partner[: len(mode)] = np.concatenate([np.repeat(np.array(signs) * width, width) for width in widths])
+    if own >= n and len(widths) > 2:
+        partner[len(mode) : len(mode) + n] = signs
+    return mode, partner
+
+
+def _eliminated(
+    square: Complex[np.ndarray, "w w"], right: Complex[np.ndarray, " w"], start: slice, inverse: Complex[np.ndarray, "n n"]
+) -> ModalSums:
+    """Return the sums without the initial state's columns, which explain what they can."""
+    left_square, left_right = without_columns(square, right, start.start, start.stop, inverse)
+    return ModalSums(square=left_square, right=left_right)
 
 
 def _pseudo_inverse(square: Complex[np.ndarray, "n n"]) -> Complex[np.ndarray, "n n"]:
     """Return the inverse of a normal matrix; directions that leave no trace count for nothing."""
+    L, failed = lapack.zpotrf(square, lower=1, clean=0)
+    pivots = np.diag(L).real
+    if not failed and pivots.min() > WELL_SEEN * pivots.max():
+        lower = np.tril(lapack.zpotri(L, lower=1)[0])
+        return np.ascontiguousarray(lower + np.tril(lower, -1).conj().T)
     values, vectors = np.linalg.eigh(square)
     kept = values > 1e-12 * max(values[-1], 1e-300)
     return (vectors[:, kept] / values[kept]) @ vectors[:, kept].conj().T

@@ -10,12 +10,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Float, Num
+from scipy.linalg import lapack
 
 from treadline.identification.affine import Affine
 from treadline.identification.gram import Units, runs_of
-from treadline.identification.kernels import free_run, observability, tangents
-from treadline.identification.modal import Modes, derivative_sums, modes_of
+from treadline.identification.kernels import gauge_directions, observability, run_misfit, set_out_from, tangents
+from treadline.identification.modal import WELL_SEEN, Modes, derivative_sums, modes_of
 from treadline.models import InputOutputRecord
 
 ON_CIRCLE = 1e-9
@@ -108,13 +109,22 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
 
 def misfit(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
     """Return what a free run from the best initial state leaves; zero where an output is missing."""
-    run = free_run(system.A, system.B, system.C, system.D, np.zeros(system.order), experiment.u)
-    e = np.where(experiment.there[:, None], experiment.y - run, 0.0) if not experiment.there.all() else experiment.y - run
-    O = _start_rows(system, experiment)
-    flat = e[: len(O)]
-    x0 = _solved(O.reshape(-1, system.order), flat.reshape(-1, 1))
-    e[: len(O)] -= O @ x0[:, 0]
+    x0, e, last = _from_best_start(system, experiment)
+    set_out_from(*_contiguous(system.A, system.C), x0, experiment.there, last, e)
     return e
+
+
+def _from_best_start(system: Affine, experiment: Experiment) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "T p"], int]:
+    """Return the state at the start that explains a free run best, what a run from zero leaves, and how long a start shows."""
+    last = _lasting(system, len(experiment.y))
+    matrices = _contiguous(system.A, system.B, system.C, system.D)
+    e, square, right = run_misfit(*matrices, experiment.u, experiment.y, experiment.there, last)
+    return _solution(square, right[:, None])[:, 0], e, last
+
+
+def _contiguous(*matrices: Float[np.ndarray, "_ _"]) -> tuple[Float[np.ndarray, "_ _"], ...]:
+    """Return matrices as compiled code is compiled for, once."""
+    return tuple(np.ascontiguousarray(matrix) for matrix in matrices)
 
 
 def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
@@ -203,7 +213,7 @@ def normal_equations(
     return H, g
 
 
-def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Complex[np.ndarray, "w d"]:
+def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.ndarray, "w d"]:
     """Return the changes of modal B, λ, and C and D by output, along directions.
 
     A change of A moves the poles by its diagonal in modal coordinates; the rest turns the modes (first order in both).
@@ -216,8 +226,8 @@ def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Complex[np
     turn = dA / apart[:, :, None]
     turn[np.arange(n), np.arange(n)] = 0.0
     B = modes.W @ system.B
-    dB = (modes.W @ ways.B.reshape(n, m1 * d)).reshape(n, m1, d) - np.einsum("ild,lj->ijd", turn, B, optimize=True)
-    dC = np.einsum("old,li->oid", ways.C, modes.V, optimize=True) + np.einsum("ol,lid->oid", modes.C, turn, optimize=True)
+    dB = (modes.W @ ways.B.reshape(n, m1 * d)).reshape(n, m1, d) - B.T @ turn
+    dC = modes.V.T @ ways.C + (modes.C @ turn.reshape(n, n * d)).reshape(p, n, d)
     own = np.concatenate([dC, ways.D], axis=1).reshape(p * (n + m1), d)
     return np.concatenate([dB.reshape(n * m1, d), dA[np.arange(n), np.arange(n)], own])
 
@@ -243,7 +253,7 @@ def jacobian(
         e[~experiment.there] = 0.0
     O = _start_rows(system, experiment).reshape(-1, n)
     flat = J.reshape(-1, d)
-    flat[: len(O)] -= O @ _solved(O, flat[: len(O)])
+    flat[: len(O)] -= O @ _solution(O.T @ O, O.T @ flat[: len(O)])
     return flat, e.ravel()
 
 
@@ -253,18 +263,9 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     constant = system.D.shape[1] - 1 if not fixed[:, -1].all() else int(np.flatnonzero(~fixed.all(axis=0))[-1])
     free = np.flatnonzero(~fixed.ravel())
     sizes = np.cumsum([n * n, n * m1, p * n, free.size])
-    gauge = np.zeros((sizes[-1], n * n + n))
-    eye = np.eye(n)
-    E = np.eye(n * n).reshape(n, n, n * n)  # E[i, j] is one in the column of (i, j)
-    gauge[: sizes[0], : n * n] = (np.einsum("ijd,jk->ikd", E, system.A) - np.einsum("ij,jkd->ikd", system.A, E)).reshape(n * n, -1)
-    gauge[sizes[0] : sizes[1], : n * n] = np.einsum("ijd,jk->ikd", E, system.B).reshape(n * m1, -1)
-    gauge[sizes[1] : sizes[2], : n * n] = -np.einsum("ij,jkd->ikd", system.C, E).reshape(p * n, -1)
-    shift_B = np.zeros((n, m1, n))
-    shift_B[:, constant] = eye - system.A
-    gauge[sizes[0] : sizes[1], n * n :] = shift_B.reshape(n * m1, n)
-    shift_D = np.zeros((p, m1, n))
-    shift_D[:, constant] = -system.C
-    gauge[sizes[2] :, n * n :] = shift_D.reshape(p * m1, n)[free]
+    gauge = gauge_directions(*_contiguous(system.A, system.B, system.C), constant)
+    if free.size < p * m1:
+        gauge = gauge[np.concatenate([np.arange(sizes[2]), sizes[2] + free])]
     Q = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
     D = np.zeros((p * m1, Q.shape[1]))
     D[free] = Q[sizes[2] :]
@@ -278,30 +279,34 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
 
 def initial_state(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
     """Return the state at the start that explains a free run best."""
-    run = free_run(system.A, system.B, system.C, system.D, np.zeros(system.order), experiment.u)
-    O = _start_rows(system, experiment)
-    e = np.where(experiment.there[:, None], experiment.y - run, 0.0)[: len(O)]
-    return _solved(O.reshape(-1, system.order), e.reshape(-1, 1))[:, 0]
+    return _from_best_start(system, experiment)[0]
+
+
+def _lasting(system: Affine, steps: int) -> int:
+    """Return for how many steps an initial state shows in the outputs."""
+    if system.radius >= 0.999:
+        return steps
+    # Beyond, less than 1e-9 of it is left (a factor for states that grow before they decay).
+    return min(steps, int(20.0 * system.order + np.log(1e-9) / np.log(max(system.radius, 1e-3))))
 
 
 def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
     """Return the effect of the initial state on the outputs, as far as it lasts."""
-    radius = system.radius
-    last = len(experiment.y)
-    if radius < 0.999:
-        # Beyond, less than 1e-9 of it is left (a factor for states that grow before they decay).
-        last = min(last, int(20.0 * system.order + np.log(1e-9) / np.log(max(radius, 1e-3))))
-    O = observability(system.A, system.C, last)
+    last = _lasting(system, len(experiment.y))
+    O = observability(*_contiguous(system.A, system.C), last)
     if not experiment.there[:last].all():
         O[~experiment.there[:last]] = 0.0
     return np.asarray(O)
 
 
-def _solved(O: Float[np.ndarray, "rows n"], right: Float[np.ndarray, "rows k"]) -> Float[np.ndarray, "n k"]:
-    """Return the least-squares solution; directions that leave no trace stay zero."""
-    square = O.T @ O
+def _solution(square: Float[np.ndarray, "n n"], right: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
+    """Return the solution of normal equations; directions that leave no trace stay zero."""
+    L, failed = lapack.dpotrf(square, lower=1, clean=0)
+    pivots = np.diag(L)
+    if not failed and pivots.min() > WELL_SEEN * pivots.max():
+        return np.asarray(lapack.dpotrs(L, right, lower=1)[0])
     if not np.isfinite(square).all():
-        return np.full((O.shape[1], right.shape[1]), np.nan)  # a system that explodes: its cost has no end
+        return np.full(right.shape, np.nan)  # a system that explodes: its cost has no end
     values, V = np.linalg.eigh(square)
     kept = values > 1e-12 * max(values[-1], 1e-300)
-    return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ (O.T @ right)))
+    return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ right))
