@@ -1,6 +1,7 @@
 """``treadline replay``: recorded sensors through estimators and controller again."""
 
 import math
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Any
@@ -70,31 +71,30 @@ def _keys(log: Path | None) -> Answer:
 
 
 class _Played:
-    """Shows how far the recording has been played."""
+    """Shows how far the recording has been played: every ten seconds of it, or every twentieth of a long one."""
 
-    PARTS = 20
+    STEP_S, MOST = 10.0, 20
 
     def __init__(self) -> None:
-        from treadline.cli.progress import Progress
-
-        self._progress = Progress("replay", self.PARTS)
-        self._duration_s = math.inf
-        self._shown = 0
+        self._shown = ExitStack()
+        self._step_s = self._next_s = math.inf
 
     def __enter__(self) -> "_Played":
-        self._progress.__enter__()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._progress.__exit__(kind, error, trace)
+        self._shown.close()
 
     def begin(self, duration_s: float) -> None:
-        self._duration_s = max(duration_s, 1e-9)
+        from treadline.cli.progress import Progress
+
+        self._step_s = self._next_s = max(self.STEP_S, duration_s / self.MOST)
+        self._progress = self._shown.enter_context(Progress("replay", max(1, int(duration_s / self._step_s))))
 
     def at(self, t_s: float) -> None:
-        while self._shown < min(int(self.PARTS * t_s / self._duration_s), self.PARTS):
-            self._shown += 1
-            self._progress.done(f"{t_s:.1f} s of {self._duration_s:.1f} s")
+        if t_s >= self._next_s:
+            self._progress.done(f"{t_s:.0f} s played")
+            self._next_s += self._step_s
 
 
 def _lines(values: dict[str, Any], out: Path) -> list[str]:

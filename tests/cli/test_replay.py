@@ -1,0 +1,345 @@
+"""``treadline replay``: an unchanged run repeats itself bit for bit; settings change what they name; bad logs are one line."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.angles import rotation_of
+from treadline.cli import main
+from treadline.cli import replay as replay_verb
+from treadline.io.mcap_log import RunLog
+from treadline.io.mcap_read import read_log
+from treadline.io.runs import read_series
+from treadline.mechanics.chair import read_chair
+from treadline.ports import Truth
+from treadline.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
+
+SCENARIO = """
+[stair]
+slope_deg = 28
+steps = 30
+width_m = 2.4
+[start]
+place = "flight"
+step = 6
+heading_deg = 8
+[drive]
+duration_s = 0.8
+"""
+FRAMES = 9
+KEYS = {
+    "verdict", "cause", "events", "duration_s", "frames", "accepted", "rejected", "refusals", "rms_difference_deg",
+    "rms_error_deg", "largest_command_gap_m_s", "ms_per_frame", "real_time_factor", "dropped", "topics", "sees", "run",
+}  # fmt: skip
+WITH_WHAT_ONLY_A_SIMULATOR_KNOWS = {"roll_back_m", "lateral_m", "min_stability_margin_deg", "settle_s"}
+
+
+@pytest.fixture(scope="module")
+def climbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short climb with its frames."""
+    folder = tmp_path_factory.mktemp("climb")
+    (folder / "short.toml").write_text(SCENARIO)
+    assert main(["climb", str(folder / "short.toml"), "--out", str(folder / "run"), "--log-images", "--json"]) == 0
+    return folder / "run"
+
+
+def signals_of(run: Path, *kinds: type) -> list[Any]:
+    return [signal for signal in read_log(run / "log.mcap") if isinstance(signal, kinds)]
+
+
+def rewritten(run: Path, out: Path, change: Callable[[Any], Any | None]) -> Path:
+    """Copy a run with each signal of its log changed; None leaves it out."""
+    shutil.copytree(run, out, ignore=shutil.ignore_patterns("log.mcap"))
+    with RunLog(out / "log.mcap", image_every=1) as log:
+        for signal in read_log(run / "log.mcap"):
+            changed = change(signal)
+            if changed is not None:
+                log(changed)
+    return out
+
+
+def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_path: Path) -> None:
+    outcome = run("replay", climbed, "--out", tmp_path / "again", "--log-images", "--json")
+    assert outcome.code == 0, outcome.err
+    values = outcome.values
+    assert set(values) >= KEYS
+    assert not set(values) & WITH_WHAT_ONLY_A_SIMULATOR_KNOWS
+    assert values["verdict"] == "time_up"
+    assert values["sees"] == "images"
+    assert values["frames"] == values["accepted"] + sum(values["refusals"].values()) == FRAMES
+    assert values["largest_command_gap_m_s"] == values["largest_seat_gap_m_s"] == values["rms_difference_deg"] == 0.0
+    assert values["commands_compared"] == 4  # 4 Hz from zero on
+    assert values["rms_error_deg"] == values["recorded_rms_error_deg"]
+    assert 0.0 < values["rms_error_deg"] < 0.5
+    assert values["ms_per_frame"] > 0.0
+    # Readings, frames, headings seen, estimates, commands, events and truth: every byte of the log.
+    assert (tmp_path / "again" / "log.mcap").read_bytes() == (climbed / "log.mcap").read_bytes()
+
+
+def test_a_replay_leaves_a_whole_run_folder_that_can_be_reported_and_replayed(run, climbed: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again"
+    assert run("replay", climbed, "--out", out, "--set", "filter.gate=16", "--log-images").code == 0
+    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "result.json", "series.csv"]
+    settings = json.loads((out / "manifest.json").read_text())["settings"]
+    assert settings["set"] == ["filter.gate=16"]
+    assert settings["replay"]["filter"]["gate"] == 16.0
+    assert settings["topics"]["imu"] == "/imu"
+    series = read_series(out)
+    then = read_series(climbed)
+    np.testing.assert_array_equal(series["t_s"], then["t_s"])
+    np.testing.assert_array_equal(series["heading_deg"], then["heading_deg"])
+    np.testing.assert_array_equal(series["recorded_deg"], then["estimate_deg"])
+    assert np.isfinite(series["seen_deg"]).all()  # a tenth of the ticks, those with a frame
+    assert run("report", out).code == 0
+    assert "filter.gate=16" in (out / "report.html").read_text()
+    twice = run("replay", out, "--out", tmp_path / "twice", "--json")
+    assert twice.values["rms_difference_deg"] == 0.0
+    assert json.loads((tmp_path / "twice" / "manifest.json").read_text())["settings"]["set"] == ["filter.gate=16"]
+
+
+def test_the_truth_is_for_scoring_only(run, climbed: Path, tmp_path: Path) -> None:
+    wrong = rewritten(
+        climbed, tmp_path / "wrong", lambda signal: replace(signal, heading_rad=1.0) if isinstance(signal, Truth) else signal
+    )
+    values = run("replay", wrong, "--out", tmp_path / "again", "--json").values
+    assert values["largest_command_gap_m_s"] == values["rms_difference_deg"] == 0.0
+    assert values["rms_error_deg"] > 40.0
+    bare = rewritten(climbed, tmp_path / "bare", lambda signal: None if isinstance(signal, Truth) else signal)
+    values = run("replay", bare, "--out", tmp_path / "bare-again", "--json").values
+    assert values["largest_command_gap_m_s"] == values["rms_difference_deg"] == 0.0
+    assert values["rms_error_deg"] is None
+    assert run("report", tmp_path / "bare-again").code == 0
+
+
+def test_commands_are_compared_and_not_obeyed(run, climbed: Path, tmp_path: Path) -> None:
+    def faster(signal: Any) -> Any:
+        return replace(signal, left_m_s=signal.left_m_s + 0.25) if isinstance(signal, TrackCommand) else signal
+
+    other = rewritten(climbed, tmp_path / "other", faster)
+    values = run("replay", other, "--out", tmp_path / "again", "--json").values
+    assert values["largest_command_gap_m_s"] == pytest.approx(0.25)
+    assert values["rms_difference_deg"] == 0.0
+
+
+def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(run, climbed: Path, tmp_path: Path) -> None:
+    blind = rewritten(climbed, tmp_path / "blind", lambda signal: None if isinstance(signal, RgbdFrame) else signal)
+    outcome = run("replay", blind, "--out", tmp_path / "again")
+    assert outcome.code == 0
+    assert "perception was skipped" in outcome.out
+    result = json.loads((tmp_path / "again" / "result.json").read_text())
+    assert result["sees"] == "recorded headings"
+    assert result["frames"] == 0
+    assert result["accepted"] == FRAMES
+    assert result["ms_per_frame"] is None
+    assert result["largest_command_gap_m_s"] == 0.0
+
+
+def test_a_turned_mount_turns_the_heading(run, climbed: Path, tmp_path: Path) -> None:
+    outcome = run("replay", climbed / "log.mcap", "--set", "camera.mount_yaw_deg=2", "--out", tmp_path / "again", "--json")
+    assert outcome.values["rms_difference_deg"] == pytest.approx(2.0, abs=0.1)
+    assert outcome.values["largest_command_gap_m_s"] > 0.0
+
+
+def test_the_papers_vision_and_estimator_can_be_tried(run, climbed: Path, tmp_path: Path) -> None:
+    outcome = run("replay", climbed, "--set", "vision=paper", "--set", "estimator=offset", "--out", tmp_path / "again", "--json")
+    assert outcome.code in (0, 1)
+    assert outcome.values["frames"] == FRAMES
+    assert outcome.values["rms_difference_deg"] is None or outcome.values["rms_difference_deg"] > 0.0
+
+
+def test_anybodys_log_with_the_imu_in_the_camera_and_no_attitude(run, recording, climbed: Path, tmp_path: Path) -> None:
+    R_BC = read_chair("wheelchair").camera_at(240).R_BC
+    log = recording()
+    for signal in signals_of(climbed, ImuSample, RgbdFrame):
+        if isinstance(signal, ImuSample):
+            rate, force = (R_BC.T @ part for part in (signal.angular_velocity_rad_s, signal.linear_acceleration_m_s2))
+            log.imu("/camera/imu", signal.t_s, None, tuple(rate), tuple(force))
+        else:
+            counts = np.round(np.nan_to_num(signal.depth_m, nan=0.0) * 1000.0).astype(np.uint16)
+            log.calibration("/camera/depth_registered/camera_info", signal.t_s, signal.camera)
+            log.image("/camera/rgb/image_color", signal.t_s, signal.rgb[:, :, ::-1], "bgr8")
+            log.image("/camera/depth_registered/image_raw", signal.t_s, counts, "16UC1")
+    path = log.write(tmp_path / "kinect.mcap")
+    outcome = run("replay", path, "--set", "imu.axes=camera", "--out", tmp_path / "out", "--json")
+    assert outcome.code == 0, outcome.err
+    values = outcome.values
+    assert values["topics"]["depth"] == "/camera/depth_registered/image_raw"
+    assert values["topics"]["color"] == "/camera/rgb/image_color"
+    assert values["frames"] == FRAMES
+    assert values["largest_command_gap_m_s"] is None
+    # The accelerometer also feels the chair move: what remains is the tilt that it reads from that.
+    then = np.array([signal.heading_rad for signal in signals_of(climbed, HeadingEstimate)])
+    now = np.array([signal.heading_rad for signal in signals_of(tmp_path / "out", HeadingEstimate)])
+    assert np.rad2deg(np.abs(now - then).max()) < 1.0
+
+
+def test_gravity_of_the_accelerometer_is_that_of_the_imu(climbed: Path) -> None:
+    from treadline.estimation.tilt import Tilt
+
+    tilt, apart = Tilt(), []
+    for sample in signals_of(climbed, ImuSample):
+        orientation = tilt.step(sample)
+        assert orientation is not None
+        found, given = (rotation_of(q).T @ [0.0, 0.0, 1.0] for q in (orientation, sample.orientation))
+        apart.append(np.linalg.norm(np.cross(found, given)))
+    assert np.rad2deg(np.median(apart)) < 1.0
+
+
+def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path: Path) -> None:
+    log = recording()
+    for frame in signals_of(climbed, RgbdFrame):
+        log.calibration("/depth/camera_info", frame.t_s, frame.camera)
+        log.image("/depth/image", frame.t_s, frame.depth_m, "32FC1")
+    path = log.write(tmp_path / "log.mcap")
+    outcome = run("replay", path, "--out", tmp_path / "out", "--json")
+    assert outcome.code == 1
+    assert outcome.values["verdict"] == "held"
+    assert "IMU" in outcome.values["cause"]
+    assert outcome.values["frames"] == FRAMES
+    assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "out").code == 2
+
+
+def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, climbed: Path, tmp_path: Path) -> None:
+    def back_by(seconds: float) -> Callable[[Any], Any]:
+        return lambda signal: replace(signal, t_s=signal.t_s + 10.0 - (seconds if signal.t_s > 0.6 else 0.0))
+
+    little = rewritten(climbed, tmp_path / "little", back_by(0.05))
+    outcome = run("replay", little, "--out", tmp_path / "a", "--json")
+    assert outcome.values["dropped"]["/imu: stamp goes back"] + outcome.values["dropped"]["/imu: repeated stamp"] == 5
+    assert any(event["name"] == "dropped" for event in outcome.values["events"])
+    leap = rewritten(climbed, tmp_path / "leap", back_by(1.1))
+    outcome = run("replay", leap, "--out", tmp_path / "b", "--json")
+    assert outcome.code == 1
+    assert outcome.values["verdict"] == "held"
+    assert "leaps" in outcome.values["cause"]
+    assert outcome.values["duration_s"] == pytest.approx(0.61, abs=0.02)
+
+
+def test_samples_that_are_no_numbers_are_dropped_and_commands_stay_finite(run, climbed: Path, tmp_path: Path) -> None:
+    def spoiled(signal: Any) -> Any:
+        if isinstance(signal, ImuSample) and 0.5 < signal.t_s < 0.525:
+            return replace(signal, angular_velocity_rad_s=np.full(3, np.nan))
+        return signal
+
+    wrong = rewritten(climbed, tmp_path / "wrong", spoiled)
+    outcome = run("replay", wrong, "--out", tmp_path / "again", "--json")
+    assert outcome.values["dropped"] == {"/imu: not finite": 2}
+    for command in signals_of(tmp_path / "again", TrackCommand):
+        assert np.isfinite([command.left_m_s, command.right_m_s]).all()
+    for seat in signals_of(tmp_path / "again", SeatCommand):
+        assert np.isfinite(seat.rate_m_s)
+
+
+def test_an_interrupted_replay_leaves_what_is_done_readable(
+    run, climbed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(_: object, t_s: float) -> None:
+        if t_s > 0.4:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(replay_verb._Played, "at", interrupt)
+    out = tmp_path / "again"
+    outcome = run("replay", climbed, "--out", out)
+    assert outcome.code == 130
+    assert outcome.out == ""
+    assert signals_of(out, HeadingEstimate)
+    assert read_series(out)["t_s"][-1] == pytest.approx(0.4)
+    assert json.loads((out / "manifest.json").read_text())["seed"] == 0
+    assert not (out / "result.json").exists()
+
+
+def test_the_controller_that_the_run_named_is_used_again(run, climbed: Path, tmp_path: Path) -> None:
+    from treadline.experiments.shipped import shipped_controller
+
+    named = tmp_path / "named"
+    shutil.copytree(climbed, named)
+    manifest = json.loads((named / "manifest.json").read_text())
+    manifest["command"] = "treadline climb short.toml --controller mine.json --out run"
+    (named / "manifest.json").write_text(json.dumps(manifest))
+    outcome = run("replay", named, "--out", tmp_path / "again")
+    assert outcome.code == 2
+    assert "mine.json" in outcome.err
+    shipped_controller("wheelchair").save(named / "mine.json")
+    outcome = run("replay", named, "--out", tmp_path / "again", "--json")
+    assert outcome.values["largest_command_gap_m_s"] == 0.0
+
+
+def test_the_keys_are_listed(run, climbed: Path) -> None:
+    outcome = run("replay", "--keys")
+    assert outcome.code == 0
+    assert "filter.gate = 9" in outcome.out
+    assert run("replay", climbed, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"
+
+
+def cut(run: Path, share: float) -> None:
+    data = (run / "log.mcap").read_bytes()
+    (run / "log.mcap").write_bytes(data[: int(len(data) * share)])
+
+
+def change_a_byte(run: Path) -> None:
+    data = bytearray((run / "log.mcap").read_bytes())
+    data[len(data) // 2] ^= 1
+    (run / "log.mcap").write_bytes(data)
+
+
+FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "cut in half": (lambda run: cut(run, 0.5), "log.mcap"),
+    "without its end": (lambda run: cut(run, 0.9999), "log.mcap"),
+    "empty": (lambda run: (run / "log.mcap").write_bytes(b""), "log.mcap"),
+    "a changed byte": (change_a_byte, "log.mcap"),
+    "no log": (lambda run: (run / "log.mcap").unlink(), "no log.mcap"),
+    "a manifest of something else": (lambda run: (run / "manifest.json").write_text("{}"), "settings"),
+    "a manifest that is no JSON": (lambda run: (run / "manifest.json").write_text("{"), "manifest.json:1"),
+    "a scenario with an unknown key": (
+        lambda run: (run / "manifest.json").write_text('{"settings": {"stairs": {}}, "seed": 0}'),
+        "stairs",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, climbed: Path, tmp_path: Path, fault: str) -> None:
+    spoil, word = FAULTS[fault]
+    bad = tmp_path / "bad"
+    shutil.copytree(climbed, bad)
+    spoil(bad)
+    outcome = run("replay", bad, "--out", tmp_path / "out")
+    assert_one_line(outcome, word)
+    assert not (tmp_path / "out").exists()
+
+
+def assert_one_line(outcome: Any, word: str) -> None:
+    assert outcome.code == 2, outcome
+    assert outcome.out == ""
+    assert outcome.err.startswith("treadline: ")
+    assert outcome.err.count("\n") == 1, outcome.err
+    assert word in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["{run}"], "--out"),
+        (["--out", "{new}"], "log"),
+        (["{run}", "--out", "{run}"], "own folder"),
+        (["{run}/log.mcap", "--out", "{run}"], "own folder"),
+        (["{run}", "--out", "{run}/series.csv"], "is a file"),
+        (["{run}/nowhere", "--out", "{new}"], "no such file"),
+        (["{run}/series.csv", "--out", "{new}"], "no log"),
+        (["{run}", "--set", "filter.gait=1", "--out", "{new}"], "filter.gate"),
+        (["{run}", "--set", "vision=eyes", "--out", "{new}"], "robust"),
+        (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),
+        (["{run}", "--topics", "sonar=/imu", "--out", "{new}"], "--topics"),
+        (["{run}", "--set", "controller=none.json", "--out", "{new}"], "none.json"),
+    ],
+)
+def test_bad_arguments_are_one_line(run, climbed: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
+    filled = [argument.format(run=climbed, new=tmp_path / "new") for argument in arguments]
+    assert_one_line(run("replay", *filled), word)
+    assert not (tmp_path / "new").exists()
