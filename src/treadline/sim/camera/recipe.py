@@ -1,21 +1,40 @@
 """What views may look like: ranges that ``draw_view`` draws from, each checked."""
 
+import math
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from treadline.angles import DEG
+from treadline.scenario import RISE_M, RUN_M, SLOPE_DEG
 from treadline.settings import Settings
 
-StairScene = Literal["up", "top", "foot", "down", "edge", "bottom"]
-"""Where the chair stands: within the flight, near its top, on the floor before it, facing up; within the flight, level on the
-landing before its edge, near its foot, facing down."""
-RoomScene = Literal[
-    "floor", "wall", "corridor", "corner", "shelf", "table", "boxes", "ramp", "landing", "steep", "ladder", "threshold"
+Scene = Literal[
+    "up",
+    "top",
+    "foot",
+    "down",
+    "edge",
+    "bottom",
+    "floor",
+    "wall",
+    "corridor",
+    "corner",
+    "shelf",
+    "table",
+    "boxes",
+    "ramp",
+    "landing",
+    "steep",
+    "ladder",
+    "threshold",
 ]
-"""Places without a stair that a chair could climb."""
-STAIR_SCENES: tuple[StairScene, ...] = get_args(StairScene)
-ROOM_SCENES: tuple[RoomScene, ...] = get_args(RoomScene)
+"""The first six are stairs. The chair stands within the flight, near its top or on the floor before it, facing up; or within the
+flight, level on the landing before its edge or near its foot, facing down. The others are places without a stair to climb."""
+STAIR_SCENES: tuple[Scene, ...] = get_args(Scene)[:6]
+ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:]
 Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
+CLUTTER: tuple[Clutter, ...] = get_args(Clutter)
 Sensor = Literal["kinect1", "kinect2", "ideal"]
 Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
 Walls = Literal["none", "left", "right", "both"]
@@ -23,6 +42,16 @@ Range = tuple[float, float]
 """Smallest and largest, all between equally likely."""
 Spread = Annotated[float, Field(ge=0.0)]
 """A standard deviation."""
+Rise = Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])]
+Run = Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])]
+Slope = Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])]
+Width = Annotated[float, Field(ge=0.8, le=60.0)]
+Count = Annotated[int, Field(ge=6, le=200)]
+Length = Annotated[float, Field(ge=0.0, le=20.0)]
+Small = Annotated[float, Field(ge=0.0, le=0.03)]
+Turn = Annotated[float, Field(ge=-90.0, le=90.0)]
+Tilt = Annotated[float, Field(ge=-30.0, le=80.0)]
+Light = Annotated[float, Field(ge=0.1, le=3.0)]
 PLACES_M: dict[str, Range] = {
     "up": (0.3, 3.0),
     "top": (0.9, 2.2),
@@ -36,24 +65,24 @@ PLACES_M: dict[str, Range] = {
 class Recipe(Settings):
     """Ranges of a view. A range (a, a) fixes its value; several words mean that one is drawn."""
 
-    scenes: tuple[StairScene | RoomScene, ...] = ("up",)
-    slope_deg: Range = (25.0, 35.0)
-    rise_m: Range = (0.14, 0.19)
-    run_m: Range | None = None
+    scenes: tuple[Scene, ...] = ("up",)
+    slope_deg: tuple[Slope, Slope] = (25.0, 35.0)
+    rise_m: tuple[Rise, Rise] = (0.14, 0.19)
+    run_m: tuple[Run, Run] | None = None
     """None leaves the run to rise and slope; else the slope follows."""
-    steps: tuple[int, int] = (14, 22)
-    width_m: Range = (1.0, 1.6)
-    landing_m: Range = (1.2, 2.5)
-    back_wall_deg: Range = (-20.0, 20.0)
+    steps: tuple[Count, Count] = (14, 22)
+    width_m: tuple[Width, Width] = (1.0, 1.6)
+    landing_m: tuple[Length, Length] = (1.2, 2.5)
+    back_wall_deg: tuple[Turn, Turn] = (-20.0, 20.0)
     """How far the wall behind the landing is askew."""
     walls: tuple[Walls, ...] = ("none", "left", "right", "both")
     open_risers: bool = False
-    rise_jitter_m: Spread = 0.0
-    run_jitter_m: Spread = 0.0
-    nosing_yaw_jitter_deg: Spread = 0.0
-    worn_m: Spread = 0.0
+    rise_jitter_m: Small = 0.0
+    run_jitter_m: Small = 0.0
+    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    worn_m: Small = 0.0
     """Largest radius of the nosings, which are worn unevenly along their length; zero leaves them sharp."""
-    heading_deg: Range = (-35.0, 35.0)
+    heading_deg: tuple[Turn, Turn] = (-35.0, 35.0)
     lateral_m: Range = (-0.25, 0.25)
     place_m: Range | None = None
     """From the chair's middle along its way: beyond the first nosing (``up``), beyond the landing's edge (``down``), or to
@@ -72,7 +101,7 @@ class Recipe(Settings):
     """None is the sensor's own."""
     focal_error: Spread = 0.0
     """By which part the calibration's focal length is off."""
-    pitch_deg: Range | None = None
+    pitch_deg: tuple[Tilt, Tilt] | None = None
     """How far the camera looks down from the chair; None is the chair's."""
     mount_pitch_error_deg: Range = (0.0, 0.0)
     """True mount less the calibration in the frame."""
@@ -80,15 +109,15 @@ class Recipe(Settings):
     gravity_error_deg: Spread = 0.5
     """Size of the error; its direction is random."""
     textures: tuple[Texture, ...] = get_args(Texture)
-    light: Range = (0.35, 1.6)
-    blur_px: Range = (0.0, 0.0)
+    light: tuple[Light, Light] = (0.35, 1.6)
+    blur_px: tuple[Length, Length] = (0.0, 0.0)
     """Length of the colour image's motion blur."""
     clutter: tuple[Clutter, ...] = ()
     clutter_chance: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
     """That each of them is there."""
 
     @model_validator(mode="after")
-    def _ranges_rise(self) -> "Recipe":
+    def _ranges_make_sense(self) -> "Recipe":
         for name in type(self).model_fields:
             value = getattr(self, name)
             is_range = isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str)
@@ -97,4 +126,11 @@ class Recipe(Settings):
         for name in ("scenes", "walls", "textures"):
             if not getattr(self, name):
                 raise ValueError(f"{name} is empty; name at least one")
+        if self.run_m is None:
+            runs = (self.rise_m[0] / math.tan(self.slope_deg[1] * DEG), self.rise_m[1] / math.tan(self.slope_deg[0] * DEG))
+            if not (RUN_M[0] <= runs[0] and runs[1] <= RUN_M[1]):
+                raise ValueError(
+                    f"rise_m and slope_deg give runs of {runs[0]:.3f} to {runs[1]:.3f} m; "
+                    f"they must be from {RUN_M[0]:g} to {RUN_M[1]:g} m, or give run_m"
+                )
         return self

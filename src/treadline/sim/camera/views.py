@@ -25,7 +25,7 @@ from treadline.scenario import Stair
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
 from treadline.sim.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M, cast_shadows, clutter_of, spilt, worn_step
-from treadline.sim.camera.recipe import PLACES_M, STAIR_SCENES, Range, Recipe, RoomScene, StairScene
+from treadline.sim.camera.recipe import PLACES_M, STAIR_SCENES, Range, Recipe, Scene
 from treadline.sim.camera.rooms import askew_wall, plain, room
 from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of, upright
 
@@ -86,7 +86,7 @@ class StairTruth:
 class View:
     """A frame, what the estimator is told with it, and the truth."""
 
-    scene: StairScene | RoomScene
+    scene: Scene
     frame: RgbdFrame
     gravity_C: Float[np.ndarray, " 3"]
     """As the IMU and the calibrated mount tell it."""

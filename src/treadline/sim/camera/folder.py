@@ -1,0 +1,169 @@
+"""Views as a folder of images with a table of their truth, in the form that ``treadline see FOLDER`` reads."""
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from treadline.angles import DEG
+from treadline.errors import ImageError, SettingsError
+from treadline.signals import PinholeCamera
+from treadline.sim.camera.recipe import Recipe
+from treadline.sim.camera.views import View, draw_view
+
+DEPTH_UNIT_M = 0.001
+NO_RETURN = 0
+TRUTH = (
+    "name",
+    "scene",
+    "direction",
+    "heading_deg",
+    "slope_deg",
+    "rise_m",
+    "run_m",
+    "edge_x",
+    "edge_y",
+    "edge_z",
+    "gravity_x",
+    "gravity_y",
+    "gravity_z",
+    "share",
+    "next_nosing_x_m",
+    "next_nosing_z_m",
+    "end_in_view",
+    "left_wall_m",
+    "right_wall_m",
+    "obstacle_m",
+)
+"""Columns of truth.csv. Edge and gravity are unit vectors in the camera's frame, the next nosing is the first in view,
+where it meets the chair's middle plane, in the chair's frame; what is not there is blank."""
+
+
+class NamedView(NamedTuple):
+    """A view and the name of its files."""
+
+    name: str
+    view: View
+
+
+def write_views(recipe: Recipe, folder: Path, *, count: int, seed: int, watch: Callable[[str], None]) -> None:
+    """Draw views and write them one by one, then the tables of what was written; ``watch`` is told each name.
+
+    Each file is written whole, and each view has a seed of its own, so that more of them leave the first as they are.
+
+    Raises:
+        SettingsError: If the folder holds other frames, which would be read along with these, or if the camera's pitch is a
+            range: a folder has one calibration.
+    """
+    if recipe.pitch_deg is not None and recipe.pitch_deg[0] < recipe.pitch_deg[1]:
+        low, high = recipe.pitch_deg
+        raise SettingsError(f"pitch_deg runs from {low:g} to {high:g}; a folder has one camera.toml: give one value twice")
+    names = [f"{number:05d}" for number in range(count)]
+    others = {path.name for path in folder.glob("*_depth.png")} - {f"{name}_depth.png" for name in names}
+    if others:
+        raise SettingsError(f"{folder}: holds frames of another run ({min(others)}); give an empty folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[NamedView] = []
+    try:
+        for number, name in enumerate(names):
+            named = NamedView(name=name, view=draw_view(np.random.default_rng([seed, number]), recipe))
+            if not written:
+                _put(folder / "camera.toml", _camera_toml(named.view.frame.camera).encode())
+            _write_images(named, folder)
+            written.append(named)
+            watch(name)
+    finally:
+        # After an interruption the tables hold what was finished.
+        if written:
+            _put(folder / "gravity.csv", _gravity_table(written).encode())
+            _put(folder / "truth.csv", _truth_table(written).encode())
+
+
+def _write_images(named: NamedView, folder: Path) -> None:
+    frame = named.view.frame
+    counts = np.nan_to_num(frame.depth_m.astype(float), nan=0.0) / DEPTH_UNIT_M
+    depth = np.where(counts < 65534.5, np.round(counts), NO_RETURN).astype(np.uint16)
+    for ending, image in (("rgb", cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)), ("depth", depth)):
+        done, data = cv2.imencode(".png", image)
+        if not done:
+            raise ImageError(f"{named.name}_{ending}.png could not be written as PNG")
+        _put(folder / f"{named.name}_{ending}.png", data.tobytes())
+
+
+def _put(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_name(path.name + ".part")
+    try:
+        temporary.write_bytes(data)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _camera_toml(camera: PinholeCamera) -> str:
+    """Return the calibration as the estimator is told it."""
+    values = {
+        "width": camera.width_px,
+        "height": camera.height_px,
+        "fx_px": camera.fx_px,
+        "fy_px": camera.fy_px,
+        "cx_px": camera.cx_px,
+        "cy_px": camera.cy_px,
+        "depth_unit_m": DEPTH_UNIT_M,
+        "mount_pitch_deg": round(camera.mount_pitch_rad / DEG, 9),
+        "mount_roll_deg": round(camera.mount_roll_rad / DEG, 9),
+        "mount_yaw_deg": round(camera.mount_yaw_rad / DEG, 9),
+        "mount_m": list(camera.mount_m),
+    }
+    return "".join(f"{key} = {value}\n" for key, value in values.items())
+
+
+def _gravity_table(written: list[NamedView]) -> str:
+    return _table(("name", "x", "y", "z"), [[name, *_rounded(view.gravity_C.tolist())] for name, view in written])
+
+
+def _truth_table(written: list[NamedView]) -> str:
+    return _table(TRUTH, [_truth_row(named) for named in written])
+
+
+def _truth_row(named: NamedView) -> list[object]:
+    name, view = named
+    gravity = _rounded(view.true_gravity_C.tolist())
+    stair = view.stair
+    if stair is None:
+        return [name, view.scene, *[""] * 8, *gravity, *[""] * 7]
+    seen = stair.nosings_B[stair.nosing_in_view]
+    following = seen[0, ::2].tolist() if len(seen) else [None, None]
+    metres = [*following, stair.left_wall_m, stair.right_wall_m, stair.obstacle_m]
+    next_x, next_z, left, right, obstacle = ["" if value is None else round(value, 5) + 0.0 for value in metres]
+    return [
+        name,
+        view.scene,
+        stair.direction,
+        *_rounded([stair.heading_rad / DEG, stair.slope_rad / DEG, stair.rise_m, stair.run_m]),
+        *_rounded(stair.edge_C.tolist()),
+        *gravity,
+        round(stair.share, 4),
+        next_x,
+        next_z,
+        int(stair.end_in_view),
+        left,
+        right,
+        obstacle,
+    ]
+
+
+def _rounded(values: list[float]) -> list[float]:
+    return [round(value, 7) + 0.0 for value in values]
+
+
+def _table(header: tuple[str, ...], rows: list[list[object]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
