@@ -94,6 +94,8 @@ class View:
     true_camera: PinholeCamera
     """The calibration without errors."""
     exact: ExactView
+    kinds: tuple[str, ...]
+    """What stands where ``exact.face // 6`` points to it: ``step``, ``wall``, ``rail``, ``leg`` …"""
     stair: StairTruth | None
 
 
@@ -156,6 +158,7 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         true_gravity_C=R_WC.T @ down_W,
         true_camera=true,
         exact=exact,
+        kinds=tuple(solid.kind for solid in setting.solids),
         stair=None if staircase is None else _truth(DIRECTIONS[scene], staircase, pose, true, setting.solids, exact, chair),
     )
 
