@@ -1,6 +1,8 @@
 """``treadline see``: recorded frames in, a heading or a reason out; bad files are named."""
 
 import json
+import struct
+import zlib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +15,7 @@ from treadline.angles import DEG, rotation_z
 from treadline.cli import main
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
+from treadline.perception import StairDetector
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
 from treadline.sim.camera import Camera
@@ -279,6 +282,113 @@ def test_a_folder_without_pairs_is_refused(run, folder: Path) -> None:
     assert_refused(run("see", folder), "NAME_rgb.png")
     (folder / "camera.toml").unlink()
     assert_refused(run("see", folder), "camera.toml")
+
+
+def test_a_photo_without_depth_says_what_is_missing(run, folder: Path) -> None:
+    assert_refused(run("see", folder / "a_rgb.png"), "a_rgb.png", "photo without depth", "16-bit")
+    assert_refused(run("see", folder / "a_rgb.png", "--camera", folder / "camera.toml"), "photo without depth")
+    assert_refused(run("see", folder / "a_depth.png"), "a_depth.png", "without its colour image")
+    assert_refused(run("see", folder / "nowhere.png"), "nowhere.png", "no such file")
+    assert_refused(run("see", folder / "camera.toml"), "camera.toml", "not an image")
+
+
+def test_a_pair_without_intrinsics_is_refused(run, folder: Path) -> None:
+    assert_refused(run("see", *pair(folder)[:2]), "no intrinsics", "--camera")
+    assert_refused(run("see", *pair(folder)[:2], "--camera", folder / "nowhere.toml"), "nowhere.toml", "no such file")
+
+
+def test_images_in_the_wrong_order_are_noticed(run, folder: Path) -> None:
+    rgb, depth, *camera = pair(folder)
+    assert_refused(run("see", depth, rgb, *camera), "a_depth.png", "no colour image")
+    assert_refused(run("see", rgb, rgb, *camera), "a_rgb.png", "16-bit")
+
+
+def test_a_colour_image_of_sixteen_bits_is_colour(run, folder: Path) -> None:
+    before = run("see", *pair(folder), "--method", "paper", "--json").values
+    cv2.imwrite(str(folder / "a_rgb.png"), cv2.imread(str(folder / "a_rgb.png")).astype(np.uint16) * 257)
+    after = run("see", *pair(folder), "--method", "paper", "--json").values
+    assert {**after, "ms": 0} == {**before, "ms": 0}
+
+
+@pytest.mark.parametrize("suffix", [".tiff", ".exr"])
+def test_depth_as_floats_is_refused_with_what_can_be_read(run, folder: Path, suffix: str) -> None:
+    (folder / f"d{suffix}").write_bytes(b"II*\x00" + np.full(76800, np.nan, np.float32).tobytes())
+    assert_refused(run("see", folder / "a_rgb.png", folder / f"d{suffix}", "--camera", folder / "camera.toml"), "PNG")
+
+
+def test_a_picture_that_announces_too_many_pixels_is_refused(run, folder: Path) -> None:
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 2_000_000, 2_000_000, 16, 0, 0, 0, 0))
+    whole = b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b"")
+    (folder / "a_depth.png").write_bytes(whole)
+    assert_refused(run("see", *pair(folder)), "a_depth.png", "not an image that can be read")
+
+
+def test_a_calibration_of_another_size_is_noticed_by_its_centre(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA.replace("cx_px = 159.5", "cx_px = 319.5"))
+    assert_refused(run("see", *pair(folder)), "cx_px = 319.5", "320×240", "another size")
+
+
+def test_a_table_of_gravity_that_is_no_text_or_names_a_frame_twice_is_refused(run, folder: Path) -> None:
+    (folder / "gravity.csv").write_bytes(b"name,x,y,z\n\xff\xfe,0,1,0\n")
+    assert_refused(run("see", folder), "gravity.csv", "UTF-8")
+    (folder / "gravity.csv").write_text("name,x,y,z\na,0,1,0\na,0,1,0\n")
+    assert_refused(run("see", folder), "gravity.csv:3", "twice")
+
+
+def test_a_folder_takes_a_calibration_and_gravity_from_the_command_line(run, folder: Path) -> None:
+    own = run("see", folder, "--json").values["frames"][0]
+    down = gravity(folder)
+    (folder / "camera.toml").rename(folder / "other.toml")
+    (folder / "gravity.csv").unlink()
+    assert_refused(run("see", folder), "camera.toml", "no such file")
+    given = run("see", folder, "--camera", folder / "other.toml", f"--gravity={down}", "--json").values["frames"][0]
+    assert {**given, "ms": 0} == {**own, "ms": 0}
+
+
+def test_many_frames_tell_how_far_they_are(run, folder: Path) -> None:
+    images = [(folder / f"a_{kind}.png").read_bytes() for kind in ("rgb", "depth")]
+    for number in range(20):
+        for kind, data in zip(("rgb", "depth"), images, strict=True):
+            (folder / f"f{number:02d}_{kind}.png").write_bytes(data)
+    outcome = run("see", folder, "--json")
+    assert len(outcome.values["frames"]) == 21
+    assert "21 frames" in outcome.err
+
+
+def floor() -> Float[np.ndarray, "h w"]:
+    """Return depth in millimetres of a bare floor, seen from 0.8 m above and 40° down; 7 m away nothing returns."""
+    v = (np.arange(240) - 119.5) / 287.5
+    down = np.sin(40 * DEG) + v * np.cos(40 * DEG)
+    depth = np.where(down > 0.1, 800.0 / np.maximum(down, 0.1), 0.0)
+    return np.repeat(depth[:, None], 320, axis=1)
+
+
+def test_a_floor_without_a_stair_is_an_answer_of_no(run, folder: Path) -> None:
+    write_depth(folder / "a_depth.png", floor())
+    level = f"--gravity=0,{np.cos(40 * DEG):.6f},{np.sin(40 * DEG):.6f}"
+    for extra in ([level], []):
+        outcome = run("see", *pair(folder), *extra, "--json")
+        assert outcome.code == 1
+        assert outcome.values["accepted"] is False
+        assert outcome.values["reason"]
+        assert outcome.values["heading_deg"] is None
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001])
+def test_a_frame_with_hardly_a_return_is_an_answer_of_no(share: float) -> None:
+    """Through the API, where NaN is a depth without return."""
+    frame, down = rendered(3)
+    rng = np.random.default_rng(0)
+    depth = np.where(rng.random(frame.depth_m.shape) < share, frame.depth_m, np.float32(np.nan)).astype(np.float32)
+    empty = RgbdFrame(t_s=0.0, rgb=frame.rgb, depth_m=depth, camera=frame.camera)
+    for gravity_C in (down, None):
+        sight = StairDetector().look(empty, gravity_C)
+        assert not sight.accepted
+        assert sight.reason
+        assert StairDetector().step(empty, gravity_C) is None
 
 
 @pytest.mark.skipif(not KINECT2.is_dir(), reason="the recorded Kinect 2 frames are not beside this checkout")

@@ -1,9 +1,13 @@
 """``treadline see``: the heading of recorded frames."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli.answer import Answer
+
+MANY = 20
+"""Frames of a folder from which on progress is told."""
 
 
 def see(
@@ -24,30 +28,47 @@ def see(
     Args:
         rgb: The colour image, or a folder.
         depth: The depth image, 16 bit.
-        camera: The calibration, a TOML file.
-        gravity: Unit vector that points down in the camera's frame: x,y,z.
+        camera: The calibration, a TOML file; of a folder, its camera.toml when left out.
+        gravity: Unit vector that points down in the camera's frame: x,y,z; of a folder, for frames that gravity.csv lacks.
         method: robust, or paper for Algorithm 1 as printed.
         out: Folder for the six stages of Fig. 5.
     """
     from treadline.errors import SettingsError
-    from treadline.perception.frames import frames_of_folder, see_frame, single_frame
+    from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
+    from treadline.perception.images import alone
 
     if method not in ("robust", "paper"):
         raise SettingsError(f"--method is '{method}'; allowed: robust, paper")
     chosen: Literal["paper", "robust"] = "paper" if method == "paper" else "robust"
+    if depth is None and not rgb.is_dir():
+        raise alone(rgb)
     if depth is None:
-        if not rgb.is_dir():
-            raise SettingsError(f"{rgb}: not a folder; give RGB and DEPTH images, or a folder of pairs")
-        seen = [see_frame(frame, method=chosen, out=out) for frame in frames_of_folder(rgb)]
+        frames = FolderOfFrames(rgb, camera, gravity)
+        seen = list(_told(see_frames(frames, method=chosen, out=out), len(frames)))
         accepted = sum(bool(item["accepted"]) for item in seen)
         return Answer(
             values={"frames": seen},
             summary=[*(_line(item) for item in seen), f"{accepted} of {len(seen)} frames accepted"],
         )
     if camera is None:
-        raise SettingsError("see needs the camera's calibration: --camera camera.toml")
-    answer = see_frame(single_frame(rgb, depth, camera, gravity), method=chosen, out=out)
+        raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
+    (answer,) = see_frames([single_frame(rgb, depth, camera, gravity)], method=chosen, out=out)
     return Answer(values=answer, summary=[_line(answer)], code=0 if answer["accepted"] else 1)
+
+
+def _told(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]]:
+    """Yield what is seen; of many frames, tell how far it has come."""
+    from treadline.cli.progress import Progress
+
+    if count < MANY:
+        yield from seen
+        return
+    every = max(1, count // 20)
+    with Progress("see", count // every) as progress:
+        for number, item in enumerate(seen, start=1):
+            yield item
+            if number % every == 0 and number // every <= count // every:
+                progress.done(f"{number} of {count} frames")
 
 
 def _line(seen: dict[str, Any]) -> str:

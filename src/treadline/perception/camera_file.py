@@ -3,13 +3,15 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from treadline.angles import DEG
 from treadline.settings import Settings, read_toml
 from treadline.signals import PinholeCamera
 
 Positive = Annotated[float, Field(gt=0.0)]
+AT_THE_EDGE = 0.02
+"""Share of the image: a principal point there belongs to an image of twice the size, not to a crop that anyone takes."""
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
@@ -30,6 +32,16 @@ class CameraFile(Settings):
     mount_roll_deg: float = 0.0
     mount_yaw_deg: float = 0.0
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _fits_its_size(self) -> "CameraFile":
+        for axis, place, size in (("cx", self.cx_px, self.width), ("cy", self.cy_px, self.height)):
+            if not AT_THE_EDGE * size < place < (1.0 - AT_THE_EDGE) * size:
+                raise ValueError(
+                    f"{axis}_px = {place:g} lies at the edge of an image of {self.width}×{self.height}; is the calibration of "
+                    "another size?"
+                )
+        return self
 
     @property
     def camera(self) -> PinholeCamera:

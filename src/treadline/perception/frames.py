@@ -2,7 +2,7 @@
 
 import csv
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -34,37 +34,55 @@ class NamedFrame:
 
 def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> NamedFrame:
     """Return the frame of one pair of images."""
-    direction = None if gravity is None else _direction("--gravity", gravity.split(","))
-    return NamedFrame(name=rgb.name, frame=read_frame(rgb, depth, read_camera(camera)), gravity_C=direction)
+    return NamedFrame(name=rgb.name, frame=read_frame(rgb, depth, read_camera(camera)), gravity_C=_given(gravity))
 
 
-def frames_of_folder(folder: Path) -> Iterator[NamedFrame]:
-    """Yield the frames of a folder in the order of their names.
+class FolderOfFrames:
+    """The pairs of a folder in the order of their names; each is read when its turn comes.
 
     Raises:
-        ImageError: If it holds no pair, or a pair is broken.
+        ImageError: If the folder holds no pair, or its gravity.csv is broken.
     """
-    calibration = read_camera(folder / "camera.toml")
-    gravity = _gravity_table(folder / "gravity.csv")
-    pairs = _pairs(folder)
-    if not pairs:
-        raise ImageError(f"{folder}: no pair of NAME_rgb.png and NAME_depth.png")
-    for name, rgb, depth in pairs:
-        yield NamedFrame(name=name, frame=read_frame(rgb, depth, calibration), gravity_C=gravity.get(name))
+
+    def __init__(self, folder: Path, camera: Path | None = None, gravity: str | None = None) -> None:
+        """Look what is there.
+
+        Args:
+            camera: The calibration, if not the folder's own camera.toml.
+            gravity: Down, as x,y,z, for frames that gravity.csv does not name.
+        """
+        self._calibration = read_camera(camera or folder / "camera.toml")
+        self._down = _given(gravity)
+        self._gravity = _gravity_table(folder / "gravity.csv")
+        self._pairs = _pairs(folder)
+        if not self._pairs:
+            raise ImageError(f"{folder}: no pair of NAME{COLOUR_ENDINGS[0]} and NAME{DEPTH_ENDING}")
+
+    def __len__(self) -> int:
+        return len(self._pairs)
+
+    def __iter__(self) -> Iterator[NamedFrame]:
+        for name, rgb, depth in self._pairs:
+            frame = read_frame(rgb, depth, self._calibration)
+            yield NamedFrame(name=name, frame=frame, gravity_C=self._gravity.get(name, self._down))
 
 
-def see_frame(named: NamedFrame, *, method: Literal["paper", "robust"], out: Path | None) -> dict[str, Any]:
-    """Return what a frame shows, under the contract's keys; with ``out``, write the six stages of Fig. 5."""
+def see_frames(frames: Iterable[NamedFrame], *, method: Literal["paper", "robust"], out: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield what each frame shows, under the contract's keys; with ``out``, write the six stages of Fig. 5 of each."""
     detector = StairDetector(DetectorConfig(method=method))
-    detector.look(named.frame, named.gravity_C)  # loads what is compiled, so that the time told is that of a frame
-    started = time.perf_counter()
-    sight = detector.look(named.frame, named.gravity_C)
-    spent_ms = (time.perf_counter() - started) * 1e3
-    if out is not None:
-        shown = StairDetector(DetectorConfig(method="paper")).look(named.frame, named.gravity_C, stages=True)
-        if shown.stages is not None:
-            write_stages(shown.stages, out, prefix=Path(named.name).stem)
-    return _answer(named.name, sight, spent_ms)
+    loaded = False
+    for named in frames:
+        if not loaded:
+            # Loads what is compiled, as far as this frame goes, so that the time told is that of a frame.
+            loaded = detector.look(named.frame, named.gravity_C).accepted
+        started = time.perf_counter()
+        sight = detector.look(named.frame, named.gravity_C)
+        spent_ms = (time.perf_counter() - started) * 1e3
+        if out is not None:
+            shown = StairDetector(DetectorConfig(method="paper")).look(named.frame, named.gravity_C, stages=True)
+            if shown.stages is not None:
+                write_stages(shown.stages, out, prefix=Path(named.name).stem)
+        yield _answer(named.name, sight, spent_ms)
 
 
 def _answer(name: str, sight: Sight, spent_ms: float) -> dict[str, Any]:
@@ -106,15 +124,25 @@ def _pairs(folder: Path) -> list[tuple[str, Path, Path]]:
 def _gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
     if not path.exists():
         return {}
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    table = {}
-    for number, row in enumerate(rows, start=2):
-        cells = [row.get(axis) for axis in ("x", "y", "z")]
-        if row.get("name") is None or None in cells:
-            raise ImageError(f"{path}:{number}: needs the columns name,x,y,z")
-        table[str(row["name"])] = _direction(f"{path}:{number}", [str(cell) for cell in cells])
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
+    reader = csv.DictReader(lines)
+    table: dict[str, Float[np.ndarray, " 3"]] = {}
+    for row in reader:
+        where = f"{path}:{reader.line_num}"
+        name, *cells = (row.get(column) for column in ("name", "x", "y", "z"))
+        if name is None or None in cells:
+            raise ImageError(f"{where}: needs the columns name,x,y,z")
+        if name in table:
+            raise ImageError(f"{where}: '{name}' stands twice; leave one")
+        table[name] = _direction(where, [str(cell) for cell in cells])
     return table
+
+
+def _given(gravity: str | None) -> Float[np.ndarray, " 3"] | None:
+    return None if gravity is None else _direction("--gravity", gravity.split(","))
 
 
 def _direction(where: str, parts: list[str]) -> Float[np.ndarray, " 3"]:

@@ -35,8 +35,27 @@ def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
     )
 
 
+def alone(path: Path) -> ImageError:
+    """Return what is wrong with one image where two are needed: which of them is missing."""
+    try:
+        image = _decoded(path, cv2.IMREAD_UNCHANGED)
+    except ImageError as error:
+        return error
+    if image.dtype == np.uint16 and image.ndim == 2:
+        return ImageError(f"{path}: a depth image without its colour image; give both: see RGB DEPTH --camera camera.toml")
+    return ImageError(
+        f"{path}: a photo without depth; a heading needs the 16-bit depth image of the same moment, too: "
+        "see RGB DEPTH --camera camera.toml"
+    )
+
+
 def _colour(path: Path, calibration: CameraFile) -> UInt8[np.ndarray, "h w 3"]:
-    image = _decoded(path, cv2.IMREAD_COLOR)
+    # A photo that is stored turned would no longer lie on its depth.
+    image = _decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+    if image.dtype == np.uint16:
+        if np.ptp(image, axis=2).max() == 0:
+            raise ImageError(f"{path}: 16 bits of grey are no colour image; is it the depth image? give RGB first, then DEPTH")
+        image = (image >> 8).astype(np.uint8)
     _check_size(path, image, calibration)
     return np.ascontiguousarray(image[:, :, ::-1])
 
@@ -73,7 +92,10 @@ def _decoded(path: Path, flags: int) -> np.ndarray:
     # A decoder fills up what is cut off with grey and says so to a terminal at best.
     if not (_is_whole_png(data) if data.startswith(PNG_START) else JPEG_END in data[-64:]):
         raise ImageError(f"{path}: not a whole image, cut off or damaged; copy or record it again")
-    image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+    except cv2.error:  # more pixels than OpenCV allows, announced by a few bytes
+        image = None
     if image is None:
         raise ImageError(f"{path}: not an image that can be read; save it again as PNG")
     return np.asarray(image)
