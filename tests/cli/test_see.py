@@ -403,10 +403,8 @@ def test_recorded_kinect_2_frames(run, tmp_path: Path) -> None:
         )
         images = [KINECT2 / f"{name}_color_registered.png", KINECT2 / f"{name}_depth.png"]
         answers[name] = run("see", *images, "--camera", calibration, "--json").values
-    # 0000 looks straight down at two treads, its risers are edge-on: refused rather than guessed.
-    assert not answers["0000"]["accepted"]
-    assert answers["0000"]["reason"]
-    # 0001 shows five risers; the reference's own pairs scatter by 0.28°.
-    known = np.array(reference["0001"]["edge_direction_camera"])
-    apart = np.arccos(min(1.0, float(np.array(answers["0001"]["edge_direction"]) @ known))) / DEG
-    assert apart < 0.3
+    # 0000 looks straight down at three treads, 0001 up five steps; the reference's own pairs scatter by 0.25 and 0.28°.
+    for name, known in reference.items():
+        assert answers[name]["accepted"]
+        cosine = float(np.array(answers[name]["edge_direction"]) @ np.array(known["edge_direction_camera"]))
+        assert np.arccos(min(1.0, cosine)) / DEG < 0.3

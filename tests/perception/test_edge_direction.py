@@ -7,10 +7,14 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.down import down_of_treads
-from treadline.perception.planes import Surface
+from treadline.perception.kernels import BEYOND
+from treadline.perception.nosings import Nosing
+from treadline.perception.planes import Ends, Surface
 
 DOWN = np.array([0.0, 1.0, 0.0])
 TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])
+AHEAD = (5.0 * DEG, 70.0 * DEG)
+NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))
 
 
 def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, distance_m: float = 2.0) -> Surface:
@@ -18,21 +22,29 @@ def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, dist
     return Surface(
         normal=normal / distance_m,
         covariance=(sigma_rad / distance_m) ** 2 * np.eye(3),
-        level=distance_m,
+        centre=normal * distance_m,
         blocks=np.arange(9),
+        upper=NO_ENDS,
+        lower=NO_ENDS,
     )
 
 
-def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> Surface:
-    return surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
+def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> Nosing:
+    plane = surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
+    return Nosing(ahead_m=distance_m, up_m=None, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=(), weight=9.0)
 
 
 def tread() -> Surface:
     return surface(DOWN)
 
 
-def fit(risers: list[Surface]) -> EdgeFit:
+def fit(risers: list[Nosing]) -> EdgeFit:
     return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]))
+
+
+def sigma_of(found: EdgeFit) -> float:
+    """Return the standard deviation of the edge's angle about the vertical."""
+    return found.sigma_of(found.ahead)
 
 
 def off_rad(found: EdgeFit) -> float:
@@ -51,7 +63,7 @@ def test_risers_that_disagree_are_averaged_whatever_their_distance() -> None:
 
 def test_disagreement_widens_the_declared_deviation() -> None:
     def sigma(spread_deg: float) -> float:
-        return fit([riser(part * spread_deg * DEG) for part in (-1.0, -0.3, 0.3, 1.0)]).sigma_about(DOWN)
+        return sigma_of(fit([riser(part * spread_deg * DEG) for part in (-1.0, -0.3, 0.3, 1.0)]))
 
     assert sigma(0.0) < sigma(0.3) < sigma(1.0)
     # Four risers with a spread of 1° by their own account: half a degree for the mean, less what is believed beforehand.
@@ -59,7 +71,7 @@ def test_disagreement_widens_the_declared_deviation() -> None:
 
 
 def test_more_risers_make_surer() -> None:
-    sigmas = [fit([riser() for _ in range(count)]).sigma_about(DOWN) for count in (2, 4, 8)]
+    sigmas = [sigma_of(fit([riser() for _ in range(count)])) for count in (2, 4, 8)]
     assert sigmas[0] > sigmas[1] > sigmas[2] > 0.0
 
 
@@ -77,7 +89,7 @@ def test_down_is_found_among_treads_risers_and_walls(pitch_deg: float, heading_d
     rng = np.random.default_rng(1)
     families = [(down, 60), (turn @ np.array([0.0, 0.0, 1.0]), 150), (turn @ np.array([1.0, 0.0, 0.0]), 80)]
     normals = np.vstack([np.tile(normal, (count, 1)) for normal, count in families]) + 0.02 * rng.standard_normal((290, 3))
-    found = down_of_treads(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    found = down_of_treads(normals / np.linalg.norm(normals, axis=1, keepdims=True), AHEAD)
     assert found is not None
     # 0.02 rad on each block, 60 blocks: 0.2° is the standard error of their median.
     assert np.arccos(min(1.0, float(found @ down))) < 1.0 * DEG
@@ -85,6 +97,6 @@ def test_down_is_found_among_treads_risers_and_walls(pitch_deg: float, heading_d
 
 def test_down_is_not_guessed_without_treads() -> None:
     wall = np.tile([0.0, 0.0, 1.0], (200, 1))
-    assert down_of_treads(wall) is None
-    assert down_of_treads(np.zeros((0, 3))) is None
-    assert down_of_treads(np.tile(DOWN @ rotation_x(-30.0 * DEG), (5, 1))) is None
+    assert down_of_treads(wall, AHEAD) is None
+    assert down_of_treads(np.zeros((0, 3)), AHEAD) is None
+    assert down_of_treads(np.tile(DOWN @ rotation_x(-30.0 * DEG), (5, 1)), AHEAD) is None

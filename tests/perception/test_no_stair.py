@@ -125,7 +125,7 @@ def corrupted(depth_m: Float32[np.ndarray, "h w"], rng: np.random.Generator) -> 
 
 
 def numbers(sight: Sight) -> list[float]:
-    shape = [] if sight.shape is None else list(dataclasses.astuple(sight.shape))
+    shape = [] if sight.shape is None else [x for x in dataclasses.astuple(sight.shape) if isinstance(x, float)]
     edge = [] if sight.edge_direction_C is None else sight.edge_direction_C.tolist()
     return [value for value in (sight.heading_rad, sight.sigma_rad, *shape, *edge) if value is not None]
 

@@ -1,33 +1,27 @@
-"""One edge direction from all treads and risers, and how sure it is.
+"""One edge direction from all treads, risers and nosings in view, and how sure it is.
 
-Every tread and riser contains the edges' direction e, so each normal n says n·e = 0. Two things disturb that: the
-sensor's noise, which the plane's residuals show, and the stair itself, whose nosings are not quite parallel. The second
-is far larger: it is estimated from how much the risers disagree (a random-effects fit).
+Every tread, every riser and every plane through a nosing and the camera's centre holds the edges' direction e, so each
+normal n says n·e = 0. Two small angles are sought: ρ, by which the edges are off level, which treads and gravity tell, and
+α about the vertical, which risers and nosings tell. Two things disturb what each says: the sensor's noise, which residuals
+show, and the stair itself, whose treads and nosings are not quite parallel. How irregular a stair is, nobody knows
+beforehand: it is averaged over, weighted by how well it explains how much the surfaces disagree (a random-effects model).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
+from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 
-CAUCHY = 25.0
-"""Squared deviations at which a surface's weight is halved."""
-TURN_SIGMA, TURN_FREEDOM = 0.25 * DEG, 2.0
-"""What is believed of a stair's nosings before any is seen: their spread in yaw, worth so many risers.
-
-Measured on 60 frames of 320×240 each (seeds 9000 to 9059, |ψ| ≤ 35°, 25 to 30°), mean squared error over declared variance:
-nosings turned by 0.3° (1σ) 0.82, with gravity 0.5° off as well 0.87, the same with open risers 1.25, nosings turned by 1°
-1.28; perfect nosings 0.05, for that they are perfect is nothing a frame of four risers can know. The errors were 0.10°,
-0.11°, 0.15°, 0.33° and 0.015° RMS. Weighted by the sensor's noise alone, the first was 0.20°: the nearest riser had
-nearly all the say.
-"""
-
-
-TURN_LIMIT = 0.5 * DEG
-"""However much the risers disagree, one that is turned by five times as much keeps half a weight at most."""
+TURNS = np.geomspace(0.003 * DEG, 1.0 * DEG, 16)
+"""Irregularities of a stair that are thought possible, each step as likely as the next: spread of its surfaces' angles."""
+OUTLIER = 3.0 * DEG
+"""A surface this far from the middle of three or more, and by many of its deviations, is no part of the stair."""
+OUTLIER_SIGMAS = 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,21 +30,59 @@ class EdgeFit:
 
     edge: Float[np.ndarray, " 3"]
     """Unit vector."""
-    information: Float[np.ndarray, "3 3"]
-    """Inverse covariance of the direction, across it."""
+    ahead: Float[np.ndarray, " 3"]
+    """Unit vector square to the edges, level: a turn of the edges about the vertical moves them along it."""
+    down: Float[np.ndarray, " 3"]
+    alpha_sigma_rad: float
+    """Of the edges' angle about the vertical, with ρ as it is."""
+    rho_sigma_rad: float
+    """Of the angle by which they are off level."""
+    alpha_per_rho: float
+    """How a wrong ρ turns α: nosings are seen from above."""
+    scatter_rad: float
+    """Of the nosings' angles about the edges' direction, RMS."""
+    planes_against_lines_rad: tuple[float, float] | None
+    """Difference of α between risers and nosings, and its standard deviation; None unless there are both."""
 
-    def sigma_about(self, axis: Float[np.ndarray, " 3"]) -> float:
-        """Return the standard deviation of the direction turned about an axis [rad]."""
-        across = np.cross(axis, self.edge)
-        across /= np.linalg.norm(across)
-        basis = np.column_stack([across, np.cross(self.edge, across)])
-        spread = np.linalg.inv(basis.T @ self.information @ basis + 1e-9 * np.eye(2))
-        return float(np.sqrt(spread[0, 0]))
+    def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
+        """Return the standard deviation of a quantity that changes by ``change · de`` with the direction."""
+        alpha = float(change @ self.ahead)
+        rho = float(change @ self.down) + alpha * self.alpha_per_rho
+        return float(np.hypot(alpha * self.alpha_sigma_rad, rho * self.rho_sigma_rad))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Pooled:
+    mean: float
+    sigma: float
+    weights: Float[np.ndarray, " k"]
+
+
+def pooled(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], regular: Bool[np.ndarray, " k"]) -> _Pooled:
+    """Return the common angle of some measurements that scatter by their noise and by an unknown irregularity.
+
+    The irregularity is integrated out over ``TURNS`` with its likelihood; the mean under each value of it is the usual
+    weighted one (DerSimonian, Laird 1986 with a prior in place of their estimate).
+
+    Args:
+        regular: Measurements that do not suffer from the irregularity: gravity.
+    """
+    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * TURNS[:, None] ** 2
+    precision = 1.0 / spread
+    total = precision.sum(axis=1)
+    means = precision @ values / total
+    misfit = (precision * (values[None, :] - means[:, None]) ** 2).sum(axis=1)
+    log = -0.5 * (np.log(spread).sum(axis=1) + np.log(total) + misfit)
+    belief = np.exp(log - log.max())
+    belief /= belief.sum()
+    mean = float(belief @ means)
+    variance = float(belief @ (1.0 / total + (means - mean) ** 2))
+    return _Pooled(mean=mean, sigma=float(np.sqrt(variance)), weights=belief @ (precision / total[:, None]))
 
 
 def fit_edges(
-    risers: list[Surface],
-    treads: list[Surface],
+    nosings: Sequence[Nosing],
+    treads: Sequence[Surface],
     down: Float[np.ndarray, " 3"],
     down_sigma_rad: float,
     start: Float[np.ndarray, " 3"],
@@ -58,32 +90,83 @@ def fit_edges(
     """Return the direction at right angles to all normals.
 
     Args:
-        down: Unit vector in C. Edges are level: gravity is one more normal, as good as what tells it.
+        nosings: At least one, with a riser or a line.
+        down: Unit vector in C. Edges are level: gravity is one more tread, as good as what tells it.
         start: Edge direction to start from.
     """
-    surfaces = risers + treads
-    normals = np.array([down, *(surface.normal / np.linalg.norm(surface.normal) for surface in surfaces)])
-    covariances = np.array(
-        [down_sigma_rad**2 * np.eye(3), *(surface.covariance / (surface.normal @ surface.normal) for surface in surfaces)]
+    edge = start / np.linalg.norm(start)
+    nosings = [nosing for nosing in nosings if nosing.tells]
+    for _ in range(3):
+        d = down - (down @ edge) * edge
+        d = d / np.linalg.norm(d)
+        a = np.cross(d, edge)
+        # The turn ρ about a tips e along d.
+        level = [_said(tread.unit, tread.covariance / float(tread.normal @ tread.normal), edge, d) for tread in treads]
+        level.append((-float(down @ edge), down_sigma_rad**2))
+        values, variances = np.array(level).T
+        regular = np.zeros(len(values), dtype=bool)
+        regular[-1] = True
+        kept = _agreeing(values, variances) | regular
+        rho = pooled(values[kept], variances[kept], regular[kept])
+        tipped = edge + rho.mean * d
+        said = [_of_nosing(nosing, tipped, a, d) for nosing in nosings]
+        angles, noise, per_rho = (np.array(column) for column in zip(*said, strict=True))
+        kept = _agreeing(angles, noise)
+        alpha = pooled(angles[kept], noise[kept], np.zeros(int(kept.sum()), dtype=bool))
+        edge = tipped + alpha.mean * a
+        edge /= np.linalg.norm(edge)
+    return EdgeFit(
+        edge=edge,
+        ahead=a,
+        down=d,
+        alpha_sigma_rad=alpha.sigma,
+        rho_sigma_rad=rho.sigma,
+        alpha_per_rho=float(alpha.weights @ per_rho[kept]),
+        scatter_rad=float(np.sqrt(np.mean((angles[kept] - alpha.mean) ** 2))),
+        planes_against_lines_rad=_planes_against_lines(nosings, edge, a),
     )
-    is_riser = np.arange(len(normals)) - 1 < len(risers)
-    is_riser[0] = False
-    turn = np.full(len(normals), TURN_SIGMA**2)
-    turn[0] = 0.0
-    edge = start
-    for _ in range(6):
-        noise = np.einsum("i,kij,j->k", edge, covariances, edge)
-        variance = noise + turn
-        gap = (normals @ edge) ** 2
-        # A surface that disagrees by many of its own deviations is no part of the stair (Cauchy weights).
-        trust = 1.0 / (1.0 + gap / (noise + np.minimum(turn, TURN_LIMIT**2)) / CAUCHY)
-        information = (normals.T * (trust / variance)) @ normals
-        edge = np.linalg.eigh(information)[1][:, 0]
-        turn[1:] = _turn_variance(gap[is_riser], noise[is_riser], trust[is_riser])
-    return EdgeFit(edge=edge, information=information)
 
 
-def _turn_variance(gap: Float[np.ndarray, " k"], noise: Float[np.ndarray, " k"], trust: Float[np.ndarray, " k"]) -> float:
-    """Return the variance of the nosings' yaw from the risers' squared deviations, drawn to what is believed."""
-    seen = float(trust @ np.maximum(gap - noise, 0.0))
-    return (TURN_FREEDOM * TURN_SIGMA**2 + seen) / (TURN_FREEDOM + max(float(trust.sum()) - 1.0, 0.0))
+def _said(
+    n: Float[np.ndarray, " 3"], covariance: Float[np.ndarray, "3 3"], edge: Float[np.ndarray, " 3"], way: Float[np.ndarray, " 3"]
+) -> tuple[float, float]:
+    """Return the angle along ``way`` that a normal asks for, and its variance: n·(e + angle · way) = 0."""
+    lever = float(n @ way)
+    return -float(n @ edge) / lever, float(edge @ covariance @ edge) / lever**2
+
+
+def _agreeing(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " k"]:
+    if len(values) < 3:
+        return np.ones(len(values), dtype=bool)
+    off = np.abs(values - np.median(values))
+    return off < np.maximum(OUTLIER, OUTLIER_SIGMAS * np.sqrt(variances))
+
+
+def _of_nosing(
+    nosing: Nosing, edge: Float[np.ndarray, " 3"], ahead: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]
+) -> tuple[float, float, float]:
+    """Return the angle one nosing asks for, its noise, and how it changes with ρ: riser and line turn together."""
+    said = [(line.normal, line.covariance) for line in nosing.lines]
+    if nosing.riser is not None:
+        said.append((nosing.riser.unit, nosing.riser.covariance / float(nosing.riser.normal @ nosing.riser.normal)))
+    angles = [(*_said(n, covariance, edge, ahead), -float(n @ down) / float(n @ ahead)) for n, covariance in said]
+    precision = np.array([1.0 / variance for _, variance, _ in angles])
+    share = precision / precision.sum()
+    angle = float(share @ [angle for angle, _, _ in angles])
+    return angle, float(1.0 / precision.sum()), float(share @ [per_rho for _, _, per_rho in angles])
+
+
+def _planes_against_lines(
+    nosings: Sequence[Nosing], edge: Float[np.ndarray, " 3"], ahead: Float[np.ndarray, " 3"]
+) -> tuple[float, float] | None:
+    """Return by how much risers and nosings differ in α, and the standard deviation of that."""
+    risers = [nosing.riser for nosing in nosings if nosing.riser is not None]
+    planes = [_said(riser.unit, riser.covariance / float(riser.normal @ riser.normal), edge, ahead) for riser in risers]
+    lines = [_said(line.normal, line.covariance, edge, ahead) for nosing in nosings for line in nosing.lines]
+    if not planes or not lines:
+        return None
+    means = []
+    for said in (planes, lines):
+        values, variances = np.array(said).T
+        means.append(pooled(values, variances, np.zeros(len(values), dtype=bool)))
+    return means[0].mean - means[1].mean, float(np.hypot(means[0].sigma, means[1].sigma))

@@ -1,4 +1,7 @@
-"""One pass over a depth image, compiled: sums of each block for plane fits in inverse depth."""
+"""Loops over the pixels of a depth image, compiled.
+
+With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and a disparity sensor's noise is the same everywhere.
+"""
 
 import math
 from typing import no_type_check
@@ -8,17 +11,18 @@ from numba import njit
 
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
+GAP_PX = 2
+"""Pixels off a surface that do not end it: a hole, a speck."""
+CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
+"""What follows a surface's end: a surface that starts there, one that lies behind, one that stands before, nothing known."""
 
 
 @njit(cache=True)
 @no_type_check
-def block_sums(depth, size, fx, fy, cx, cy, near, far):
-    """Return sums over each ``size × size`` block of pixels with a depth.
-
-    With w = 1/Z a plane is linear in the image, w = αx + βy + γ, and a disparity sensor's noise is the same everywhere.
-    """
+def cell_sums(depth, size, fx, fy, cx, cy, near, far):
+    """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
     rows, columns = depth.shape[0] // size, depth.shape[1] // size
-    sums = np.zeros((rows * columns, SUMS))
+    sums = np.zeros((rows, columns, SUMS))
     for i in range(rows):
         for j in range(columns):
             n = 0
@@ -41,7 +45,7 @@ def block_sums(depth, size, fx, fy, cx, cy, near, far):
                     g += x * w
                     h += y * w
                     k += w * w
-            row = sums[i * columns + j]
+            row = sums[i, j]
             row[COUNT], row[X], row[Y], row[XX], row[XY] = n, a, b, c, d
             row[YY], row[W], row[XW], row[YW], row[WW] = e, f, g, h, k
     return sums
@@ -49,22 +53,263 @@ def block_sums(depth, size, fx, fy, cx, cy, near, far):
 
 @njit(cache=True)
 @no_type_check
-def fit_planes(sums, planes, residuals):
-    """Fill ``planes`` (α, β, γ) and the RMS residual of w for each row of sums; NaN where there is no plane."""
-    for i in range(sums.shape[0]):
-        s = sums[i]
-        n = s[COUNT]
-        residuals[i] = np.nan
-        planes[i, 0] = planes[i, 1] = planes[i, 2] = np.nan
-        if n < 6:
-            continue
-        mx, my, mw = s[X] / n, s[Y] / n, s[W] / n
-        xx, xy, yy = s[XX] - n * mx * mx, s[XY] - n * mx * my, s[YY] - n * my * my
-        xw, yw, ww = s[XW] - n * mx * mw, s[YW] - n * my * mw, s[WW] - n * mw * mw
-        det = xx * yy - xy * xy
-        if det <= 1e-9 * xx * yy or det <= 0.0:
-            continue
-        alpha = (xw * yy - yw * xy) / det
-        beta = (yw * xx - xw * xy) / det
-        planes[i, 0], planes[i, 1], planes[i, 2] = alpha, beta, mw - alpha * mx - beta * my
-        residuals[i] = math.sqrt(max(ww - alpha * xw - beta * yw, 0.0) / n)
+def fit_plane(s, plane):
+    """Fill ``plane`` with n; return the RMS residual of w and the deviation of n over its length; NaN where none fits."""
+    n = s[COUNT]
+    if n < 6:
+        return np.nan, np.nan
+    mx, my, mw = s[X] / n, s[Y] / n, s[W] / n
+    xx, xy, yy = s[XX] - n * mx * mx, s[XY] - n * mx * my, s[YY] - n * my * my
+    xw, yw, ww = s[XW] - n * mx * mw, s[YW] - n * my * mw, s[WW] - n * mw * mw
+    det = xx * yy - xy * xy
+    if det <= 1e-9 * xx * yy or det <= 0.0:
+        return np.nan, np.nan
+    alpha = (xw * yy - yw * xy) / det
+    beta = (yw * xx - xw * xy) / det
+    gamma = mw - alpha * mx - beta * my
+    plane[0], plane[1], plane[2] = alpha, beta, gamma
+    residual = math.sqrt(max(ww - alpha * xw - beta * yw, 0.0) / n)
+    turn = residual / math.sqrt(min(xx, yy)) / math.sqrt(alpha * alpha + beta * beta + gamma * gamma)
+    return residual, turn
+
+
+@njit(cache=True)
+@no_type_check
+def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_residual):
+    """Return the blocks of two cells by two that lie on one plane, and of one cell by two where no larger one does.
+
+    A step far away is one cell high. Blocks overlap, so that an edge costs the least; a pixel may count four times.
+
+    Args:
+        full: Share of a block's pixels that must have a depth, times the pixels of a cell.
+        residual_limit: RMS residual in 1/m that a block may have, or ``depth_limit`` in m of depth, whichever is wider.
+        turn_limit: How well its normal must be known [rad].
+        least_residual: Taken for the noise where a block shows less: a quantised depth may show none.
+
+    Returns:
+        Sums, planes, and the place of each block: its first row and column of cells, and how many rows it has.
+    """
+    rows, columns = cells.shape[0], cells.shape[1]
+    sums = np.empty((2 * rows * columns, SUMS))
+    planes = np.empty((2 * rows * columns, 3))
+    places = np.empty((2 * rows * columns, 3), dtype=np.int64)
+    large = np.zeros((rows + 1, columns), dtype=np.bool_)
+    total, plane = np.empty(SUMS), np.empty(3)
+    count = 0
+    for height in (2, 1):
+        for i in range(rows - height + 1):
+            for j in range(columns - 1):
+                if height == 1 and (large[i, j] or (i > 0 and large[i - 1, j])):
+                    continue
+                for k in range(SUMS):
+                    total[k] = cells[i, j, k] + cells[i, j + 1, k]
+                    if height == 2:
+                        total[k] += cells[i + 1, j, k] + cells[i + 1, j + 1, k]
+                if total[COUNT] < 2.0 * height * full:
+                    continue
+                residual, turn = fit_plane(total, plane)
+                nearness = total[W] / total[COUNT]
+                if not residual < max(residual_limit, depth_limit * nearness * nearness):
+                    continue
+                if turn * max(1.0, least_residual / max(residual, 1e-12)) > turn_limit:
+                    continue
+                large[i, j] = large[i, j] or height == 2
+                sums[count] = total
+                planes[count] = plane
+                places[count, 0], places[count, 1], places[count, 2] = i, j, height
+                count += 1
+    return sums[:count].copy(), planes[:count].copy(), places[:count].copy()
+
+
+@njit(cache=True)
+@no_type_check
+def _off(depth, v, u, plane, fx, fy, cx, cy):
+    """Return how much nearer than a plane a pixel is, in 1/m; NaN without a depth."""
+    z = depth[v, u]
+    if not (z > 0.0 and z < 1e6):
+        return np.nan
+    return 1.0 / z - (plane[0] * (u - cx) / fx + plane[1] * (v - cy) / fy + plane[2])
+
+
+@njit(cache=True)
+@no_type_check
+def _ending(depth, v, u, way, plane, jump, fx, fy, cx, cy):
+    """Return what follows a surface that ends at row ``v`` on the way up (-1) or down (1)."""
+    rows = depth.shape[0]
+    first = second = np.nan
+    for k in range(2, 5):
+        row = v + way * k
+        if 0 <= row < rows:
+            off = _off(depth, row, u, plane, fx, fy, cx, cy)
+            if off == off:
+                first = off
+                further = v + way * 2 * k
+                if 0 <= further < rows:
+                    second = _off(depth, further, u, plane, fx, fy, cx, cy)
+                break
+    if first != first or second != second:
+        return UNKNOWN
+    # Extrapolated back to the surface's end: what starts there is off by nothing, what lies behind by a jump.
+    start = 2.0 * first - second
+    if start < -jump and first < -jump:
+        return BEYOND
+    if start > jump and first > jump:
+        return BEFORE
+    return CREASE
+
+
+@njit(cache=True)
+@no_type_check
+def extents(depth, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last, before, after, sums):
+    """Fill where each surface starts and ends in each column of its box, what follows there, and the sums between.
+
+    Args:
+        planes: n of each surface.
+        boxes: First and last column and row of each surface's box: u0, v0, u1, v1.
+        tolerances: How far off its plane a pixel may be, in 1/m.
+        jump: From which difference in 1/m two surfaces are apart.
+        first: Filled with the first row, -1 where there is none; ``last`` with the last.
+        before: Filled with what lies before the first row (towards the top of the image); ``after`` with what follows the last.
+        sums: Filled with the sums over the pixels in between, those at the ends left out.
+    """
+    for s in range(planes.shape[0]):
+        plane = planes[s]
+        sums[s] = 0.0
+        for u in range(depth.shape[1]):
+            first[s, u] = last[s, u] = -1
+            before[s, u] = after[s, u] = UNKNOWN
+        for u in range(boxes[s, 0], boxes[s, 2] + 1):
+            begin, end, best = -1, -1, 0
+            start, stop, missed, found = -1, -1, GAP_PX + 1, 0
+            for v in range(boxes[s, 1], boxes[s, 3] + 1):
+                off = _off(depth, v, u, plane, fx, fy, cx, cy)
+                if abs(off) < tolerances[s]:
+                    if missed > GAP_PX:
+                        start, found = v, 0
+                    found += 1
+                    stop, missed = v, 0
+                    if found > best:
+                        begin, end, best = start, stop, found
+                else:
+                    missed += 1
+            if best < 3:
+                continue
+            first[s, u], last[s, u] = begin, end
+            before[s, u] = _ending(depth, begin, u, -1, plane, jump, fx, fy, cx, cy)
+            after[s, u] = _ending(depth, end, u, 1, plane, jump, fx, fy, cx, cy)
+            x = (u - cx) / fx
+            for v in range(begin + 1, end):
+                off = _off(depth, v, u, plane, fx, fy, cx, cy)
+                if not abs(off) < tolerances[s]:
+                    continue
+                y, w = (v - cy) / fy, 1.0 / depth[v, u]
+                row = sums[s]
+                row[COUNT] += 1.0
+                row[X] += x
+                row[Y] += y
+                row[XX] += x * x
+                row[XY] += x * y
+                row[YY] += y * y
+                row[W] += w
+                row[XW] += x * w
+                row[YW] += y * w
+                row[WW] += w * w
+
+
+@njit(cache=True)
+@no_type_check
+def fit_line(u, v, near, line):
+    """Fill ``line`` with the line v = v₀ + a (u - u₀) that most points lie on; return how many.
+
+    Args:
+        u: Columns, growing.
+        v: Rows of the points.
+        near: Distance in rows within which a point counts as on the line.
+        line: a, v₀, u₀ and the variances of a and v₀. Neighbouring points err together (a row is a whole number): the
+            variances come from the means of eighths of the line.
+    """
+    n = len(u)
+    line[:] = np.nan
+    if n < 16:
+        return 0
+    best, a, b = 0, 0.0, 0.0
+    half = n // 2
+    step = max(1, half // 24)
+    for i in range(0, n - half, step):
+        slope = (v[i + half] - v[i]) / (u[i + half] - u[i])
+        level = v[i] - slope * u[i]
+        count = 0
+        for k in range(n):
+            if abs(v[k] - level - slope * u[k]) < near:
+                count += 1
+        if count > best:
+            best, a, b = count, slope, level
+    for _ in range(3):
+        count, su, sv = 0, 0.0, 0.0
+        for k in range(n):
+            if abs(v[k] - b - a * u[k]) < near:
+                count += 1
+                su += u[k]
+                sv += v[k]
+        if count < 16:
+            return 0
+        mu, mv = su / count, sv / count
+        uu, uv = 0.0, 0.0
+        for k in range(n):
+            if abs(v[k] - b - a * u[k]) < near:
+                uu += (u[k] - mu) ** 2
+                uv += (u[k] - mu) * (v[k] - mv)
+        if uu <= 0.0:
+            return 0
+        a = uv / uu
+        b = mv - a * mu
+    parts, square, within, filled = np.zeros(8), 0.0, 0, 0
+    held = np.zeros(8)
+    for k in range(n):
+        off = v[k] - b - a * u[k]
+        if abs(off) < near:
+            part = min(8 * within // count, 7)
+            parts[part] += off
+            held[part] += 1.0
+            square += off * off
+            within += 1
+    spread = 0.0
+    for part in range(8):
+        if held[part] > 0.0:
+            spread += held[part] * (parts[part] / held[part]) ** 2
+            filled += 1
+    # As many square errors as points where neighbours err on their own; more where they err together. Two are used up.
+    square = max(square / max(within - 2, 1), spread / max(filled - 2, 1))
+    line[0], line[1], line[2], line[3], line[4] = a, mv, mu, square / uu, square / count
+    return count
+
+
+@njit(cache=True)
+@no_type_check
+def points_above(depth, stride, fx, fy, cx, cy, axes, level, low, high, begin, end):
+    """Return the points of every ``stride``-th pixel that stand above a plane.
+
+    Args:
+        axes: Rows: ahead, and the plane's normal.
+        level: Height of the plane along its normal; ``low`` and ``high`` are counted from it.
+        begin: First and last place ahead that count, ``end``.
+    """
+    rows, columns = depth.shape
+    found = np.empty((((rows + stride - 1) // stride) * ((columns + stride - 1) // stride), 3))
+    count = 0
+    for v in range(0, rows, stride):
+        y = (v - cy) / fy
+        for u in range(0, columns, stride):
+            z = depth[v, u]
+            if not (z > 0.0 and z < 1e6):
+                continue
+            x = (u - cx) / fx
+            above = z * (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) - level
+            if not (low < above < high):
+                continue
+            ahead = z * (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2])
+            if not (begin < ahead < end):
+                continue
+            found[count, 0], found[count, 1], found[count, 2] = x * z, y * z, z
+            count += 1
+    return found[:count].copy()

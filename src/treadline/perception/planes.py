@@ -1,63 +1,82 @@
 """Treads and risers as planes: blocks of pixels, sorted by gravity, joined where they lie on one surface.
 
 A plane n·p = 1 appears in the image as w = n·(x, y, 1) with w = 1/Z, so the three coefficients of a block's fit are its
-normal. Sums of blocks add: a whole riser is fitted from its blocks' sums without touching a pixel again.
+normal. Blocks find the surfaces; each surface is then fitted to all of its pixels, column by column, which also tells
+where it ends and what lies beyond.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float32, Int
 
+from treadline.angles import DEG
 from treadline.perception import kernels
 from treadline.signals import PinholeCamera
 
-BLOCK_AT_240 = 8
-"""Block edge in pixels for an image of 240 rows: a riser 3 m away is two blocks high."""
+CELL_AT_240 = 4
+"""Cell edge in pixels for an image of 240 rows; a block is two cells wide."""
 NEAR_M, FAR_M = 0.4, 4.5
 DISPARITY_PX_M = 575.0 * 0.075
 """f·B of the Kinect 1: residuals are judged in pixels of its disparity."""
-BLOCK_RESIDUAL_PX = 0.16
-"""Largest RMS residual of a block on one surface; Kinect frames have 0.055 to 0.075."""
+BLOCK_RESIDUAL = 0.16 / DISPARITY_PX_M
+"""Largest RMS residual of a block on one surface [1/m]; Kinect frames have 0.055 to 0.075 px."""
+DEPTH_RESIDUAL_M = 0.003
+"""The same for sensors whose noise is one of depth and not of disparity: a Kinect 2 on carpet close by."""
+LEAST_RESIDUAL = 0.02 / DISPARITY_PX_M
+TURN_LIMIT = 8.0 * DEG
+"""A block whose normal is known no better says nothing of where it faces."""
+FRAGMENT = 8
+"""Planes that many times smaller than the largest of their level are wrinkles of it."""
 FULL = 0.6
 """Share of a block's pixels that must have a depth."""
+TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
+"""How far off its surface a pixel may be: at least so much, and so many RMS residuals."""
+JUMP = 0.45 / DISPARITY_PX_M
+"""Between a surface and what lies behind its end: 9 cm at 3 m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Blocks:
-    """Blocks that lie on one surface each."""
+    """Blocks that lie on one plane each."""
 
     sums: Float[np.ndarray, "b 10"]
     normals: Float[np.ndarray, "b 3"]
     """n with n·p = 1; its length is the inverse distance."""
     centres: Float[np.ndarray, "b 3"]
     """Points of the blocks' middles in C [m]."""
-    places: Int[np.ndarray, " b"]
-    """Index of each block in the grid."""
-    stair_share: float
-    """Share of all blocks that made it here."""
+    places: Int[np.ndarray, "b 3"]
+    """First row and column of cells, and how many rows of cells the block has."""
+    cell_px: int
+
+    @property
+    def unit(self) -> Float[np.ndarray, "b 3"]:
+        """Unit normals that point away from the camera."""
+        return np.asarray(self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True))
 
 
-def surface_blocks(depth_m: Float[np.ndarray, "h w"], camera: PinholeCamera) -> Blocks:
+def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> Blocks:
     """Return the blocks of a depth image on which one plane fits."""
-    size = max(4, round(BLOCK_AT_240 * camera.height_px / 240))
-    sums = kernels.block_sums(depth_m, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
-    planes, residuals = np.empty((len(sums), 3)), np.empty(len(sums))
-    kernels.fit_planes(sums, planes, residuals)
-    with np.errstate(invalid="ignore"):
-        good = (sums[:, kernels.COUNT] >= FULL * size * size) & (residuals * DISPARITY_PX_M < BLOCK_RESIDUAL_PX)
-    places = np.flatnonzero(good)
-    kept = sums[good]
-    count = np.maximum(kept[:, kernels.COUNT], 1.0)
-    x, y, w = kept[:, kernels.X] / count, kept[:, kernels.Y] / count, kept[:, kernels.W] / count
-    centres = np.column_stack([x / w, y / w, 1.0 / w])
-    return Blocks(
-        sums=kept,
-        normals=planes[good],
-        centres=centres,
-        places=places,
-        stair_share=float(good.mean()) if good.size else 0.0,
+    size = max(3, round(CELL_AT_240 * camera.height_px / 240))
+    cells = kernels.cell_sums(depth_m, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    sums, normals, places = kernels.plane_blocks(
+        cells, FULL * size * size, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, TURN_LIMIT, LEAST_RESIDUAL
     )
+    count = sums[:, kernels.COUNT]
+    x, y, w = sums[:, kernels.X] / count, sums[:, kernels.Y] / count, sums[:, kernels.W] / count
+    return Blocks(sums=sums, normals=normals, centres=np.column_stack([x / w, y / w, 1.0 / w]), places=places, cell_px=size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ends:
+    """The upper or lower end of a surface in the image, column by column."""
+
+    columns: Int[np.ndarray, " k"]
+    rows: Float[np.ndarray, " k"]
+    """Half a pixel beyond the last one on the surface."""
+    follows: Int[np.ndarray, " k"]
+    """What lies there: ``kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,15 +84,30 @@ class Surface:
     """One tread or riser."""
 
     normal: Float[np.ndarray, " 3"]
+    """n with n·p = 1."""
     covariance: Float[np.ndarray, "3 3"]
     """Of the normal, from the residuals about the plane."""
-    level: float
-    """Distance along the direction that sorts the surfaces: depth of a riser, height of a tread [m]."""
+    centre: Float[np.ndarray, " 3"]
+    """On the plane, in the middle of its pixels, in C [m]."""
     blocks: Int[np.ndarray, " k"]
+    upper: Ends
+    lower: Ends
+
+    @property
+    def unit(self) -> Float[np.ndarray, " 3"]:
+        """Unit normal, pointing away from the camera."""
+        return np.asarray(self.normal / np.linalg.norm(self.normal))
 
 
 def joined(
-    blocks: Blocks, members: Bool[np.ndarray, " b"], direction: Float[np.ndarray, " 3"], gap_m: float, least: int
+    depth_m: Float32[np.ndarray, "h w"],
+    camera: PinholeCamera,
+    blocks: Blocks,
+    members: Bool[np.ndarray, " b"],
+    direction: Float[np.ndarray, " 3"],
+    *,
+    gap_m: float,
+    least: int,
 ) -> list[Surface]:
     """Return the surfaces among some blocks: runs of blocks at one level along a direction.
 
@@ -89,37 +123,109 @@ def joined(
     order = np.argsort(levels, kind="stable")
     chosen, levels = chosen[order], levels[order]
     edges = np.flatnonzero(np.diff(levels) > gap_m) + 1
-    surfaces = []
-    for run in np.split(np.arange(chosen.size), edges):
-        surface = _surface(blocks, chosen[run], direction, least)
-        if surface is not None:
-            surfaces.append(surface)
-    return surfaces
+    groups, normals = [], []
+    for run, places in zip(np.split(chosen, edges), np.split(levels, edges), strict=True):
+        for members_of_one, normal in _planes(blocks, run, places, gap_m, least):
+            groups.append(members_of_one)
+            normals.append(normal)
+    return _fitted(depth_m, camera, blocks, groups, np.array(normals)) if groups else []
 
 
-def _surface(blocks: Blocks, chosen: Int[np.ndarray, " k"], direction: Float[np.ndarray, " 3"], least: int) -> Surface | None:
-    """Fit one plane to all pixels of some blocks, leaving out blocks that do not lie on it."""
-    kept = chosen
+def _planes(
+    blocks: Blocks, run: Int[np.ndarray, " k"], levels: Float[np.ndarray, " k"], gap_m: float, least: int
+) -> Iterator[tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"]]]:
+    """Yield the planes in a run of blocks, the fullest first: things between two treads may join them to one run."""
+    while run.size >= least:
+        # The fullest level starts the fit.
+        together = np.searchsorted(levels, levels + gap_m) - np.arange(levels.size)
+        start = int(np.argmax(together))
+        found = _common_plane(blocks, run[start : start + int(together[start])], run, least)
+        if found is None:
+            return
+        yield found
+        least = max(least, found[0].size // FRAGMENT)
+        left = ~np.isin(run, found[0])
+        if levels[-1] - levels[0] <= gap_m:
+            return
+        run, levels = run[left], levels[left]
+
+
+def _common_plane(
+    blocks: Blocks, start: Int[np.ndarray, " i"], run: Int[np.ndarray, " k"], least: int
+) -> tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"]] | None:
+    """Return the blocks of a run that lie on one plane, and the plane."""
+    kept = start
     for _ in range(3):
         if kept.size < least:
             return None
-        total = blocks.sums[kept].sum(axis=0)
-        M, r = _normal_equations(total)
+        M, r = _normal_equations(blocks.sums[kept].sum(axis=0))
         try:
             normal = np.linalg.solve(M, r)
         except np.linalg.LinAlgError:
             return None
-        misfit = _mean_square(blocks.sums[chosen], normal)
-        limit = (BLOCK_RESIDUAL_PX / DISPARITY_PX_M) ** 2
-        inside = chosen[misfit < max(limit, 0.0)]
+        inside = run[_mean_square(blocks.sums[run], normal) < _limit(blocks.centres[run, 2]) ** 2]
         if inside.size == kept.size and np.array_equal(inside, kept):
             break
         kept = inside
-    if kept.size < least:
-        return None
-    variance = max(float(total[kernels.WW] - normal @ r) / max(float(total[kernels.COUNT]) - 3.0, 1.0), 1e-12)
-    level = float(np.median(blocks.centres[kept] @ direction))
-    return Surface(normal=normal, covariance=variance * np.linalg.inv(M), level=level, blocks=kept)
+    return (kept, normal) if kept.size >= least else None
+
+
+def _limit(depth_m: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
+    """Return the RMS residual that a block on one surface may have [1/m]."""
+    return np.maximum(BLOCK_RESIDUAL, DEPTH_RESIDUAL_M / depth_m**2)
+
+
+def _fitted(
+    depth_m: Float32[np.ndarray, "h w"],
+    camera: PinholeCamera,
+    blocks: Blocks,
+    groups: list[Int[np.ndarray, " _"]],
+    normals: Float[np.ndarray, "s 3"],
+) -> list[Surface]:
+    """Return the surfaces fitted to all pixels of theirs."""
+    boxes = np.array([_box(blocks, group, camera) for group in groups])
+    shape = (len(groups), camera.width_px)
+    first, last = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
+    before, after = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
+    sums = np.empty((len(groups), kernels.SUMS))
+    squares = [float(_mean_square(blocks.sums[group], normal).mean()) for group, normal in zip(groups, normals, strict=True)]
+    limits = np.maximum(TOLERANCE, TOLERANCE_SIGMAS * np.sqrt(squares))
+    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    kernels.extents(depth_m, normals, boxes, limits, JUMP, *pinhole, first, last, before, after, sums)
+    surfaces = []
+    for s, group in enumerate(groups):
+        count = sums[s, kernels.COUNT]
+        if count < blocks.cell_px**2:
+            continue
+        M, r = _normal_equations(sums[s])
+        try:
+            normal = np.linalg.solve(M, r)
+            inverse = np.linalg.inv(M)
+        except np.linalg.LinAlgError:
+            continue
+        ray = np.array([sums[s, kernels.X] / count, sums[s, kernels.Y] / count, 1.0])
+        variance = max(float(sums[s, kernels.WW] - normal @ r) / max(float(count) - 3.0, 1.0), LEAST_RESIDUAL**2)
+        columns = np.flatnonzero(first[s] >= 0)
+        surfaces.append(
+            Surface(
+                normal=normal,
+                covariance=variance * inverse,
+                centre=ray / float(normal @ ray),
+                blocks=group,
+                upper=Ends(columns=columns, rows=first[s, columns] - 0.5, follows=before[s, columns]),
+                lower=Ends(columns=columns, rows=last[s, columns] + 0.5, follows=after[s, columns]),
+            )
+        )
+    return surfaces
+
+
+def _box(blocks: Blocks, group: Int[np.ndarray, " k"], camera: PinholeCamera) -> list[int]:
+    size, places = blocks.cell_px, blocks.places[group]
+    margin = size + size // 2
+    top, left = int(places[:, 0].min()) * size - margin, int(places[:, 1].min()) * size - margin
+    bottom = int((places[:, 0] + places[:, 2]).max()) * size + margin
+    right = int((places[:, 1] + 2).max()) * size + margin
+    return [max(left, 0), max(top, 0), min(right, camera.width_px - 1), min(bottom, camera.height_px - 1)]
 
 
 def _normal_equations(s: Float[np.ndarray, " 10"]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
@@ -144,4 +250,4 @@ def _mean_square(sums: Float[np.ndarray, "k 10"], normal: Float[np.ndarray, " 3"
         + 2.0 * (a * b * s[kernels.XY] + a * c * s[kernels.X] + b * c * s[kernels.Y])
     )
     linear = a * s[kernels.XW] + b * s[kernels.YW] + c * s[kernels.W]
-    return np.asarray((s[kernels.WW] - 2.0 * linear + quadratic) / s[kernels.COUNT])
+    return np.maximum((s[kernels.WW] - 2.0 * linear + quadratic) / s[kernels.COUNT], 0.0)

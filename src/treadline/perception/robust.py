@@ -1,50 +1,71 @@
-"""The estimator that drives: one edge direction from all treads and risers in view.
+"""The estimator that drives: one edge direction from all treads, risers and nosings in view.
 
-Every tread and every riser contains the direction of the stair's edges: it is the one direction at right angles to all
-their normals. Gravity sorts surfaces into treads and risers, a vote finds the risers' azimuth, surfaces are joined
-across the image (their baseline is the stair's width), and the direction is the weighted null direction of all normals.
-The heading follows from it in the chair's frame. A frame is refused, with the reason, unless two parallel risers a
-step apart are seen, neither taller than a step: walls are no stair. Without gravity the treads tell down, and more of a
-stair must be seen.
+Gravity sorts surfaces into treads and risers; risers and lines vote for the azimuth; surfaces are joined across the image
+(their baseline is the stair's width); the edges' direction is the one at right angles to all normals; the heading follows
+from it in the chair's frame. A frame is refused, with the reason, unless two nosings follow each other as on a stair: walls,
+shelves and tables do not. Without gravity the treads tell down, and more of a stair must be seen.
 """
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
-from treadline.perception.direction import fit_edges
-from treadline.perception.down import down_of_treads
+from treadline.perception.direction import EdgeFit, fit_edges
+from treadline.perception.down import down_of_treads, levelled
+from treadline.perception.geometry import axes_of, directions_of, levels_of, map_of, shape_of
+from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
 from treadline.perception.planes import Blocks, Surface, joined, surface_blocks
-from treadline.perception.sight import Sight, StairShape, refused
+from treadline.perception.sight import Parts, Sight, StairShape, refused
+from treadline.perception.votes import line_votes, votes_of
 from treadline.signals import RgbdFrame
 
 UPRIGHT = 18.0 * DEG
 """How far a block's normal may lie from vertical (tread) or horizontal (riser)."""
-VOTE_LIMIT = 50.0 * DEG
-"""Azimuth beyond which a vertical surface is a side wall."""
-VOTE_BIN = 2.0 * DEG
 RISER_SPREAD = 14.0 * DEG
 """How far a riser block's azimuth may lie from the vote."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 """Levels further apart are different surfaces: less than half of the smallest run and rise."""
-LEAST_BLOCKS = 4
-STEP_RUN_M, STEP_RISE_M = (0.15, 0.45), (0.08, 0.25)
+LEAST_BLOCKS = 8
 HEADING_LIMIT = 45.0 * DEG
+SLOPE_LIMIT = 45.0 * DEG
+SIGMA_LIMIT = 1.5 * DEG
+LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
+"""How far down the camera may look where treads must tell: closer to level, treads vanish; closer to straight down, a wall
+seen from the front and a floor seen from above are alike."""
 GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Trust in the IMU's idea of down, and in one taken from the treads."""
+DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
+"""Between risers and nosings, from which on one of them is something else."""
+LEVEL_LEAST = 0.2
+"""Of the chair's forward axis that must be level to tell where ahead is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Axes:
-    """Directions in C that gravity and the camera give."""
+class _Seen:
+    """A flight, under one idea of where it faces."""
 
-    down: Float[np.ndarray, " 3"]
-    ahead: Float[np.ndarray, " 3"]
-    """Horizontal, as far as possible where the camera looks."""
-    right: Float[np.ndarray, " 3"]
+    direction: Direction
+    risers: list[Surface]
+    treads: list[Surface]
+    flight: list[Nosing]
+    facing: Float[np.ndarray, " 3"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Down:
+    """One idea of which way is down."""
+
+    direction: Float[np.ndarray, " 3"]
+    """In which surfaces are sorted."""
+    reference: Float[np.ndarray, " 3"]
+    """From which the edges' and treads' tilt is counted, with its standard deviation."""
+    sigma_rad: float
+    least_levels: int = 0
+    """Treads, evenly spaced, that must be seen: more where down is but a guess."""
+    directions: tuple[Direction, ...] = ("up", "down")
+    """Which way the flight may go."""
 
 
 def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> Sight:
@@ -52,50 +73,104 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None) -> 
     blocks = surface_blocks(frame.depth_m, frame.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
         return refused(f"only {len(blocks.sums)} blocks with a plane in the depth image")
-    unit = blocks.normals / np.linalg.norm(blocks.normals, axis=1, keepdims=True)
-    down = down_of_treads(unit) if gravity_C is None else _unit(gravity_C)
-    if down is None:
-        return refused("no gravity, and no treads to tell it from" if gravity_C is None else "gravity is not a direction")
-    axes = _axes(down)
-    if axes is None:
+    unit = blocks.unit
+    if gravity_C is not None:
+        told = _unit(gravity_C)
+        if told is None:
+            return refused("gravity is not a direction")
+        down = _Down(direction=levelled(told, unit, UPRIGHT), reference=told, sigma_rad=GRAVITY_SIGMA)
+        return _look_under(down, frame, blocks, unit)
+    sight = refused("no gravity, and no treads to tell it from")
+    guess = down_of_treads(unit, LOOKING_AHEAD)
+    if guess is not None:
+        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit)
+        if sight.accepted:
+            return sight
+    guess = down_of_treads(unit, LOOKING_DOWN)
+    if guess is not None:
+        # Seen from the front, furniture steps back from the camera further up: a flight that falls, were it level.
+        ladder = _Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",))
+        tried = _look_under(ladder, frame, blocks, unit)
+        sight = tried if tried.accepted else sight
+    return sight
+
+
+def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.ndarray, "b 3"]) -> Sight:
+    """Return what a frame says if down is where one idea has it."""
+    level = _level_axes(down.direction, frame.camera.R_BC)
+    if level is None:
         return refused("the camera looks straight up or down")
-    rise = unit @ axes.down
-    vertical = np.abs(rise) < np.sin(UPRIGHT)
-    level = np.abs(rise) > np.cos(UPRIGHT)
-    azimuth = np.arctan2(unit @ axes.right, unit @ axes.ahead)
-    voted = _vote(azimuth, vertical)
-    if voted is None:
-        return refused("no riser faces the camera")
-    facing = np.cos(voted) * axes.ahead + np.sin(voted) * axes.right
-    risers = joined(blocks, vertical & (np.abs(_wrapped(azimuth - voted)) < RISER_SPREAD), facing, RISER_GAP_M, LEAST_BLOCKS)
-    risers = [surface for surface in risers if _is_riser(surface, blocks, facing, axes.down)]
-    risers = _flight(risers)
-    pairs = _steps([surface.level for surface in risers], STEP_RUN_M)
-    if not pairs:
-        return refused(f"{len(risers)} riser(s) in view, none a step from another")
-    treads = joined(blocks, level, -axes.down, TREAD_GAP_M, LEAST_BLOCKS)
-    treads = [surface for surface in treads if _turned_from(surface, axes.down) < UPRIGHT]
+    rise = unit @ down.direction
+    treads = joined(
+        frame.depth_m,
+        frame.camera,
+        blocks,
+        np.abs(rise) > np.cos(UPRIGHT),
+        level.up,
+        gap_m=TREAD_GAP_M,
+        least=LEAST_BLOCKS,
+    )
+    treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT]
+    seen = _best_flight(frame, blocks, unit, np.abs(rise) < np.sin(UPRIGHT), treads, level, down.directions)
+    if isinstance(seen, str):
+        return refused(seen)
+    fit = fit_edges(seen.flight, seen.treads, down.reference, down.sigma_rad, np.cross(down.direction, seen.facing))
+    return _answer(frame, blocks, seen, fit, down)
+
+
+def _answer(frame: RgbdFrame, blocks: Blocks, seen: _Seen, fit: EdgeFit, down: _Down) -> Sight:
     R_BC = frame.camera.R_BC
-    down_sigma = TREADS_SIGMA if gravity_C is None else GRAVITY_SIGMA
-    fit = fit_edges(risers, treads, axes.down, down_sigma, np.cross(axes.down, facing))
-    shape = _shape(risers, treads)
-    if gravity_C is None and shape is None and len(pairs) < 2:
-        return refused("no gravity, and neither two treads nor three risers a step apart to make up for it")
     edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
     heading = _heading(edge, R_BC)
-    if abs(heading) > HEADING_LIMIT:
-        return refused(f"heading {heading / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°")
+    # How the heading turns with the edge, in C.
+    forward, left = R_BC[0], R_BC[1]
+    a, b = -float(edge @ forward), -float(edge @ left)
+    change = (-b * forward + a * left) / (a * a + b * b)
+    sigma = fit.sigma_of(change)
+    tilted = axes_of(edge, down.reference, down.sigma_rad, seen.treads)
+    axes = tilted.axes
+    shape = shape_of(seen.flight, seen.treads, axes, seen.direction)
+    doubt = _doubt(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
+    if doubt is not None:
+        return refused(doubt, edge_count=len(seen.flight))
+    apart = fit.planes_against_lines_rad
     return Sight(
         accepted=True,
         reason=None,
         heading_rad=heading,
-        sigma_rad=fit.sigma_about(R_BC.T[:, 2]),
+        sigma_rad=sigma,
         edge_direction_C=edge,
-        edge_count=len(risers),
-        box_px=_box(frame, blocks, risers + treads),
+        edge_count=len(seen.flight),
+        box_px=_box(frame, blocks, [*seen.risers, *seen.treads]),
         shape=shape,
         stages=None,
+        planes_against_lines_rad=None if apart is None else apart[0],
+        axes=None if shape is None else directions_of(frame.t_s, seen.flight, tilted, shape, sigma),
+        stair_map=None if shape is None else map_of(frame, blocks, seen.flight, axes, shape),
+        parts=Parts(risers=tuple(seen.risers), treads=tuple(seen.treads), flight=tuple(seen.flight), blocks=blocks),
     )
+
+
+def _doubt(
+    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape | None, seen: _Seen, down: _Down, levels: int
+) -> str | None:
+    """Return why this is no stair to steer by, or None."""
+    if shape is None and len(seen.flight) < 3:
+        return "two risers a step apart, but no tread to tell how high the step is"
+    if shape is not None and shape.slope_rad > SLOPE_LIMIT:
+        return f"a slope of {shape.slope_rad / DEG:.0f}° is no stair to drive on"
+    if levels < down.least_levels:
+        return f"no gravity, and {levels} level(s) evenly apart to make up for it, {down.least_levels} needed"
+    if abs(heading_rad) > HEADING_LIMIT:
+        return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
+    if fit.scatter_rad > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * fit.alpha_sigma_rad):
+        return f"nosings turned by {fit.scatter_rad / DEG:.1f}° against each other"
+    apart = fit.planes_against_lines_rad
+    if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
+        return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
+    if sigma_rad > SIGMA_LIMIT:
+        return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
+    return None
 
 
 def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
@@ -103,53 +178,67 @@ def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
     return gravity_C / length if np.isfinite(length) and length > 0.0 else None
 
 
-def _axes(down: Float[np.ndarray, " 3"]) -> _Axes | None:
-    ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
-    length = float(np.linalg.norm(ahead))
-    if length < 0.2:
-        return None
-    ahead = ahead / length
-    return _Axes(down=down, ahead=ahead, right=np.cross(down, ahead))
+def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
+    """Return level axes with ahead where the chair's front points, or up the image where the camera looks straight down."""
+    for towards in (R_BC[0], np.array([0.0, -1.0, 0.0])):
+        ahead = towards - float(towards @ down) * down
+        length = float(np.linalg.norm(ahead))
+        if length > LEVEL_LEAST:
+            ahead = ahead / length
+            return Axes(ahead=ahead, up=-down, right=np.cross(down, ahead))
+    return None
 
 
-def _vote(azimuth: Float[np.ndarray, " b"], vertical: Bool[np.ndarray, " b"]) -> float | None:
-    """Return the azimuth most vertical blocks agree on."""
-    seen = azimuth[vertical & (np.abs(azimuth) < VOTE_LIMIT)]
-    if seen.size < 2 * LEAST_BLOCKS:
-        return None
-    edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
-    counts = np.histogram(seen, edges)[0].astype(float)
-    smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
-    peak = float(edges[int(np.argmax(smooth))] + 0.5 * VOTE_BIN)
-    for width in (10.0 * DEG, 6.0 * DEG):
-        near = seen[np.abs(seen - peak) < width]
-        peak = float(np.median(near)) if near.size else peak
-    return peak
+def _best_flight(
+    frame: RgbdFrame,
+    blocks: Blocks,
+    unit: Float[np.ndarray, "b 3"],
+    vertical: Bool[np.ndarray, " b"],
+    treads: list[Surface],
+    level: Axes,
+    directions: tuple[Direction, ...],
+) -> _Seen | str:
+    """Return the flight that most speaks for, or why there is none."""
+    azimuth = np.arctan2(unit @ level.right, unit @ level.ahead)
+    most_risers, best, best_weight, voted = 0, None, 0.0, False
+    for peak in votes_of(azimuth[vertical], *line_votes(treads, frame.camera, level)):
+        voted = True
+        facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
+        axes = Axes(ahead=facing, up=level.up, right=np.cross(-level.up, facing))
+        members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
+        risers = joined(frame.depth_m, frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+        risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
+        most_risers = max(most_risers, len(risers))
+        direction = "up" if len(risers) >= 2 else direction_of(treads, axes)
+        if direction is None or direction not in directions:
+            continue
+        nosings = nosings_of(risers if direction == "up" else [], treads, blocks, frame.camera, axes, direction)
+        flight = flight_of(nosings, axes, direction)
+        weight = sum(nosing.weight for nosing in flight)
+        if weight > best_weight:
+            best_weight = weight
+            best = _Seen(
+                direction=direction,
+                risers=[n.riser for n in flight if n.riser is not None],
+                treads=treads,
+                flight=flight,
+                facing=facing,
+            )
+    if best is not None:
+        return best
+    if not voted:
+        return "no riser and no nosing faces the camera"
+    return f"{most_risers} riser(s) in view, none a step from another, and no two nosings a step apart"
 
 
-def _steps(levels: list[float], limits: tuple[float, float]) -> list[float]:
-    gaps = np.diff(np.sort(np.array(levels)))
-    return [float(gap) for gap in gaps if limits[0] <= gap <= limits[1]]
-
-
-def _flight(risers: list[Surface]) -> list[Surface]:
-    """Return the risers that follow each other no more than a step apart, of several such rows the one most seen."""
-    risers = sorted(risers, key=lambda surface: surface.level)
-    levels = np.array([surface.level for surface in risers])
-    ends = [0, *(np.flatnonzero(np.diff(levels) > STEP_RUN_M[1]) + 1), len(risers)]
-    rows = [risers[first:last] for first, last in itertools.pairwise(ends)]
-    return max(rows, key=lambda row: sum(surface.blocks.size for surface in row))
-
-
-def _is_riser(surface: Surface, blocks: Blocks, facing: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> bool:
+def _is_riser(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
     """Return whether a surface faces the way the vote says and is no taller than a step: walls are."""
-    tall = float(np.ptp(blocks.centres[surface.blocks] @ down))
-    return _turned_from(surface, facing) < RISER_SPREAD and tall < STEP_RISE_M[1]
+    tall = float(np.ptp(blocks.centres[surface.blocks] @ axes.up))
+    return _turned_from(surface, axes.ahead) < RISER_SPREAD and tall < STEP_RISE_M[1]
 
 
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
-    unit = surface.normal / np.linalg.norm(surface.normal)
-    return float(np.arccos(min(1.0, abs(float(unit @ direction)))))
+    return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
 
 
 def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> float:
@@ -158,27 +247,9 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
-def _shape(risers: list[Surface], treads: list[Surface]) -> StairShape | None:
-    runs = _steps([surface.level for surface in risers], STEP_RUN_M)
-    rises = _steps([surface.level for surface in treads], STEP_RISE_M)
-    if not runs or not rises:
-        return None
-    run, rise = float(np.median(runs)), float(np.median(rises))
-    return StairShape(
-        rise_m=rise,
-        run_m=run,
-        slope_rad=float(np.arctan2(rise, run)),
-        distance_m=min(surface.level for surface in risers),
-    )
-
-
 def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int]:
     camera = frame.camera
     points = blocks.centres[np.concatenate([surface.blocks for surface in surfaces])]
     u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
     v = camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px
     return int(u.min()), int(v.min()), int(u.max()), int(v.max())
-
-
-def _wrapped(angle: Float[np.ndarray, " b"]) -> Float[np.ndarray, " b"]:
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi

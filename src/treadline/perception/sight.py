@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from treadline.perception.nosings import Direction, Nosing
+from treadline.perception.planes import Blocks, Surface
+from treadline.signals import StairAxes, StairMap
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StairShape:
@@ -14,7 +18,9 @@ class StairShape:
     run_m: float
     slope_rad: float
     distance_m: float
-    """To the nearest riser in view, along its normal."""
+    """From the camera to the nearest nosing in view, level and square to it."""
+    direction: Direction
+    """Whether the flight ahead rises or falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,6 +30,16 @@ class Stages:
     pictures: tuple[UInt8[np.ndarray, "h w 3"], ...]
     nosings_px: Float[np.ndarray, "n 4"]
     """u1, v1, u2, v2 of each merged edge, left end first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Parts:
+    """What the robust estimator found in a frame: for pictures, and for whoever asks why."""
+
+    blocks: Blocks
+    risers: tuple[Surface, ...]
+    treads: tuple[Surface, ...]
+    flight: tuple[Nosing, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,6 +58,11 @@ class Sight:
     """Smallest and largest column and row of the stair: u0, v0, u1, v1."""
     shape: StairShape | None
     stages: Stages | None
+    planes_against_lines_rad: float | None = None
+    """Heading by risers less heading by nosings; None unless both are seen."""
+    axes: StairAxes | None = None
+    stair_map: StairMap | None = None
+    parts: Parts | None = None
 
 
 def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> Sight:

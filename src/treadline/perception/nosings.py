@@ -1,0 +1,234 @@
+"""From surfaces and lines to the stair's edges: which riser, tread and line belong to one nosing, and which nosings to a flight.
+
+A flight that rises shows its risers and, above the eye, their upper ends; with open risers, the front ends of its treads.
+A flight that falls shows treads alone: each ends, further up in the image, at the nosing that hides the riser below it.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.perception.lines import Line, nosing_line
+from treadline.perception.planes import Blocks, Surface
+from treadline.signals import PinholeCamera
+
+STEP_RUN_M, STEP_RISE_M = (0.15, 0.45), (0.08, 0.25)
+SAME_RUN_M, SAME_RISE_M = 0.08, 0.07
+"""Less than half of the smallest run and rise: within them, two findings are of one nosing."""
+LEAST_LEVER = 0.17
+"""Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
+LEAST_WIDTH_M, WIDTH_M = 0.08, 0.35
+"""Across the flight, that two neighbours must have in common, and all neighbours together: cartons and books are narrower."""
+TOP_MARGIN_M = 0.05
+"""By which the highest block of a riser may miss its top."""
+TREAD_ABOVE_M, TREAD_BEHIND_M = (-0.04, 0.10), (-0.10, 0.20)
+"""Where the tread of a riser starts, against the riser's highest block and its plane: blocks end short of edges."""
+
+Direction = Literal["up", "down"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Axes:
+    """Directions in C: level and square to the edges, up, and along the edges to the right."""
+
+    ahead: Float[np.ndarray, " 3"]
+    up: Float[np.ndarray, " 3"]
+    right: Float[np.ndarray, " 3"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nosing:
+    """What is seen of one edge of the stair: its riser, its line, or both."""
+
+    ahead_m: float
+    """Along the horizontal across the edges, from the camera."""
+    up_m: float | None
+    """Height against the camera; None where neither a tread nor a line shows it."""
+    point: Float[np.ndarray, " 3"]
+    """On the edge, in C; as high as the riser is seen where the height is not known."""
+    sides_m: tuple[float, float]
+    """From where to where it is seen across the flight, to the right."""
+    riser: Surface | None
+    lines: tuple[Line, ...]
+    """Those that tell the edge's direction: near the eye's height they do not."""
+    weight: float
+    """Pixels' worth of evidence."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether a riser or something further away is seen behind it: a corner alone may be a board's."""
+        return self.riser is not None or any(not line.is_corner for line in self.lines)
+
+    @property
+    def tells(self) -> bool:
+        """Whether it says anything of the edges' direction."""
+        return self.riser is not None or bool(self.lines)
+
+
+def direction_of(treads: Sequence[Surface], axes: Axes) -> Direction | None:
+    """Return whether treads rise or fall ahead, or None where they do not tell."""
+    if len(treads) < 2:
+        return None
+    centres = np.array([tread.centre for tread in treads])
+    ahead, up = centres @ axes.ahead, centres @ axes.up
+    order = np.argsort(up)
+    steps, rises = np.diff(ahead[order]), np.diff(up[order])
+    next_ones = rises < STEP_RISE_M[1]
+    if not next_ones.any():
+        return None
+    return "up" if float(np.median(steps[next_ones])) > 0.0 else "down"
+
+
+def nosings_of(
+    risers: Sequence[Surface],
+    treads: Sequence[Surface],
+    blocks: Blocks,
+    camera: PinholeCamera,
+    axes: Axes,
+    direction: Direction,
+) -> list[Nosing]:
+    """Return the edges in view, the nearest first."""
+    fronts = np.array([float(np.min(blocks.centres[tread.blocks] @ axes.ahead)) for tread in treads])
+    found = [_of_riser(riser, treads, fronts, blocks, camera, axes) for riser in risers]
+    end: Literal["lower", "upper"] = "lower" if direction == "up" else "upper"
+    for tread in treads:
+        line = nosing_line(tread, end, camera, corner=direction == "up")
+        if line is None:
+            continue
+        of_line = _of_line(line, axes)
+        alike = [k for k, nosing in enumerate(found) if _same(nosing, of_line)]
+        if alike and line.is_corner:
+            continue  # the riser's own plane says the same and better
+        if alike:
+            found[alike[0]] = _both(found[alike[0]], of_line)
+        else:
+            found.append(of_line)
+    return sorted(found, key=lambda nosing: nosing.ahead_m)
+
+
+def _of_line(line: Line, axes: Axes) -> Nosing:
+    aside = line.ends_m @ axes.right
+    return Nosing(
+        ahead_m=float(line.middle @ axes.ahead),
+        up_m=float(line.middle @ axes.up),
+        point=line.middle,
+        sides_m=(float(aside.min()), float(aside.max())),
+        riser=None,
+        lines=_telling(line, axes),
+        weight=float(line.count),
+    )
+
+
+def _both(owner: Nosing, other: Nosing) -> Nosing:
+    """Return a riser's nosing with a line of its tread."""
+    return Nosing(
+        ahead_m=owner.ahead_m,
+        up_m=other.up_m,
+        point=other.point if owner.up_m is None else owner.point,
+        sides_m=(min(owner.sides_m[0], other.sides_m[0]), max(owner.sides_m[1], other.sides_m[1])),
+        riser=owner.riser,
+        lines=owner.lines + other.lines,
+        weight=owner.weight + other.weight,
+    )
+
+
+def _telling(line: Line, axes: Axes) -> tuple[Line, ...]:
+    return (line,) if abs(float(line.normal @ axes.ahead)) > LEAST_LEVER else ()
+
+
+def _same(owner: Nosing, other: Nosing) -> bool:
+    if abs(owner.ahead_m - other.ahead_m) > SAME_RUN_M:
+        return False
+    return owner.up_m is None or other.up_m is None or abs(owner.up_m - other.up_m) < SAME_RISE_M
+
+
+def _of_riser(
+    riser: Surface,
+    treads: Sequence[Surface],
+    fronts_m: Float[np.ndarray, " t"],
+    blocks: Blocks,
+    camera: PinholeCamera,
+    axes: Axes,
+) -> Nosing:
+    points = blocks.centres[riser.blocks]
+    aside, ahead_m = points @ axes.right, float(riser.centre @ axes.ahead)
+    top_m = float(np.max(points @ axes.up))
+    line = nosing_line(riser, "upper", camera)
+    up_m = None if line is None else float(line.middle @ axes.up)
+    on_top = []
+    for tread, front_m in zip(treads, fronts_m.tolist(), strict=True):
+        height_m = _height_at(tread, riser.centre, axes)
+        above, behind = height_m - top_m, front_m - ahead_m
+        if TREAD_ABOVE_M[0] < above < TREAD_ABOVE_M[1] and TREAD_BEHIND_M[0] < behind < TREAD_BEHIND_M[1]:
+            on_top.append((abs(behind), height_m))
+    if on_top:
+        up_m = min(on_top)[1]
+    height_m = top_m if up_m is None else up_m
+    return Nosing(
+        ahead_m=ahead_m,
+        up_m=up_m,
+        point=riser.centre + (height_m - float(riser.centre @ axes.up)) * axes.up,
+        sides_m=(float(aside.min()), float(aside.max())),
+        riser=riser,
+        lines=() if line is None else _telling(line, axes),
+        weight=float(riser.blocks.size * blocks.cell_px) + (0.0 if line is None else line.count),
+    )
+
+
+def _height_at(tread: Surface, beside: Float[np.ndarray, " 3"], axes: Axes) -> float:
+    """Return the height of a tread's plane straight above or below a point."""
+    foot = beside - float(beside @ axes.up) * axes.up
+    return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
+
+
+def is_step(near: Nosing, far: Nosing, axes: Axes, direction: Direction) -> bool:
+    """Return whether two nosings follow each other on a stair."""
+    run = far.ahead_m - near.ahead_m
+    if not STEP_RUN_M[0] <= run <= STEP_RUN_M[1]:
+        return False
+    if _common_width(near, far) < LEAST_WIDTH_M:
+        return False
+    rise = float((far.point - near.point) @ axes.up)
+    rise = rise if direction == "up" else -rise
+    margin = TOP_MARGIN_M if near.up_m is None or far.up_m is None else 0.0
+    return STEP_RISE_M[0] - margin <= rise <= STEP_RISE_M[1] + margin and rise <= run
+
+
+def _common_width(near: Nosing, far: Nosing) -> float:
+    return min(near.sides_m[1], far.sides_m[1]) - max(near.sides_m[0], far.sides_m[0])
+
+
+def flight_of(nosings: Sequence[Nosing], axes: Axes, direction: Direction) -> list[Nosing]:
+    """Return the nosings that follow each other, of several such rows the one most seen; empty without a single step."""
+    best: list[list[Nosing]] = []
+    for nosing in nosings:
+        # The heaviest row that this nosing goes on; a stray edge in between does not end it, a riser does.
+        rows = [row for row in best if is_step(row[-1], nosing, axes, direction) and not _between(row[-1], nosing, nosings)]
+        best.append([*max(rows, key=_weight, default=[]), nosing])
+    rows = [row for row in best if _is_flight(row)]
+    return max(rows, key=_weight, default=[])
+
+
+def _between(near: Nosing, far: Nosing, nosings: Sequence[Nosing]) -> bool:
+    """Return whether a riser of the stair's width stands between two nosings: they are no neighbours then."""
+    inside = (near.ahead_m + SAME_RUN_M, far.ahead_m - SAME_RUN_M)
+    return any(
+        inside[0] < nosing.ahead_m < inside[1] and nosing.riser is not None and _common_width(near, nosing) > WIDTH_M
+        for nosing in nosings
+    )
+
+
+def _is_flight(row: Sequence[Nosing]) -> bool:
+    """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
+    if sum(_common_width(near, far) for near, far in itertools.pairwise(row)) < WIDTH_M:
+        return False
+    telling = [nosing for nosing in row if nosing.tells]
+    return len(telling) >= 3 or (len(telling) == 2 and all(nosing.is_plain for nosing in telling))
+
+
+def _weight(row: Sequence[Nosing]) -> float:
+    return sum(nosing.weight for nosing in row)

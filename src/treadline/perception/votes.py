@@ -1,0 +1,70 @@
+"""Which way the stair faces: vertical blocks and the ends of treads vote for an azimuth."""
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.perception.lines import nosing_line
+from treadline.perception.nosings import Axes
+from treadline.perception.planes import Surface
+from treadline.signals import PinholeCamera
+
+VOTE_LIMIT = 50.0 * DEG
+"""Azimuth beyond which a vertical surface is a side wall."""
+VOTE_BIN = 2.0 * DEG
+VOTES = 3
+"""Peaks of the vote that are tried: a wall at the landing may outvote the last risers."""
+APART = 14.0 * DEG
+"""Between two peaks."""
+LEAST_VOTES = 16
+ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
+
+
+def line_votes(
+    treads: Sequence[Surface], camera: PinholeCamera, level: Axes
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return the azimuths that the treads' ends vote for, and the weight of each."""
+    azimuths, weights = [], []
+    for tread in treads:
+        for end in ENDS:
+            line = nosing_line(tread, end, camera, corner=True)
+            if line is not None:
+                across = np.cross(np.cross(line.normal, level.up), level.up)
+                across = across if across @ level.ahead > 0.0 else -across
+                azimuths.append(float(np.arctan2(across @ level.right, across @ level.ahead)))
+                weights.append(float(line.count))
+    return np.array(azimuths), np.array(weights)
+
+
+def votes_of(
+    blocks: Float[np.ndarray, " b"], lines: Float[np.ndarray, " k"], line_weights: Float[np.ndarray, " k"]
+) -> Iterator[float]:
+    """Yield the azimuths most vertical blocks and lines agree on, the strongest first."""
+    seen = np.concatenate([blocks, lines])
+    weights = np.concatenate([np.ones(len(blocks)), line_weights])
+    inside = np.abs(seen) < VOTE_LIMIT
+    seen, weights = seen[inside], weights[inside]
+    edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
+    counts = np.histogram(seen, edges, weights=weights)[0]
+    smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
+    for _ in range(VOTES):
+        top = int(np.argmax(smooth))
+        if smooth[top] < LEAST_VOTES:
+            return
+        peak = float(edges[top] + 0.5 * VOTE_BIN)
+        for width in (10.0 * DEG, 6.0 * DEG):
+            near = np.abs(seen - peak) < width
+            if near.any():
+                peak = _weighted_median(seen[near], weights[near])
+        yield peak
+        middle = edges[:-1] + 0.5 * VOTE_BIN
+        smooth[np.abs(middle - edges[top]) < APART] = 0.0
+
+
+def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])
