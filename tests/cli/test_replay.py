@@ -270,6 +270,16 @@ def test_the_controller_that_the_run_named_is_used_again(run, climbed: Path, tmp
     assert outcome.values["largest_command_gap_m_s"] == 0.0
 
 
+def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, climbed: Path, tmp_path: Path) -> None:
+    paper = tmp_path / "paper"
+    shutil.copytree(climbed, paper / "runs" / "turn-28")
+    manifest = json.loads((climbed / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
+    (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
+    (paper / "controller.json").write_text("{}")
+    outcome = run("replay", paper / "runs" / "turn-28", "--out", tmp_path / "again")
+    assert_one_line(outcome, "controller.json")
+
+
 def test_the_keys_are_listed(run, climbed: Path) -> None:
     outcome = run("replay", "--keys")
     assert outcome.code == 0

@@ -320,8 +320,9 @@ def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
         assert word in message
 
 
-def test_a_log_cut_anywhere_or_changed_is_refused_or_read(recording, tmp_path: Path) -> None:
-    path = fill(recording(), seconds=0.1).write(tmp_path / "log.mcap")
+@pytest.mark.parametrize(("name", "ros1"), [("log.mcap", False), ("log.bag", True)])
+def test_a_log_cut_anywhere_or_changed_is_refused_or_read(recording, tmp_path: Path, name: str, ros1: bool) -> None:
+    path = fill(recording(ros1=ros1), seconds=0.1).write(tmp_path / name)
     data = path.read_bytes()
     rng = np.random.default_rng(5)
     messages = []
@@ -339,7 +340,7 @@ def test_a_log_cut_anywhere_or_changed_is_refused_or_read(recording, tmp_path: P
         else:
             assert k % 2 == 0
     assert len(messages) > 30
-    assert not any("\n" in message for message in messages)
+    assert all("\n" not in message and name in message for message in messages)
 
 
 def test_only_a_second_of_a_long_log_is_held(recording, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A log to replay, and what its run folder's manifest says of the run that wrote it."""
 
-import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -70,13 +69,15 @@ def source_of(log: Path) -> Source:
 
 
 def _controller(where: Path, command: str) -> str | None:
-    """Return the controller that a run's command line named; another one would not repeat what it did."""
-    words = shlex.split(command) if command.count('"') % 2 == command.count("'") % 2 == 0 else command.split()
-    for i, word in enumerate(words):
+    """Return the controller that drove the run, as its command tells; another one would not repeat what it did."""
+    words = command.split()
+    if words[1:2] == ["reproduce"]:
+        made = where.resolve().parent.parent.parent / "controller.json"  # beside runs/, in which the run's folder lies
+        return str(made) if made.is_file() else None
+    for word, following in zip(words, [*words[1:], ""], strict=True):
         option, sign, value = word.partition("=")
-        if option != "--controller":
-            continue
-        name = value if sign else [*words, ""][i + 1]
-        places = [Path(name), where.parent / name, where.parent.parent / name]
-        return str(next((place for place in places if place.is_file()), places[0]))
+        if option == "--controller":
+            name = value if sign else following
+            places = [Path(name), where.parent / name, where.parent.parent / name]
+            return str(next((place for place in places if place.is_file()), places[0]))
     return None

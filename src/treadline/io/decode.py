@@ -169,7 +169,7 @@ def picture(r: CdrReader) -> Picture:
     kind = np.dtype((">" if r.uint8() else "<") + number)
     step, pixels = r.uint32(), r.take(r.uint32())
     row = width * channels * kind.itemsize
-    if step < row or len(pixels) != height * step:
+    if not 0 < row <= step or height == 0 or len(pixels) != height * step:
         raise LogFormatError(f"an image of {width}×{height} '{encoding}' holds {len(pixels)} bytes in rows of {step}")
     rows = np.frombuffer(pixels, np.uint8).reshape(height, step)
     values = np.ascontiguousarray(rows[:, :row]).view(kind)

@@ -1,5 +1,6 @@
 """Depth, colour and calibration of a log put together: ``Image``, ``Image``, ``CameraInfo`` -> ``RgbdFrame``."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -59,10 +60,10 @@ class Frames:
         Raises:
             ImageError: If it has no focal length.
         """
-        self._camera = self._calibrate(camera, self._size)
-        if self._camera is None or not (self._camera.fx_px > 0.0 and self._camera.fy_px > 0.0):  # NaN fails too
+        self._camera = given = self._calibrate(camera, self._size)
+        if given is None or not (given.fx_px > 0.0 and given.fy_px > 0.0 and math.isfinite(given.cx_px + given.cy_px)):
             raise ImageError(
-                f"no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g}; the camera was never calibrated: --set "
+                f"no intrinsics: fx = {camera.fx_px:g}, fy = {camera.fy_px:g} px; the camera was never calibrated: --set "
                 "camera.fx_px, fy_px, cx_px and cy_px"
             )
         return self._whole()

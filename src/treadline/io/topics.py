@@ -87,7 +87,8 @@ def survey(path: Path, *, sealed: bool) -> dict[str, Found]:
     for topic, logged_ns, data in packets(path, lambda _: True, sealed=sealed):
         here = found.get(topic.name)
         if here is None:
-            found[topic.name] = _first(topic, logged_ns, data)
+            with damage(path):
+                found[topic.name] = _first(topic, logged_ns, data)
         else:
             here.count += 1
             here.last_ns = max(here.last_ns, logged_ns)
