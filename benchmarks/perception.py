@@ -107,6 +107,8 @@ def heading_cases() -> Iterator[Case]:
     yield Case(label="nosings turned, σ 0.3°", recipe={"nosing_yaw_jitter_deg": 0.3})
     yield Case(label="nosings turned, σ 1°", recipe={"nosing_yaw_jitter_deg": 1.0})
     yield Case(label="rise and run uneven, σ 5 mm", recipe={"rise_jitter_m": 0.005, "run_jitter_m": 0.005})
+    yield Case(label="treads tilted, σ 0.5°", recipe={"tread_tilt_deg": 0.5})
+    yield Case(label="a third of the depth lost", recipe={"holes": 0.33})
     yield Case(label="motion blur, 6 to 12 px", recipe={"blur_px": (6.0, 12.0)})
     yield Case(label="chair rocks, σ 2°", recipe={"rock_deg": 2.0})
     yield Case(label="gravity exact", recipe={"gravity_error_deg": 0.0})

@@ -266,3 +266,23 @@ def test_a_recipe_that_makes_no_sense_is_refused() -> None:
     ):
         with pytest.raises(SettingsError, match=word):
             settings_of(wrong, Recipe, where="recipe.toml")
+
+
+def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> None:
+    checked = 0
+    for seed in range(4):
+        seen = view(seed, tread_tilt_deg=2.0, heading_deg=(-12.0, 12.0), lateral_m=(-0.25, 0.25), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        points = points_B(seen).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        for nosing in truth.nosings_B[truth.nosing_in_view & (truth.nosings_B[:, 0] < 2.0)]:
+            assert np.linalg.norm(points - nosing, axis=1).min() < 0.012
+            checked += 1
+    assert checked >= 4
+
+
+def test_holes_are_as_many_as_asked_for() -> None:
+    lost = np.isnan(view(3, scenes=("floor",), holes=0.4).frame.depth_m).mean()
+    # Drop-outs of single pixels come on top.
+    assert lost == pytest.approx(0.4, abs=0.02)

@@ -30,7 +30,7 @@ def frames(
         seed: Of everything that chance decides.
         scene: up, top, foot (facing up the flight), down (facing down it), mixed (all of these), stairless, or the name of
             one scene: edge, bottom, floor, wall, corridor, corner, shelf, table, boxes, ramp, landing, steep, ladder,
-            threshold. Left out: up.
+            threshold, stripes, bench, pallets. Left out: up.
         sensor: kinect1, kinect2 or ideal.
         height: Rows of the image: 240 or 480; of a Kinect 2, 424.
         heading: Smallest and largest heading in degrees: -35,35.

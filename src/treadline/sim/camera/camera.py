@@ -130,6 +130,7 @@ class Camera:
         told: The calibration its frames carry, where that is not quite true.
         grain_px: Over how many of the sensor's pixels depth noise is alike; zero is white noise.
         warp_px: Smooth error of depth across the image, the camera's own, in pixels of a Kinect 1's disparity.
+        holes: Share of the depth image that is lost in blotches.
         blur_px: How far the colour image moves to the right and down while it is exposed.
     """
 
@@ -144,6 +145,7 @@ class Camera:
         light: float = 1.0,
         grain_px: float = 0.0,
         warp_px: float = 0.0,
+        holes: float = 0.0,
         blur_px: tuple[float, float] = (0.0, 0.0),
         shadows: Sequence[Shadow] = (),
         puddles: Sequence[Puddle] = (),
@@ -156,6 +158,7 @@ class Camera:
         self._patterns = np.array([TEXTURES.index(solid.texture or texture) for solid in solids])
         self._light = light
         self._blur_px = blur_px
+        self._holes = holes
         self._shadows = np.array([[*band.normal_W, band.level_m, band.half_m] for band in shadows]).reshape(-1, 5)
         self._puddles = np.array([[*pool.centre_W, *pool.half_m] for pool in puddles]).reshape(-1, 5)
         self._rng = rng
@@ -271,10 +274,14 @@ class Camera:
         R_WC: Float[np.ndarray, "3 3"],
         p_WC: Float[np.ndarray, " 3"],
     ) -> Float32[np.ndarray, "h w"]:
-        """Return measured depth as puddles and the sensor's warp leave it."""
+        """Return measured depth as puddles, sunlight and the sensor's warp leave it."""
         if len(self._puddles) and self._sensor is not None:
             c, place = self.calibration, int(self._rng.integers(POOL))
             kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
+        if self._holes > 0.0:
+            coarse = self._rng.standard_normal((measured.shape[0] // 12, measured.shape[1] // 12)).astype(np.float32)
+            blotches = cv2.resize(coarse, measured.shape[::-1], interpolation=cv2.INTER_CUBIC)
+            measured[blotches < np.quantile(blotches, self._holes)] = np.nan
         if self._warp_px is not None:
             measured = (DISPARITY_PX_M / (DISPARITY_PX_M / measured + self._warp_px)).astype(np.float32)
         return measured

@@ -28,6 +28,9 @@ Scene = Literal[
     "steep",
     "ladder",
     "threshold",
+    "stripes",
+    "bench",
+    "pallets",
 ]
 """The first six are stairs. The chair stands within the flight, near its top or on the floor before it, facing up; or within the
 flight, level on the landing before its edge or near its foot, facing down. The others are places without a stair to climb."""
@@ -50,6 +53,7 @@ Count = Annotated[int, Field(ge=6, le=200)]
 Length = Annotated[float, Field(ge=0.0, le=20.0)]
 Small = Annotated[float, Field(ge=0.0, le=0.03)]
 Turn = Annotated[float, Field(ge=-90.0, le=90.0)]
+Askew = Annotated[float, Field(ge=-45.0, le=45.0)]
 Tilt = Annotated[float, Field(ge=-30.0, le=80.0)]
 Light = Annotated[float, Field(ge=0.1, le=3.0)]
 PLACES_M: dict[str, Range] = {
@@ -73,13 +77,15 @@ class Recipe(Settings):
     steps: tuple[Count, Count] = (14, 22)
     width_m: tuple[Width, Width] = (1.0, 1.6)
     landing_m: tuple[Length, Length] = (1.2, 2.5)
-    back_wall_deg: tuple[Turn, Turn] = (-20.0, 20.0)
+    back_wall_deg: tuple[Askew, Askew] = (-20.0, 20.0)
     """How far the wall behind the landing is askew."""
     walls: tuple[Walls, ...] = ("none", "left", "right", "both")
     open_risers: bool = False
     rise_jitter_m: Small = 0.0
     run_jitter_m: Small = 0.0
     nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    tread_tilt_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Of each step about its nosing's middle, along the flight and across it: treads that are not level."""
     worn_m: Small = 0.0
     """Largest radius of the nosings, which are worn unevenly along their length; zero leaves them sharp."""
     heading_deg: tuple[Turn, Turn] = (-35.0, 35.0)
@@ -95,6 +101,8 @@ class Recipe(Settings):
     windows of nine pixels make it about 1.2 in a Kinect 1; the model of the Kinect 2 has its own."""
     warp_px: Spread = 0.0
     """Smooth error of depth across the image, in pixels of a Kinect 1's disparity: about 0.1 as it leaves the factory."""
+    holes: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
+    """Share of the depth image that is lost in blotches, as in sunlight."""
     height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
     """Rows of the image; None is the sensor's usual: 240, or 424 of the Kinect 2."""
     focal_px: Annotated[float, Field(gt=0.0)] | None = None

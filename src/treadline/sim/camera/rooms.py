@@ -183,6 +183,36 @@ def _threshold(rng: np.random.Generator) -> list[Solid]:
     return [inside, *jambs]
 
 
+def _stripes(rng: np.random.Generator) -> list[Solid]:
+    """Painted lines across a floor: edges in colour and none in depth."""
+    yaw, gap, wide = rng.uniform(-25.0, 25.0) * DEG, rng.uniform(0.25, 0.4), rng.uniform(0.03, 0.15)
+    lines = [
+        upright("strip", (x, -1.5, 0.0), (x + wide, 1.5, 0.0005), colour=WHITE, texture="dark") for x in np.arange(0.5, 5.0, gap)
+    ]
+    return [_turned(line, yaw, (1.5, 0.0)) for line in lines]
+
+
+def _bench(rng: np.random.Generator) -> list[Solid]:
+    """A bench, a plinth or a sill before a wall: two upright faces a step's run apart."""
+    x, deep, high = rng.uniform(1.1, 2.0), rng.uniform(0.2, 0.45), rng.uniform(0.1, 0.6)
+    yaw = rng.uniform(-20.0, 20.0) * DEG
+    seat = upright("furniture", (x, -1.2, 0.0), (x + deep + 0.1, 1.2, high), colour=BEECH, texture="wood")
+    return [_turned(seat, yaw, (x, 0.0)), _turned(askew_wall(x + deep, 0.0), yaw, (x, 0.0))]
+
+
+def _pallets(rng: np.random.Generator) -> list[Solid]:
+    """Pallets in a stack: level boards with gaps, one above the other and none behind another."""
+    x, yaw = rng.uniform(1.0, 1.8), rng.uniform(-30.0, 30.0) * DEG
+    boards = []
+    for floor in range(int(rng.integers(1, 5))):
+        for low, high in ((0.0, 0.02), (0.09, 0.12), (0.12, 0.144)):
+            for i in range(5 if high != 0.12 else 3):
+                y = -0.4 + i * (0.17 if high != 0.12 else 0.34)
+                box = ((x, y, floor * 0.144 + low), (x + 1.2, y + 0.1, floor * 0.144 + high))
+                boards.append(upright("pallet", *box, colour=BEECH, texture="wood"))
+    return [_turned(board, yaw, (x, 0.0)) for board in boards]
+
+
 MAKERS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     "floor": _floor,
     "wall": _wall,
@@ -196,4 +226,7 @@ MAKERS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     "steep": _steep,
     "ladder": _ladder,
     "threshold": _threshold,
+    "stripes": _stripes,
+    "bench": _bench,
+    "pallets": _pallets,
 }

@@ -107,6 +107,35 @@ class _Pose:
     p_WB: Float[np.ndarray, " 3"]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Flight:
+    """A staircase whose steps need not be level."""
+
+    staircase: Staircase
+    tilts_rad: Float[np.ndarray, "n 2"]
+    """Of each step: down to the front, then up to the left."""
+
+    def turn(self, index: int) -> Float[np.ndarray, "3 3"]:
+        """Return how a step is tilted about its nosing's middle."""
+        pitch, roll = self.tilts_rad[index]
+        return rotation_y(-float(pitch)) @ rotation_x(float(roll))
+
+    def along(self, step: Step) -> Float[np.ndarray, " 3"]:
+        """Return the direction of a step's nosing, to the left."""
+        return self.turn(step.index) @ np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
+
+    def solids(self) -> tuple[Solid, ...]:
+        """Return the staircase's solids, tilted."""
+        return tuple(self._tilted(solid) for solid in solids_of(self.staircase.boxes()))
+
+    def _tilted(self, solid: Solid) -> Solid:
+        if solid.kind != "step":
+            return solid
+        step, turn = self.staircase.steps[solid.index], self.turn(solid.index)
+        nosing = np.array([step.x_m, 0.0, step.z_m])
+        return replace(solid, centre_W=nosing + turn @ (solid.centre_W - nosing), R_WK=turn @ solid.R_WK)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Setting:
     """What is to be seen."""
@@ -124,11 +153,14 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
     heading = _drawn(recipe.heading_deg, rng) * DEG
     if scene in STAIR_SCENES:
         staircase = _staircase(recipe, rng)
+        flight = _Flight(
+            staircase=staircase, tilts_rad=recipe.tread_tilt_deg * DEG * rng.standard_normal((len(staircase.steps), 2))
+        )
         pose = _pose(scene, staircase, heading, recipe, rng)
         pose = _clear_of_walls(pose, staircase, np.array(true.mount_m), _is_railed(recipe))
-        setting = _setting(staircase, scene, pose, recipe, rng)
+        setting = _setting(flight, scene, pose, recipe, rng)
     else:
-        staircase = None
+        flight = None
         yaw = rotation_z(_drawn(ROOM_YAW_DEG, rng) * DEG)
         pose = _Pose(R_WB=yaw @ _rocked(recipe, rng), p_WB=np.array([0.0, _drawn(recipe.lateral_m, rng), 0.0]))
         setting = _Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
@@ -144,6 +176,7 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         light=_drawn(recipe.light, rng),
         grain_px=recipe.grain_px,
         warp_px=recipe.warp_px,
+        holes=recipe.holes,
         blur_px=(length * math.cos(way), length * math.sin(way)),
         shadows=setting.shadows,
         puddles=setting.puddles,
@@ -159,7 +192,7 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         true_camera=true,
         exact=exact,
         kinds=tuple(solid.kind for solid in setting.solids),
-        stair=None if staircase is None else _truth(DIRECTIONS[scene], staircase, pose, true, setting.solids, exact, chair),
+        stair=None if flight is None else _truth(DIRECTIONS[scene], flight, pose, true, setting.solids, exact, chair),
     )
 
 
@@ -254,8 +287,9 @@ def _clear_of_walls(pose: _Pose, staircase: Staircase, p_BC: Float[np.ndarray, "
     return replace(pose, p_WB=pose.p_WB + np.array([0.0, min(max(y, -limit), limit) - y, 0.0]))
 
 
-def _setting(staircase: Staircase, scene: str, pose: _Pose, recipe: Recipe, rng: np.random.Generator) -> _Setting:
+def _setting(flight: _Flight, scene: str, pose: _Pose, recipe: Recipe, rng: np.random.Generator) -> _Setting:
     """Return the stair and what stands about, one to five steps ahead of the chair's nose."""
+    staircase = flight.staircase
     clutter, shadows, puddles = [], [], []
     x = np.array([step.x_m for step in staircase.steps])
     ahead = (pose.p_WB + pose.R_WB @ np.array([1.2, 0.0, 0.0]))[0]
@@ -270,18 +304,20 @@ def _setting(staircase: Staircase, scene: str, pose: _Pose, recipe: Recipe, rng:
             puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
         elif there:
             clutter += clutter_of(name, staircase, step, rng)
-    return _Setting(solids=_stair_solids(staircase, clutter, recipe, rng), shadows=shadows, puddles=puddles)
+    return _Setting(solids=_stair_solids(flight, clutter, recipe, rng), shadows=shadows, puddles=puddles)
 
 
-def _stair_solids(staircase: Staircase, clutter: list[Solid], recipe: Recipe, rng: np.random.Generator) -> list[Solid]:
+def _stair_solids(flight: _Flight, clutter: list[Solid], recipe: Recipe, rng: np.random.Generator) -> list[Solid]:
     """Return floor, steps, walls and clutter, with a wall behind the landing and one before the floor's end."""
-    last = staircase.steps[-1]
+    staircase, last = flight.staircase, flight.staircase.steps[-1]
     end_x = last.x_m + max(staircase.landing_m, last.depth_m)
     floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0), texture="concrete")
-    behind = askew_wall(end_x, _drawn(recipe.back_wall_deg, rng) * DEG, low_m=last.z_m)
+    askew = _drawn(recipe.back_wall_deg, rng) * DEG
+    # However askew, it meets both side walls.
+    behind = askew_wall(end_x - 0.5 * staircase.width_m * math.tan(abs(askew)), askew, low_m=last.z_m)
     before = askew_wall(-float(rng.uniform(2.5, 5.5)), math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
     solids = [floor, behind, before]
-    for solid in solids_of(staircase.boxes()):
+    for solid in flight.solids():
         if solid.kind == "step" and recipe.worn_m > 0.0:
             solids += worn_step(solid, staircase.open_risers, recipe.worn_m, rng)
         elif solid.kind != "floor":
@@ -301,7 +337,7 @@ def _drawn(limits: Range, rng: np.random.Generator) -> float:
 
 def _truth(
     direction: Direction,
-    staircase: Staircase,
+    flight: _Flight,
     pose: _Pose,
     camera: PinholeCamera,
     solids: list[Solid],
@@ -311,7 +347,8 @@ def _truth(
     right_W = np.array([0.0, -1.0 if direction == "up" else 1.0, 0.0])
     edge_B = pose.R_WB.T @ right_W
     is_step = np.array([*(solid.kind == "step" for solid in solids), False])
-    nosings = _nosings(staircase, pose, direction)
+    staircase = flight.staircase
+    nosings = _nosings(flight, pose, direction)
     on_stair = np.abs((pose.p_WB + nosings @ pose.R_WB.T)[:, 1]) <= 0.5 * staircase.width_m
     steps = staircase.steps
     left, right = _walls(staircase, solids, pose, direction, exact)
@@ -325,22 +362,22 @@ def _truth(
         share=float(is_step[np.where(exact.face >= 0, exact.face // 6, len(solids))].mean()),
         nosings_B=nosings,
         nosing_in_view=_in_view(nosings, camera, exact) & on_stair,
-        end_in_view=_end_in_view(steps[-1] if direction == "up" else steps[0], staircase.width_m, pose, camera, exact),
+        end_in_view=_end_in_view(flight, steps[-1] if direction == "up" else steps[0], pose, camera, exact),
         left_wall_m=left,
         right_wall_m=right,
         obstacle_m=_obstacle(solids, pose, chair),
     )
 
 
-def _nosings(staircase: Staircase, pose: _Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
+def _nosings(flight: _Flight, pose: _Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
     """Return where the nosings ahead of the chair's middle, extended beyond the stair's width, meet its middle plane."""
     x_B, y_B, z_B = pose.R_WB.T
     points = []
-    for step in staircase.steps if direction == "up" else reversed(staircase.steps):
+    for step in flight.staircase.steps if direction == "up" else reversed(flight.staircase.steps):
         if step.missing:
             continue
         nosing = np.array([step.x_m, 0.0, step.z_m]) - pose.p_WB
-        along = np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
+        along = flight.along(step)
         aside = -float(y_B @ nosing) / float(y_B @ along)
         point = nosing + aside * along
         if x_B @ point > 0.0:
@@ -361,9 +398,9 @@ def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: E
     return seen
 
 
-def _end_in_view(step: Step, width_m: float, pose: _Pose, camera: PinholeCamera, exact: ExactView) -> bool:
-    y = np.linspace(-0.5, 0.5, 21) * width_m
-    points_W = np.column_stack([step.x_m - y * math.sin(step.yaw_rad), y, np.full(y.size, step.z_m)])
+def _end_in_view(flight: _Flight, step: Step, pose: _Pose, camera: PinholeCamera, exact: ExactView) -> bool:
+    aside = np.linspace(-0.5, 0.5, 21)[:, None] * flight.staircase.width_m
+    points_W = np.array([step.x_m, 0.0, step.z_m]) + aside * flight.along(step)
     return bool(_in_view((points_W - pose.p_WB) @ pose.R_WB, camera, exact).any())
 
 
