@@ -64,6 +64,12 @@ def rewritten(run: Path, out: Path, change: Callable[[Any], Any | None]) -> Path
     return out
 
 
+@pytest.fixture(scope="module")
+def blind(climbed: Path) -> Path:
+    """The same run without its frames: quick to read where vision does not matter."""
+    return rewritten(climbed, climbed.parent / "blind", lambda signal: None if isinstance(signal, RgbdFrame) else signal)
+
+
 def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_path: Path) -> None:
     outcome = run("replay", climbed, "--out", tmp_path / "again", "--log-images", "--json")
     assert outcome.code == 0, outcome.err
@@ -103,32 +109,31 @@ def test_a_replay_leaves_a_whole_run_folder_that_can_be_reported_and_replayed(ru
     assert json.loads((tmp_path / "twice" / "manifest.json").read_text())["settings"]["set"] == ["filter.gate=16"]
 
 
-def test_the_truth_is_for_scoring_only(run, climbed: Path, tmp_path: Path) -> None:
+def test_the_truth_is_for_scoring_only(run, blind: Path, tmp_path: Path) -> None:
     wrong = rewritten(
-        climbed, tmp_path / "wrong", lambda signal: replace(signal, heading_rad=1.0) if isinstance(signal, Truth) else signal
+        blind, tmp_path / "wrong", lambda signal: replace(signal, heading_rad=1.0) if isinstance(signal, Truth) else signal
     )
     values = run("replay", wrong, "--out", tmp_path / "again", "--json").values
     assert values["largest_command_gap_m_s"] == values["rms_difference_deg"] == 0.0
     assert values["rms_error_deg"] > 40.0
-    bare = rewritten(climbed, tmp_path / "bare", lambda signal: None if isinstance(signal, Truth) else signal)
+    bare = rewritten(blind, tmp_path / "bare", lambda signal: None if isinstance(signal, Truth) else signal)
     values = run("replay", bare, "--out", tmp_path / "bare-again", "--json").values
     assert values["largest_command_gap_m_s"] == values["rms_difference_deg"] == 0.0
     assert values["rms_error_deg"] is None
     assert run("report", tmp_path / "bare-again").code == 0
 
 
-def test_commands_are_compared_and_not_obeyed(run, climbed: Path, tmp_path: Path) -> None:
+def test_commands_are_compared_and_not_obeyed(run, blind: Path, tmp_path: Path) -> None:
     def faster(signal: Any) -> Any:
         return replace(signal, left_m_s=signal.left_m_s + 0.25) if isinstance(signal, TrackCommand) else signal
 
-    other = rewritten(climbed, tmp_path / "other", faster)
+    other = rewritten(blind, tmp_path / "other", faster)
     values = run("replay", other, "--out", tmp_path / "again", "--json").values
     assert values["largest_command_gap_m_s"] == pytest.approx(0.25)
     assert values["rms_difference_deg"] == 0.0
 
 
-def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(run, climbed: Path, tmp_path: Path) -> None:
-    blind = rewritten(climbed, tmp_path / "blind", lambda signal: None if isinstance(signal, RgbdFrame) else signal)
+def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(run, blind: Path, tmp_path: Path) -> None:
     outcome = run("replay", blind, "--out", tmp_path / "again")
     assert outcome.code == 0
     assert "perception was skipped" in outcome.out
@@ -205,15 +210,15 @@ def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path:
     assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "out").code == 2
 
 
-def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, climbed: Path, tmp_path: Path) -> None:
+def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, blind: Path, tmp_path: Path) -> None:
     def back_by(seconds: float) -> Callable[[Any], Any]:
         return lambda signal: replace(signal, t_s=signal.t_s + 10.0 - (seconds if signal.t_s > 0.6 else 0.0))
 
-    little = rewritten(climbed, tmp_path / "little", back_by(0.05))
+    little = rewritten(blind, tmp_path / "little", back_by(0.05))
     outcome = run("replay", little, "--out", tmp_path / "a", "--json")
     assert outcome.values["dropped"]["/imu: stamp goes back"] + outcome.values["dropped"]["/imu: repeated stamp"] == 5
     assert any(event["name"] == "dropped" for event in outcome.values["events"])
-    leap = rewritten(climbed, tmp_path / "leap", back_by(1.1))
+    leap = rewritten(blind, tmp_path / "leap", back_by(1.1))
     outcome = run("replay", leap, "--out", tmp_path / "b", "--json")
     assert outcome.code == 1
     assert outcome.values["verdict"] == "held"
@@ -221,13 +226,13 @@ def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, climbed: Path, tmp
     assert outcome.values["duration_s"] == pytest.approx(0.61, abs=0.02)
 
 
-def test_samples_that_are_no_numbers_are_dropped_and_commands_stay_finite(run, climbed: Path, tmp_path: Path) -> None:
+def test_samples_that_are_no_numbers_are_dropped_and_commands_stay_finite(run, blind: Path, tmp_path: Path) -> None:
     def spoiled(signal: Any) -> Any:
         if isinstance(signal, ImuSample) and 0.5 < signal.t_s < 0.525:
             return replace(signal, angular_velocity_rad_s=np.full(3, np.nan))
         return signal
 
-    wrong = rewritten(climbed, tmp_path / "wrong", spoiled)
+    wrong = rewritten(blind, tmp_path / "wrong", spoiled)
     outcome = run("replay", wrong, "--out", tmp_path / "again", "--json")
     assert outcome.values["dropped"] == {"/imu: not finite": 2}
     for command in signals_of(tmp_path / "again", TrackCommand):
@@ -237,7 +242,7 @@ def test_samples_that_are_no_numbers_are_dropped_and_commands_stay_finite(run, c
 
 
 def test_an_interrupted_replay_leaves_what_is_done_readable(
-    run, climbed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run, blind: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(_: object, t_s: float) -> None:
         if t_s > 0.4:
@@ -245,7 +250,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
 
     monkeypatch.setattr(replay_verb._Played, "at", interrupt)
     out = tmp_path / "again"
-    outcome = run("replay", climbed, "--out", out)
+    outcome = run("replay", blind, "--out", out)
     assert outcome.code == 130
     assert outcome.out == ""
     assert signals_of(out, HeadingEstimate)
@@ -254,11 +259,11 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
     assert not (out / "result.json").exists()
 
 
-def test_the_controller_that_the_run_named_is_used_again(run, climbed: Path, tmp_path: Path) -> None:
+def test_the_controller_that_the_run_named_is_used_again(run, blind: Path, tmp_path: Path) -> None:
     from treadline.experiments.shipped import shipped_controller
 
     named = tmp_path / "named"
-    shutil.copytree(climbed, named)
+    shutil.copytree(blind, named)
     manifest = json.loads((named / "manifest.json").read_text())
     manifest["command"] = "treadline climb short.toml --controller mine.json --out run"
     (named / "manifest.json").write_text(json.dumps(manifest))
@@ -270,21 +275,21 @@ def test_the_controller_that_the_run_named_is_used_again(run, climbed: Path, tmp
     assert outcome.values["largest_command_gap_m_s"] == 0.0
 
 
-def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, climbed: Path, tmp_path: Path) -> None:
+def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, blind: Path, tmp_path: Path) -> None:
     paper = tmp_path / "paper"
-    shutil.copytree(climbed, paper / "runs" / "turn-28")
-    manifest = json.loads((climbed / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
+    shutil.copytree(blind, paper / "runs" / "turn-28")
+    manifest = json.loads((blind / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
     (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
     (paper / "controller.json").write_text("{}")
     outcome = run("replay", paper / "runs" / "turn-28", "--out", tmp_path / "again")
     assert_one_line(outcome, "controller.json")
 
 
-def test_the_keys_are_listed(run, climbed: Path) -> None:
+def test_the_keys_are_listed(run, blind: Path) -> None:
     outcome = run("replay", "--keys")
     assert outcome.code == 0
     assert "filter.gate = 9" in outcome.out
-    assert run("replay", climbed, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"
+    assert run("replay", blind, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"
 
 
 def cut(run: Path, share: float) -> None:
@@ -314,10 +319,10 @@ FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, climbed: Path, tmp_path: Path, fault: str) -> None:
+def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, blind: Path, tmp_path: Path, fault: str) -> None:
     spoil, word = FAULTS[fault]
     bad = tmp_path / "bad"
-    shutil.copytree(climbed, bad)
+    shutil.copytree(blind, bad)
     spoil(bad)
     outcome = run("replay", bad, "--out", tmp_path / "out")
     assert_one_line(outcome, word)
@@ -349,7 +354,7 @@ def assert_one_line(outcome: Any, word: str) -> None:
         (["{run}", "--set", "controller=none.json", "--out", "{new}"], "none.json"),
     ],
 )
-def test_bad_arguments_are_one_line(run, climbed: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
-    filled = [argument.format(run=climbed, new=tmp_path / "new") for argument in arguments]
+def test_bad_arguments_are_one_line(run, blind: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
+    filled = [argument.format(run=blind, new=tmp_path / "new") for argument in arguments]
     assert_one_line(run("replay", *filled), word)
     assert not (tmp_path / "new").exists()
