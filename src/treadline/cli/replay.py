@@ -33,7 +33,7 @@ def replay(
         log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
         out: The run folder to write: manifest.json, log.mcap, series.csv, result.json.
         changes: key=value over what a replay may change; any number of times. --keys lists them.
-        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,headings=/e.
+        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
         keys: List the keys of --set with their defaults, of the log's run if a log is given, and end.
         log_images: Keep the frames in the new log, too.
     """

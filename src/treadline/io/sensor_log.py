@@ -9,6 +9,7 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,7 @@ class SensorLog:
         size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
         self._frames = Frames(self.topics, size, self._unit_m, self._calibrate, self._unpaired)
         self._given_s = 0.0
+        self._force = np.zeros(3)
         count = 0
         for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
             try:
@@ -124,8 +126,15 @@ class SensorLog:
                 return take(image) if self._in_order(name, image.t_s, logged_ns) else None
             case "info":
                 return self._frames.calibrate(calibration(r)[1])
+            case "accel":
+                sample = imu(r)
+                if self._in_order(name, sample.t_s, logged_ns):
+                    self._force = sample.linear_acceleration_m_s2
+                return None
             case "imu":
                 signal: Any = imu(r)
+                if self.topics.accel is not None:
+                    signal = replace(signal, linear_acceleration_m_s2=self._force)
             case _:
                 signal = OURS[name if role == "" else HEADINGS][1](r)
         if not isinstance(signal, Sensor):
@@ -187,4 +196,4 @@ class SensorLog:
 
 
 def _named(topics: Topics) -> list[tuple[str, str | None]]:
-    return [(role, getattr(topics, role)) for role in ("depth", "color", "info", "imu", "headings")]
+    return [(role, getattr(topics, role)) for role in ("depth", "color", "info", "imu", "accel", "headings")]

@@ -46,11 +46,13 @@ class Topics:
     color: str | None = None
     info: str | None = None
     imu: str | None = None
+    accel: str | None = None
+    """Of an IMU whose gyro and accelerometer have a topic each."""
     headings: str | None = None
     """Headings that vision saw at the time; they stand in for images."""
 
 
-KINDS = {"depth": IMAGE, "color": IMAGE, "info": CAMERA_INFO, "imu": IMU, "headings": OURS[HEADINGS][0]}
+KINDS = {"depth": IMAGE, "color": IMAGE, "info": CAMERA_INFO, "imu": IMU, "accel": IMU, "headings": OURS[HEADINGS][0]}
 
 
 def packets(path: Path, wants: Callable[[str], bool], *, sealed: bool) -> Iterator[Packet]:
@@ -136,13 +138,13 @@ def roles(where: Path, found: Mapping[str, Found], named: Mapping[str, str], *, 
         _check_named(where, found, role, name)
     depth = named.get("depth") or _depth(found)
     headings = named.get("headings") or (HEADINGS if HEADINGS in found and found[HEADINGS].kind == KINDS["headings"] else None)
-    which_imu = named.get("imu") or _imu(where, found)
+    gyro, accel = (named["imu"], named.get("accel")) if "imu" in named else _imu(where, found)
     if depth is None:
         if headings is None:
             raise LogFormatError(
                 f"{where}: neither depth images nor headings seen{_compressed(found)} (there are: {listed(found)})"
             )
-        return Topics(imu=which_imu, headings=headings)
+        return Topics(imu=gyro, accel=accel, headings=headings)
     color = named.get("color") or _color(found, depth)
     if color is not None and found[color].size != found[depth].size:
         sizes = " and ".join(f"{name} {found[name].size[0]}×{found[name].size[1]}" for name in (color, depth))
@@ -156,7 +158,7 @@ def roles(where: Path, found: Mapping[str, Found], named: Mapping[str, str], *, 
     if info is not None and found[info].size != found[depth].size:
         sizes = " and ".join(f"{name} {found[name].size[0]}×{found[name].size[1]}" for name in (info, depth))
         raise LogFormatError(f"{where}: sizes differ: {sizes}; name the calibration of that image: --topics info=…")
-    return Topics(depth=depth, color=color, info=info, imu=which_imu)
+    return Topics(depth=depth, color=color, info=info, imu=gyro, accel=accel)
 
 
 def parse_topics(text: str | None) -> dict[str, str]:
@@ -212,12 +214,16 @@ def _info(found: Mapping[str, Found], depth: str, color: str | None) -> str | No
     return known[0] if len(known) == 1 else None
 
 
-def _imu(where: Path, found: Mapping[str, Found]) -> str | None:
+def _imu(where: Path, found: Mapping[str, Found]) -> tuple[str | None, str | None]:
+    """Return the topic of the IMU, or of its gyro and of its accelerometer."""
     known = [name for name, item in found.items() if item.kind == IMU]
     best = [name for name in known if name.endswith(("/imu", "/imu/data"))] or known
     if len(best) > 1:
+        gyros, accels = ([name for name in best if word in name] for word in ("gyro", "accel"))
+        if len(gyros) == len(accels) == 1:
+            return gyros[0], accels[0]
         raise LogFormatError(f"{where}: several IMU topics ({listed(best)}); name one: --topics imu={best[0]}")
-    return best[0] if best else None
+    return (best[0] if best else None), None
 
 
 def _compressed(found: Mapping[str, Found]) -> str:
