@@ -1,5 +1,6 @@
 """Logs: what goes in comes out, the same in gives the same bytes, and a damaged file is one LogFormatError."""
 
+import errno
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
-from treadline.errors import LogFormatError
+from treadline.errors import LogFormatError, TreadlineError
 from treadline.io import mcap_read
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
@@ -138,6 +139,24 @@ def test_an_interrupted_run_leaves_a_readable_log(tmp_path: Path) -> None:
         interrupted()
     assert [signal.rate_m_s for signal in read_log(path)] == [0.5]
     assert [item.name for item in tmp_path.iterdir()] == ["log.mcap"]
+
+
+@pytest.mark.parametrize("step", ["add_message", "finish"])
+def test_a_log_that_cannot_be_written_is_one_error_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def written() -> None:
+        with RunLog(tmp_path / "log.mcap") as log:
+            monkeypatch.setattr(log._writer, "finish", full)
+            monkeypatch.setattr(log._writer, step, full)
+            log(SeatCommand(t_s=0.0, rate_m_s=0.0))
+
+    with pytest.raises(TreadlineError, match=r"log\.mcap: cannot be written: No space"):
+        written()
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:

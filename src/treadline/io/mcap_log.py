@@ -4,12 +4,15 @@ It grows under a temporary name and takes its own when closed; an interrupted ru
 """
 
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from treadline.errors import TreadlineError
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.messages import DEFINITIONS, messages_of
 from treadline.signals import RgbdFrame
@@ -48,17 +51,36 @@ class RunLog:
                 return
         time_ns = nanoseconds_of(signal.t_s)
         for topic, kind, data in messages_of(signal):
-            channel = self._channel(topic, kind)
-            self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
+            with self._told():
+                channel = self._channel(topic, kind)
+                self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
             self._counts[channel] += 1
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
+        """Finish the file and give it its name.
+
+        Raises:
+            TreadlineError: If it cannot be finished, as on a full disk; nothing is left of it then.
+        """
         if self._file.closed:
             return
-        self._writer.finish()
-        self._file.close()
-        self._temporary.replace(self._path)
+        try:
+            with self._told():
+                self._writer.finish()
+                self._file.close()
+                self._temporary.replace(self._path)
+        except TreadlineError:
+            with suppress(OSError):
+                self._file.close()
+            self._temporary.unlink(missing_ok=True)
+            raise
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise TreadlineError(f"{self._path}: cannot be written: {error.strerror or error}") from None
 
     def _channel(self, topic: str, kind: str) -> int:
         if topic not in self._channels:
