@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Field, field_validator, model_validator
 
 from treadline.angles import DEG
 from treadline.settings import Settings, read_toml
@@ -12,6 +13,8 @@ from treadline.signals import PinholeCamera
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
 """Share of the image: a principal point there belongs to an image of twice the size, not to a crop that anyone takes."""
+RIGID = 1e-3
+"""How far a rotation may be from one: calibrations are printed with few digits."""
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
@@ -27,11 +30,32 @@ class CameraFile(Settings):
     depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
     """One count of the depth image; 0 and 65535 mean no return."""
     registered: bool = True
-    """Whether colour and depth share one image plane."""
+    """Whether colour and depth share one image plane; if not, the numbers above are the depth camera's."""
+    X_depth_colour: tuple[float, ...] | None = None
+    """Pose of the colour camera in the depth camera, of like lens: four or three rows of four numbers [m]."""
     mount_pitch_deg: float = 0.0
     mount_roll_deg: float = 0.0
     mount_yaw_deg: float = 0.0
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @field_validator("X_depth_colour", mode="before")
+    @classmethod
+    def _rows_in_a_row(cls, value: object) -> object:
+        rows = value if isinstance(value, tuple) else ()
+        return tuple(cell for row in rows for cell in row) if rows and all(isinstance(row, tuple) for row in rows) else value
+
+    @model_validator(mode="after")
+    def _poses_are_rigid(self) -> "CameraFile":
+        if self.X_depth_colour is not None:
+            X = np.array(self.X_depth_colour)
+            if X.size not in {12, 16}:
+                raise ValueError(f"X_depth_colour holds {X.size} numbers; give four rows of four, the last 0, 0, 0, 1")
+            R = X.reshape(-1, 4)[:3, :3]
+            if np.abs(R @ R.T - np.eye(3)).max() > RIGID or np.linalg.det(R) < 0.0:
+                raise ValueError(
+                    "X_depth_colour turns by a matrix that is no rotation; its rows must be unit vectors at right angles"
+                )
+        return self
 
     @model_validator(mode="after")
     def _fits_its_size(self) -> "CameraFile":

@@ -17,7 +17,7 @@ from treadline.angles import DEG
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 
-TURNS = np.geomspace(0.003 * DEG, 1.0 * DEG, 16)
+TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
 """Irregularities of a stair that are thought possible, each step as likely as the next: spread of its surfaces' angles."""
 OUTLIER = 3.0 * DEG
 """A surface this far from the middle of three or more, and by many of its deviations, is no part of the stair."""

@@ -25,14 +25,30 @@ def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
     Raises:
         ImageError: If a file is missing or no image, sizes differ, or the depth cannot be one.
     """
+    if not calibration.registered and calibration.X_depth_colour is None:
+        raise ImageError(
+            f"{depth}: the calibration says registered = false; register depth to colour first, or give the pose X_depth_colour"
+        )
+    colour, depth_m = _colour(rgb, calibration), _depth(depth, calibration)
     if not calibration.registered:
-        raise ImageError(f"{depth}: the calibration says registered = false; register depth to colour first")
-    return RgbdFrame(
-        t_s=0.0,
-        rgb=_colour(rgb, calibration),
-        depth_m=_depth(depth, calibration),
-        camera=calibration.camera,
-    )
+        colour = _on_depth(colour, depth_m, calibration)
+    return RgbdFrame(t_s=0.0, rgb=colour, depth_m=depth_m, camera=calibration.camera)
+
+
+def _on_depth(
+    colour: UInt8[np.ndarray, "h w 3"], depth_m: Float32[np.ndarray, "h w"], calibration: CameraFile
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the colour that each depth pixel's point has; where nothing returned, that at the median depth."""
+    camera = calibration.camera
+    X_DC = np.array(calibration.X_depth_colour).reshape(-1, 4)
+    z = np.where(np.isfinite(depth_m), depth_m, np.nanmedian(depth_m)).astype(float)
+    v, u = np.indices(z.shape)
+    p_D = np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1)
+    p_C = (p_D - X_DC[:3, 3]) @ X_DC[:3, :3]
+    ahead = np.maximum(p_C[..., 2], 1e-3)
+    columns = camera.fx_px * p_C[..., 0] / ahead + camera.cx_px
+    rows = camera.fy_px * p_C[..., 1] / ahead + camera.cy_px
+    return np.asarray(cv2.remap(colour, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR))
 
 
 def alone(path: Path) -> ImageError:

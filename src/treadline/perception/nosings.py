@@ -227,6 +227,9 @@ def _is_flight(row: Sequence[Nosing]) -> bool:
     if sum(_common_width(near, far) for near, far in itertools.pairwise(row)) < WIDTH_M:
         return False
     telling = [nosing for nosing in row if nosing.tells]
+    # The foot of a wall behind a bench, cut off by the image, is no second riser: heights must be seen.
+    if sum(nosing.up_m is not None for nosing in telling) < 2:
+        return False
     return len(telling) >= 3 or (len(telling) == 2 and all(nosing.is_plain for nosing in telling))
 
 

@@ -228,7 +228,7 @@ def _best_flight(
         return best
     if not voted:
         return "no riser and no nosing faces the camera"
-    return f"{most_risers} riser(s) in view, none a step from another, and no two nosings a step apart"
+    return f"{most_risers} riser(s) in view, and no two nosings a step apart whose heights are seen"
 
 
 def _is_riser(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
