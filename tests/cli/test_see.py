@@ -16,6 +16,8 @@ from treadline.cli import main
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.perception import StairDetector
+from treadline.perception.camera_file import read_camera
+from treadline.perception.images import read_frame
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
 from treadline.sim.camera import Camera
@@ -329,6 +331,43 @@ def test_a_picture_that_announces_too_many_pixels_is_refused(run, folder: Path) 
 def test_a_calibration_of_another_size_is_noticed_by_its_centre(run, folder: Path) -> None:
     (folder / "camera.toml").write_text(CAMERA.replace("cx_px = 159.5", "cx_px = 319.5"))
     assert_refused(run("see", *pair(folder)), "cx_px = 319.5", "320×240", "another size")
+
+
+POSE = "registered = false\nX_depth_colour = [[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
+
+
+def test_colour_from_beside_the_depth_camera_is_put_on_depth(folder: Path) -> None:
+    # A wall at 1.5 m, painted with a ramp: 50 mm to the side is 287.5 · 0.05 / 1.5 = 9.6 columns.
+    write_depth(folder / "a_depth.png", np.full((240, 320), 1500.0))
+    ramp = np.repeat(np.round(np.arange(320) * 0.75).astype(np.uint8)[None, :, None], 240, axis=0).repeat(3, axis=2)
+    cv2.imwrite(str(folder / "a_rgb.png"), ramp)
+    (folder / "camera.toml").write_text(CAMERA + POSE.format(x=0.05))
+    frame = read_frame(folder / "a_rgb.png", folder / "a_depth.png", read_camera(folder / "camera.toml"))
+    seen = frame.rgb[120, 20:300, 0].astype(float)
+    # What depth sees in column u, a camera 50 mm to the right sees 9.6 columns further left.
+    np.testing.assert_allclose(seen, 0.75 * (np.arange(20, 300) - 287.5 * 0.05 / 1.5), atol=1.0)
+
+
+def test_a_pose_of_nothing_changes_nothing(run, folder: Path) -> None:
+    before = run("see", *pair(folder), "--json").values
+    (folder / "camera.toml").write_text(CAMERA + POSE.format(x=0))
+    after = run("see", *pair(folder), "--json").values
+    assert {**after, "ms": 0} == {**before, "ms": 0}
+
+
+@pytest.mark.parametrize(
+    ("pose", "word"),
+    [
+        ("[1, 0, 0, 0]", "4 numbers"),
+        ("[[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]", "no rotation"),
+        ("[[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]", "no rotation"),
+        ('"none"', "X_depth_colour"),
+        ("[[1, 0, 0, 0], [0, 1, 0, nan], [0, 0, 1, 0]]", "X_depth_colour"),
+    ],
+)
+def test_a_pose_that_is_none_is_refused(run, folder: Path, pose: str, word: str) -> None:
+    (folder / "camera.toml").write_text(CAMERA + f"registered = false\nX_depth_colour = {pose}\n")
+    assert_refused(run("see", *pair(folder)), "camera.toml", word)
 
 
 def test_a_table_of_gravity_that_is_no_text_or_names_a_frame_twice_is_refused(run, folder: Path) -> None:
