@@ -9,7 +9,7 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.edges import canny, depth_image, thresholds, without_abrupt_depth
+from treadline.perception.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth
 from treadline.perception.merge import bounding_box, merged, most_frequent_slope
 from treadline.perception.paper import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.pictures import write_stages
@@ -127,7 +127,23 @@ def test_the_otsu_rule_parts_two_populations() -> None:
     assert lower == 0.5 * upper
 
 
-@pytest.mark.parametrize("rule", ["median", "otsu"])
+@pytest.mark.parametrize("rule", ["rosin", "mad"])
+@pytest.mark.parametrize("light", [1.0, 0.3])
+def test_rules_on_the_gradient_find_a_step_in_dim_light_and_no_noise(rule: str, light: float) -> None:
+    rng = np.random.default_rng(5)
+    picture = np.full((120, 160), 60.0)
+    picture[:, 80:] = 160.0
+    grey = grey_of(
+        np.repeat((light * (picture + 4.0 * rng.standard_normal(picture.shape)))[:, :, None], 3, axis=2).astype(np.uint8)
+    )
+    edges = canny(grey, rule)
+    assert edges[:, 77:84].any(axis=1).mean() > 0.95
+    # Five median deviations leave three noise pixels in a thousand; those next to them follow.
+    assert edges[:, :70].mean() < 0.03
+    assert edges[:, 90:].mean() < 0.03
+
+
+@pytest.mark.parametrize("rule", ["median", "otsu", "rosin", "mad"])
 def test_a_black_picture_has_no_edges(rule: str) -> None:
     assert not canny(np.zeros((40, 40), dtype=np.uint8), rule).any()
 
