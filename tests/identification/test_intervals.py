@@ -138,12 +138,25 @@ def test_a_subspace_model_holds_the_true_gain_95_times_in_100(eq_12: LinearModel
 
 
 @pytest.mark.parametrize("method", ["okid-era", "pbsid"])
-def test_a_subspace_model_holds_the_true_poles_at_least_95_times_in_100(eq_12: LinearModel, method: str) -> None:
+def test_a_subspace_model_holds_the_true_poles_95_times_in_100(eq_12: LinearModel, method: str) -> None:
     reports = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
     poles = [hit for item in reports if item is not None for hit in poles_held(item, eq_12)]
-    # 95 % less one and a half of 200 hits' 1.5 %: PBSID was right, OKID/ERA wide.
+    # 95 % less one and a half of 200 hits' 1.5 %.
     assert len(poles) == 200
     assert np.mean(poles) >= 0.93
+
+
+@pytest.mark.parametrize(("lags", "memory"), [(None, 0.0), (20, 0.0), (20, 0.8)], ids=["few", "many", "coloured"])
+def test_okid_era_holds_the_true_poles_95_times_in_100_whatever_the_lags(
+    eq_12: LinearModel, lags: int | None, memory: float
+) -> None:
+    found = [
+        identify(record_of(eq_12, seed, 1000, 0.05, memory), order=2, lags=lags, method="okid-era").intervals for seed in range(120)
+    ]
+    poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
+    # 240 hits scatter by 1.4 %. Where β answered an innovation twice over, 99.8 % were held under coloured noise.
+    assert len(poles) == 240
+    assert 0.92 <= np.mean(poles) <= 0.98
 
 
 def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:
@@ -177,9 +190,9 @@ def test_the_interval_of_the_impulse_response_is_the_spread_over_many_records(eq
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
     told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
     # A deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy ones:
-    # first order takes them for less sure than they are, up to twice.
+    # first order takes them for less sure than they are, by a half at most.
     np.testing.assert_allclose(told[:2], spread[:2], rtol=0.25)
-    assert np.all((told > 0.8 * spread) & (told < 2.2 * spread))
+    assert np.all((told > 0.8 * spread) & (told < 1.6 * spread))
 
 
 def test_an_exact_model_is_sure_of_itself(draw: Draw) -> None:

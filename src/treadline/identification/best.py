@@ -34,7 +34,7 @@ ROWS_PER_STATE = 8
 PATIENCE = 3
 """Orders that may pass without gain before a row ends."""
 LAGS = (10, 20, 40)
-"""Lags tried beside those of Schwarz's criterion, as far as the data carry them."""
+"""Lags tried beside those of Schwarz's criterion, as far as the data carry them; short data as many as they do."""
 DESCENT = 2
 """Smaller orders that may do worse before the descent ends: modes come in pairs."""
 FAR = 1.5
@@ -127,7 +127,8 @@ def best(
     if around:
         orders = range(max(1, guess - 1), guess + 2)
     first = Recipe(method="okid-era", lags=lags, order=0)
-    rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted({lags, *(n for n in LAGS if n <= whole.data.lags)})]
+    others = {lags, min(LAGS[0], whole.data.lags), *(n for n in LAGS if n <= whole.data.lags)}
+    rows = [Recipe(method="pbsid", lags=other, order=0) for other in sorted(others)]
     breadth = NARROW if around or order is not None else WIDE
     if breadth is WIDE:
         rows = [first, *rows]

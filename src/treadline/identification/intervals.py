@@ -202,7 +202,7 @@ def _markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count:
         if at <= lags:
             entering[at] = lagged[at - 1, :m].transpose(1, 0, 2)
         entering[at] += np.einsum("iopk,iom->pmk", lagged[:reach, m:], Y[at - reach : at][::-1], optimize=True)
-    answers = unroll(np.eye(p), observer.beta, observer.beta, count)
+    answers = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, count)
     for at in range(count - 1, 0, -1):
         entering[at] = np.tensordot(answers[: at + 1], entering[at::-1], axes=([0, 2], [0, 1]))
     return entering

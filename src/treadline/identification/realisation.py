@@ -80,7 +80,7 @@ def observer_gain(
     lags, p, _ = observer.beta.shape
     steps = max(lags, A.shape[0]) + 1
     # I, CK, CAK, …: the response of the outputs to an innovation.
-    response = unroll(np.eye(p), observer.beta, observer.beta, steps)
+    response = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, steps)
     O = observability(np.ascontiguousarray(A), np.ascontiguousarray(C), steps - 1).reshape(-1, A.shape[0])
     gain = np.linalg.lstsq(O, response[1:].reshape(-1, p), rcond=None)[0]
     stable = float(np.abs(np.linalg.eigvals(A - gain @ C)).max()) < 1.0
