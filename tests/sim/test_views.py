@@ -54,6 +54,11 @@ def test_the_heading_is_the_angle_between_nosings_and_chair(scene: str) -> None:
         assert truth.edge_C @ seen.true_gravity_C == pytest.approx(0.0, abs=1e-12)
         assert truth.edge_C[0] > 0.0
         assert truth.slope_rad == pytest.approx(np.arctan2(truth.rise_m, truth.run_m))
+        # The normal is square to the nosings, and by the slope from upright.
+        assert truth.normal_C @ truth.edge_C == pytest.approx(0.0, abs=1e-12)
+        assert -truth.normal_C @ seen.true_gravity_C == pytest.approx(np.cos(truth.slope_rad))
+        gaps = np.diff(truth.nosings_B, axis=0) @ seen.true_camera.R_BC
+        np.testing.assert_allclose(gaps @ truth.normal_C, 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])

@@ -62,6 +62,8 @@ class StairTruth:
     heading_rad: float
     edge_C: Float[np.ndarray, " 3"]
     """Unit vector along the nosings, pointing to the chair's right."""
+    normal_C: Float[np.ndarray, " 3"]
+    """Unit vector square to the plane through the nosings, pointing away from the stair."""
     slope_rad: float
     rise_m: float
     run_m: float
@@ -356,6 +358,7 @@ def _truth(
         direction=direction,
         heading_rad=math.atan2(-edge_B[0], -edge_B[1]),
         edge_C=camera.R_BC.T @ edge_B,
+        normal_C=camera.R_BC.T @ pose.R_WB.T @ staircase.R_WS[:, 2],
         slope_rad=staircase.slope_rad,
         rise_m=staircase.pitch_m * math.sin(staircase.slope_rad),
         run_m=staircase.pitch_m * math.cos(staircase.slope_rad),
