@@ -94,6 +94,7 @@ class ReplayScores:
     _recorded_to_truth: Spread = field(default_factory=Spread)
     _vision_to_truth: Spread = field(default_factory=Spread)
     _normalised: Spread = field(default_factory=Spread)
+    _vision_normalised: Spread = field(default_factory=Spread)
     _tracks: Spread = field(default_factory=Spread)
     _seat: Spread = field(default_factory=Spread)
     _brakes: int = 0
@@ -138,7 +139,9 @@ class ReplayScores:
                 self._recorded_to_truth.add(wrap(recorded.heading_rad - truth.heading_rad))
             for seen in self._now:
                 if abs(seen.t_s - tick.t_s) < SAME_S:
-                    self._vision_to_truth.add(wrap(seen.heading_rad - truth.heading_rad))
+                    error = wrap(seen.heading_rad - truth.heading_rad)
+                    self._vision_to_truth.add(error)
+                    self._vision_normalised.add(error / max(seen.sigma_rad, 1e-9))
         self._compare_commands(tick)
         self._row(tick, truth)
         self._now.clear()
@@ -156,6 +159,7 @@ class ReplayScores:
             "vision_rms_error_deg": self._vision_to_truth.rms_deg,
             "vision_largest_error_deg": self._vision_to_truth.largest_deg,
             "normalised_error_squared": self._normalised.mean_square,
+            "vision_normalised_error_squared": self._vision_normalised.mean_square,
             "largest_command_gap_m_s": self._tracks.largest if self._tracks.count else None,
             "largest_seat_gap_m_s": self._seat.largest if self._seat.count else None,
             "commands_compared": self._tracks.count // 2,
