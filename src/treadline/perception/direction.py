@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
+from treadline.perception.lines import Line
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 
@@ -55,6 +56,8 @@ class EdgeFit:
 class _Pooled:
     mean: float
     sigma: float
+    spread: float
+    """Irregularity that was found, RMS."""
     weights: Float[np.ndarray, " k"]
 
 
@@ -77,7 +80,12 @@ def pooled(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], 
     belief /= belief.sum()
     mean = float(belief @ means)
     variance = float(belief @ (1.0 / total + (means - mean) ** 2))
-    return _Pooled(mean=mean, sigma=float(np.sqrt(variance)), weights=belief @ (precision / total[:, None]))
+    return _Pooled(
+        mean=mean,
+        sigma=float(np.sqrt(variance)),
+        spread=float(np.sqrt(belief @ TURNS**2)),
+        weights=belief @ (precision / total[:, None]),
+    )
 
 
 def fit_edges(
@@ -109,7 +117,7 @@ def fit_edges(
         kept = _agreeing(values, variances) | regular
         rho = pooled(values[kept], variances[kept], regular[kept])
         tipped = edge + rho.mean * d
-        said = [_of_nosing(nosing, tipped, a, d) for nosing in nosings]
+        said = [_of_nosing(nosing, tipped, a, d, rho.spread) for nosing in nosings]
         angles, noise, per_rho = (np.array(column) for column in zip(*said, strict=True))
         kept = _agreeing(angles, noise)
         alpha = pooled(angles[kept], noise[kept], np.zeros(int(kept.sum()), dtype=bool))
@@ -123,7 +131,7 @@ def fit_edges(
         rho_sigma_rad=rho.sigma,
         alpha_per_rho=float(alpha.weights @ per_rho[kept]),
         scatter_rad=float(np.sqrt(np.mean((angles[kept] - alpha.mean) ** 2))),
-        planes_against_lines_rad=_planes_against_lines(nosings, edge, a),
+        planes_against_lines_rad=_planes_against_lines(nosings, edge, a, d, rho.spread),
     )
 
 
@@ -142,14 +150,35 @@ def _agreeing(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"
     return off < np.maximum(OUTLIER, OUTLIER_SIGMAS * np.sqrt(variances))
 
 
+def _of_line(
+    line: Line,
+    edge: Float[np.ndarray, " 3"],
+    ahead: Float[np.ndarray, " 3"],
+    down: Float[np.ndarray, " 3"],
+    tilt_rad: float,
+) -> tuple[float, float, float]:
+    """Return the angle that a line asks for, its variance, and how it changes with ρ.
+
+    Seen from above at a slant, an edge that is off level by itself, as its tread is, looks turned.
+    """
+    angle, variance = _said(line.normal, line.covariance, edge, ahead)
+    per_rho = -float(line.normal @ down) / float(line.normal @ ahead)
+    return angle, variance + (per_rho * tilt_rad) ** 2, per_rho
+
+
 def _of_nosing(
-    nosing: Nosing, edge: Float[np.ndarray, " 3"], ahead: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]
+    nosing: Nosing,
+    edge: Float[np.ndarray, " 3"],
+    ahead: Float[np.ndarray, " 3"],
+    down: Float[np.ndarray, " 3"],
+    tilt_rad: float,
 ) -> tuple[float, float, float]:
     """Return the angle one nosing asks for, its noise, and how it changes with ρ: riser and line turn together."""
-    said = [(line.normal, line.covariance) for line in nosing.lines]
+    angles = [_of_line(line, edge, ahead, down, tilt_rad) for line in nosing.lines]
     if nosing.riser is not None:
-        said.append((nosing.riser.unit, nosing.riser.covariance / float(nosing.riser.normal @ nosing.riser.normal)))
-    angles = [(*_said(n, covariance, edge, ahead), -float(n @ down) / float(n @ ahead)) for n, covariance in said]
+        n = nosing.riser.unit
+        said = _said(n, nosing.riser.covariance / float(nosing.riser.normal @ nosing.riser.normal), edge, ahead)
+        angles.append((*said, -float(n @ down) / float(n @ ahead)))
     precision = np.array([1.0 / variance for _, variance, _ in angles])
     share = precision / precision.sum()
     angle = float(share @ [angle for angle, _, _ in angles])
@@ -157,12 +186,16 @@ def _of_nosing(
 
 
 def _planes_against_lines(
-    nosings: Sequence[Nosing], edge: Float[np.ndarray, " 3"], ahead: Float[np.ndarray, " 3"]
+    nosings: Sequence[Nosing],
+    edge: Float[np.ndarray, " 3"],
+    ahead: Float[np.ndarray, " 3"],
+    down: Float[np.ndarray, " 3"],
+    tilt_rad: float,
 ) -> tuple[float, float] | None:
     """Return by how much risers and nosings differ in α, and the standard deviation of that."""
     risers = [nosing.riser for nosing in nosings if nosing.riser is not None]
     planes = [_said(riser.unit, riser.covariance / float(riser.normal @ riser.normal), edge, ahead) for riser in risers]
-    lines = [_said(line.normal, line.covariance, edge, ahead) for nosing in nosings for line in nosing.lines]
+    lines = [_of_line(line, edge, ahead, down, tilt_rad)[:2] for nosing in nosings for line in nosing.lines]
     if not planes or not lines:
         return None
     means = []

@@ -286,9 +286,10 @@ def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axe
     last = max(points, key=lambda point: float(point @ axes.ahead))
     ahead, up = float(last @ axes.ahead), float(last @ axes.up)
     middle = float(np.median([point @ axes.right for point in points]))
-    asides = middle + np.linspace(-0.25, 0.25, 11)
+    asides = middle + np.linspace(-0.25, 0.25, 15)
     if shape.direction == "up":
-        heights = up + np.linspace(0.15, 0.9, 9) * shape.rise_m
+        # Close below the next edge: a board without a riser is no thicker.
+        heights = up + np.linspace(0.82, 0.97, 7) * shape.rise_m
         places = [(ahead + shape.run_m, aside, height) for height in heights for aside in asides]
     else:
         behind = ahead + shape.run_m * np.linspace(1.25, 1.9, 9)

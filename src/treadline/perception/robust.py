@@ -110,7 +110,8 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
         gap_m=TREAD_GAP_M,
         least=LEAST_BLOCKS,
     )
-    treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT]
+    # A level surface above the eye is the underside of something.
+    treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT and float(tread.centre @ level.up) < 0.0]
     seen = _best_flight(frame, blocks, unit, np.abs(rise) < np.sin(UPRIGHT), treads, level, down.directions)
     if isinstance(seen, str):
         return refused(seen)
