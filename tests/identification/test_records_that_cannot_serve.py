@@ -59,6 +59,14 @@ def test_degrees_are_taken_for_what_they_are(draw: Draw) -> None:
         identify(degrees)
 
 
+def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(draw: Draw) -> None:
+    record = draw(0)
+    y = record.y + np.array([20.0, 0.0])
+    found = identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0, output_names=("yaw_unwrapped_rad", "yaw_rate_rad_s")), order=2)
+    # The nearest operating point to the data's means, of the many that an offset of the inputs leaves.
+    assert found.model.output_offset[0] == pytest.approx(20.0, abs=0.1)
+
+
 def test_a_short_record_says_how_many_samples_are_needed(draw: Draw) -> None:
     # One row holds a constant, both inputs now, and two inputs and two outputs of one lag: 7 unknowns, 14 samples.
     with pytest.raises(PoorExcitation, match=r"12 samples are too few: 2 inputs, 2 outputs .* need more than 14"):

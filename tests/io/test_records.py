@@ -69,6 +69,12 @@ def test_a_fault_is_named_with_its_place_on_one_line(tmp_path: Path, case: str) 
     assert "\n" not in str(caught.value)
 
 
+def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(tmp_path: Path) -> None:
+    lines = [line.replace("heading_rad", "heading_unwrapped_rad") for line in replaced(3, "0.75,0.2,0.2,20.0")]
+    record = read_record(written(tmp_path / "record.csv", lines), INPUTS, ("heading_unwrapped_rad",))
+    assert record.y[3, 0] == 20.0
+
+
 def test_what_is_no_text_file_is_refused_by_name(tmp_path: Path) -> None:
     latin = tmp_path / "latin.csv"
     latin.write_bytes(HEADER.encode() + b"\n\xff,0,0,0\n")

@@ -12,6 +12,8 @@ from treadline.models import InputOutputRecord
 GAP_SHARE = 0.2
 """Largest share of rows with a NaN: beyond it, what is left is not the experiment that was run."""
 
+UNWRAPPED = "_unwrapped_rad"
+"""What the name of an angle ends in that may pass π: nothing but its name tells it from degrees, which move as smoothly."""
 TOGETHER = 1e-13
 """Variance of the weakest combination of inputs, over one input's, that rounding may leave."""
 FEW_SAMPLES = 4.0
@@ -64,10 +66,12 @@ def check_alike(records: list[InputOutputRecord]) -> None:
 def _check_finite(record: InputOutputRecord, where: str) -> None:
     names = channel_names(record)
     for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):
-        if name.endswith("_rad") and np.nanmax(np.abs(column), initial=0.0) > math.pi and not np.isinf(column).any():
+        if not name.endswith("_rad") or name.endswith(UNWRAPPED):
+            continue
+        if np.nanmax(np.abs(column), initial=0.0) > math.pi and not np.isinf(column).any():
             raise ShapeMismatch(
                 f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
-                "meant? convert it"
+                f"meant? convert it; an angle that was unwrapped is called …{UNWRAPPED}"
             )
     if np.isfinite(record.u).all() and np.isfinite(record.y).all():
         return

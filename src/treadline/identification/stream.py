@@ -1,13 +1,13 @@
 """Identification of more data than the memory holds: the sums of all of it, and its last samples to judge by."""
 
 import time
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_records
-from treadline.identification.gram import Gram, GramBuilder
+from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
 from treadline.identification.identify import SOLVERS, from_sums, made_by
 from treadline.identification.threads import one_thread
@@ -34,7 +34,8 @@ def identify_chunks(
     """Return the linear model of one long experiment that comes in chunks, in bounded memory.
 
     Args:
-        chunks: Consecutive parts of one experiment; the first decides the units of the sums, and how many lags are tried.
+        chunks: Consecutive parts of one experiment; the first in which every channel moves decides the units of the sums, and how
+            many lags are tried.
         order: Number of states; the largest gap of the singular values decides when left out.
         lags: Observer lags; Schwarz's criterion decides when left out.
         method: ``pbsid``, ``okid-era`` or ``era-dc``.
@@ -49,8 +50,12 @@ def identify_chunks(
     for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; for chunks allowed: {', '.join(allowed)}")
-    data, halves, last = _summed(chunks, lags, order, solver)
+    rest = iter(chunks)
+    start = _start(rest, lags, order)
+    data, halves, last = _summed(start, rest, solver)
     warnings = [f"figures are on the last {len(last)} samples"] if data.count > len(last) else []
+    if start.left_out:
+        warnings.append(f"the first {start.left_out} samples, in which a channel stands still, were left out")
     found = from_sums(
         data, halves, [last], order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, again=False
     )
@@ -65,28 +70,52 @@ def identify_chunks(
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Start:
+    """The first samples in which every channel moves, and what they tell."""
+
+    record: InputOutputRecord
+    units: Units
+    lags: int
+    left_out: int
+    """Samples before them."""
+
+
+def _start(chunks: Iterator[InputOutputRecord], lags: int | None, order: int | None) -> _Start:
+    """Return the first chunks, as many as it takes until every channel moves and the lags are carried.
+
+    A robot waits to be sent: what it does meanwhile is kept as far as the memory goes.
+    """
+    waiting: InputOutputRecord | None = None
+    refused = PoorExcitation("there is no chunk of data; give a longer record")
+    left_out = 0
+    for chunk in chunks:
+        waiting = chunk if waiting is None else joined_in_time(waiting, chunk)
+        try:
+            units = check_records([waiting])
+            return _Start(record=waiting, units=units, lags=carried_lags([waiting], lags, order), left_out=left_out)
+        except PoorExcitation as error:
+            refused = error
+            too_many = max(0, len(waiting) - KEPT)
+            waiting, left_out = part(waiting, too_many, len(waiting)), left_out + too_many
+    raise refused
+
+
 def _summed(
-    chunks: Iterable[InputOutputRecord], lags: int | None, order: int | None, solver: str
+    start: _Start, rest: Iterator[InputOutputRecord], solver: str
 ) -> tuple[Gram, tuple[Gram, Gram] | None, InputOutputRecord]:
     """Return the sums of all chunks, those of two parts of about a half, and the last samples."""
-    builder: GramBuilder | None = None
-    last: InputOutputRecord | None = None
-    marks: dict[int, Gram] = {}
-    count = 0
-    for count, chunk in enumerate(chunks, start=1):
-        if builder is None or last is None:
-            units = check_records([chunk])
-            builder = GramBuilder(carried_lags([chunk], lags, order), units, chunk.dt_s, solver=solver)
-            last = chunk
-        else:
-            last = joined_in_time(last, chunk)
+    last, count = start.record, 1
+    builder = GramBuilder(start.lags, start.units, last.dt_s, solver=solver)
+    builder.add(last.u, last.y)
+    marks = {1: builder.finish()}
+    for count, chunk in enumerate(rest, start=2):
         builder.add(chunk.u, chunk.y)
+        last = joined_in_time(last, chunk)
         last = part(last, max(0, len(last) - KEPT), len(last))
         if count & (count - 1) == 0:  # after 1, 2, 4, 8 … chunks: one of them is near the half
             marks[count] = builder.finish()
-    if builder is None or last is None:
-        raise PoorExcitation("there is no chunk of data; give a longer record")
     whole = replace(builder.finish(), names=channel_names(last))
     first = marks[max(mark for mark in marks if 2 * mark <= max(count, 2))]
     halves = (first, whole - first) if count > 1 else None
-    return whole, halves, last
+    return whole, halves, part(last, max(0, len(last) - KEPT), len(last))

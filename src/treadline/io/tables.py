@@ -16,6 +16,8 @@ from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordEr
 
 SECONDS = ("t_s", "t", "time")
 NANOSECONDS = ("t_ns", "timestamp_ns")
+UNWRAPPED = "_unwrapped_rad"
+"""What the name of an angle ends in that may pass π."""
 MOST_GAPS = 0.2
 """Largest share of rows with NaN."""
 MOST_NAMED = 12
@@ -98,8 +100,12 @@ def check_values(table: Table, *, allow_gaps: bool) -> None:
         _check_finite(table, (str(table.clock),), table.t_s[:, None], allow_gaps=False)
     for name, column in zip(table.names, table.values.T, strict=True):
         largest = float(np.nanmax(np.abs(column), initial=0.0))
-        if name.endswith("_rad") and largest > math.pi:
-            raise RecordError(f"{table.file}: column '{name}' reaches {largest:.1f}, beyond π: degrees? convert it to radians")
+        # An angle that was unwrapped passes π; only its name tells it from degrees, which move as smoothly.
+        if name.endswith("_rad") and not name.endswith(UNWRAPPED) and largest > math.pi:
+            raise RecordError(
+                f"{table.file}: column '{name}' reaches {largest:.1f}, beyond π: degrees? convert it to radians; an angle "
+                f"that was unwrapped is called …{UNWRAPPED}"
+            )
         if name.endswith("_m_s") and largest > 50.0:
             raise RecordError(f"{table.file}: column '{name}' reaches {largest:.0f} m/s: millimetres? convert it to metres")
 
