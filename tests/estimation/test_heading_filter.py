@@ -1,5 +1,6 @@
 """The heading filter on synthetic truth, and with sensors that fail."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -7,16 +8,16 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rms, wrap
+from treadline.angles import DEG, rms, rotation_y, rotation_z, wrap
 from treadline.estimation import HeadingFilter
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample
+from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 IMU_S, FRAME_S = 0.01, 0.1
 TICKS_PER_FRAME = 10
 VISION_SIGMA_RAD = 0.3 * DEG
 GYRO_SIGMA_RAD_S = 0.35 * DEG
 BIAS_SIGMA_RAD_S, BIAS_TAU_S = 0.005 * DEG, 100.0
-SEEDS = range(1000, 1020)
+SEEDS = range(1000, 1003)
 GAP_FROM_S = 90.0
 
 Frame = tuple[float, float]
@@ -42,12 +43,18 @@ class Climb:
 
     seed: int
     seconds: float = 120.0
+    shaken: bool = False
+    """Whether the gyro is the simulator's MPU-6050 on a shaking chassis, instead of one with 0.35 °/s of white noise."""
+    belts: bool = False
+    """Whether the belts are told: alike in speed, but for what turns the chair."""
     bias_rad_s: float = 0.03 * DEG
     frames: Callable[[float, float], Frame | None] = lambda t_s, heading: (t_s, heading)
     imu: Callable[[float, float], float | None] = lambda _t_s, rate: rate
     truth: Float[np.ndarray, " n"] = field(init=False)
     estimates: list[HeadingEstimate | None] = field(init=False)
     filter: HeadingFilter = field(default_factory=HeadingFilter)
+    faults: list[tuple[float, str]] = field(default_factory=list)
+    """When each fault was told first, and which."""
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(self.seed)
@@ -58,10 +65,14 @@ class Climb:
         self.truth = DEG * (30.0 * np.exp(-t / 2.0) + 0.5 * np.sin(2 * np.pi * t + phase[0]) + np.sin(t / 5 + phase[1]))
         rate = np.gradient(self.truth, IMU_S)
         walk = np.cumsum(BIAS_SIGMA_RAD_S * np.sqrt(2.0 * IMU_S / BIAS_TAU_S) * rng.normal(size=ticks))
-        measured = rate + self.bias_rad_s + walk + GYRO_SIGMA_RAD_S * rng.normal(size=ticks)
+        measured = (
+            self._shaken(rate, rng) if self.shaken else rate + self.bias_rad_s + walk + GYRO_SIGMA_RAD_S * rng.normal(size=ticks)
+        )
         noise = VISION_SIGMA_RAD * rng.normal(size=ticks)
         self.estimates = [None] * ticks
         for k in range(ticks):
+            if self.belts:
+                self.filter.step(TrackReading(t_s=float(t[k]), left_m_s=0.2, right_m_s=0.2 + float(rate[k]) / 0.38, brake_on=False))
             felt = self.imu(float(t[k]), float(measured[k]))
             if felt is not None:
                 self.estimates[k] = self.filter.step(gyro(float(t[k]), felt))
@@ -69,6 +80,30 @@ class Climb:
                 frame = self.frames(float(t[k]), float(self.truth[k] + noise[k]))
                 if frame is not None:
                     self.estimates[k] = self.filter.step(seen(*frame))
+                    self._note()
+
+    def _note(self) -> None:
+        health = self.filter.health
+        if health is not None and health.fault is not None and health.since_s is not None:
+            told = (health.since_s, health.fault)
+            if told not in self.faults:
+                self.faults.append(told)
+
+    def _shaken(self, rate: Float[np.ndarray, " n"], rng: np.random.Generator) -> Float[np.ndarray, " n"]:
+        """Return what an MPU-6050 feels: 0.035 °/s of noise, bias, 1 % of scale, and 0.3 °/s that is an angle's."""
+        turn = 2.0 * np.pi * 8.0 * IMU_S
+        keep = np.exp(-0.15 * turn)
+        driven = 0.0049 * DEG * np.sqrt(1.0 - keep**2) * rng.normal(size=(rate.size, 2)) @ np.array([1.0, 1.0j])
+        phasor, angle = 0.0j, [0.0]
+        for draw in driven.tolist():
+            phasor = keep * np.exp(1j * turn) * phasor + draw
+            angle.append(phasor.real)
+        scale = 1.0 + 0.01 * rng.uniform(-1.0, 1.0)
+        return scale * rate + 0.02 * DEG * rng.normal() + np.diff(angle) / IMU_S + 0.035 * DEG * rng.normal(size=rate.size)
+
+    def found_s(self, since_s: float) -> float:
+        """Return when the filter told the first fault after a time, or infinity."""
+        return min((t_s for t_s, _ in self.faults if t_s >= since_s), default=math.inf)
 
     def errors_deg(self, since_s: float = 0.0, until_s: float = np.inf) -> Float[np.ndarray, " n"]:
         # Far from half a turn, so a plain difference will do.
@@ -87,13 +122,19 @@ def within(t_s: float, start_s: float, seconds: float) -> bool:
 
 @pytest.fixture(scope="module")
 def climbs() -> list[Climb]:
-    """Return twenty climbs of two minutes whose last 30 s show no stair."""
+    """Return three climbs of two minutes with white gyro noise whose last 30 s show no stair."""
     return [Climb(seed, frames=lambda t, h: (t, h) if t < GAP_FROM_S else None) for seed in SEEDS]
+
+
+@pytest.fixture(scope="module")
+def shaken() -> list[Climb]:
+    """Return the same with the simulator's gyro on a shaking chassis."""
+    return [Climb(seed, shaken=True, frames=lambda t, h: (t, h) if t < GAP_FROM_S else None) for seed in SEEDS]
 
 
 def test_noise_and_bias_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
     errors = [rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in climbs]
-    # The target of the design, for each of 20 seeds; 2 s are what averaging 0.3° frames takes.
+    # The target of the design, for each seed; 2 s are what averaging 0.3° frames takes.
     assert max(errors) <= 0.15
 
 
@@ -103,12 +144,18 @@ def test_two_minutes_with_their_last_quarter_unseen_leave_less_than_0_15_degrees
     assert rms(errors) <= 0.15
 
 
-def test_thirty_seconds_without_vision_stay_within_half_a_degree_as_far_as_the_gyro_allows(climbs: list[Climb]) -> None:
+def test_on_a_shaking_chassis_thirty_seconds_without_vision_stay_within_half_a_degree(shaken: list[Climb]) -> None:
+    # The target, at worst. Sigma at the end is 0.12°: 0.09 from the bias, 0.07 from its wandering, 0.03 from where it began.
+    assert max(np.abs(climb.errors_deg(since_s=2.0)).max() for climb in shaken) <= 0.5
+    assert max(rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in shaken) <= 0.10
+
+
+def test_with_white_noise_thirty_seconds_without_vision_stay_as_near_as_the_gyro_allows(climbs: list[Climb]) -> None:
     worst = np.array([np.abs(climb.errors_deg(since_s=2.0)).max() for climb in climbs])
     # 0.35 °/s per sample walk to 0.19° in 30 s, the bias known to 0.005 °/s makes 0.17° and the heading at the start 0.07°:
-    # sigma is 0.28° for the best of all filters, so half a degree is 1.8 sigma at the very end: 93 % of 20 seeds, less one
-    # standard deviation of that count; and nothing beyond three sigma.
-    assert np.count_nonzero(worst <= 0.5) >= 17
+    # sigma is 0.28° for the best of all filters, so half a degree is 1.8 sigma at the very end: 93 % of seeds:
+    # all but one of three, and nothing beyond three sigma.
+    assert np.count_nonzero(worst <= 0.5) >= 2
     assert worst.max() <= 0.85
 
 
@@ -130,6 +177,33 @@ def test_the_declared_sigma_covers_the_error(climbs: list[Climb]) -> None:
     assert 0.90 <= np.mean(np.abs(ratios) < 1.96) <= 0.99
 
 
+def test_sigma_is_true_whether_the_noise_walks_or_shakes(climbs: list[Climb], shaken: list[Climb]) -> None:
+    for group in (climbs, shaken):
+        squares = [
+            ((estimate.heading_rad - truth) / estimate.sigma_rad) ** 2
+            for climb in group
+            for estimate, truth in zip(climb.estimates[200::100], climb.truth[200::100].tolist(), strict=True)
+            if estimate is not None
+        ]
+        # Errors stay for ten seconds or so: some 50 independent ones, a deviation of 0.2; benchmarks/fusion.py asks many
+        # more. Which of the two noises it is takes a minute to learn, and until then sigma lies between.
+        assert 0.4 <= np.mean(squares) <= 1.6
+
+
+def test_what_vision_says_tells_how_much_the_gyro_walks(climbs: list[Climb], shaken: list[Climb]) -> None:
+    walks = [np.mean([climb.filter.health.walk_rad_rts for climb in group if climb.filter.health]) for group in (climbs, shaken)]
+    # 0.35 °/s a sample walk 0.035° in a second, the sensor alone 0.0035°.
+    assert walks[0] > 0.025 * DEG
+    assert walks[1] < 0.018 * DEG
+
+
+def test_a_turn_that_vision_sees_tells_the_gyros_scale() -> None:
+    told = [Climb(9, seconds=20.0, shaken=True, imu=lambda _t, rate, by=by: by * rate).filter.health for by in (1.0, 1.02)]
+    scales = [health.scale for health in told if health is not None]
+    # 2 % of the turn's 30° are 0.6°, three sigma of what was expected, half of it before the heading is known well.
+    assert 0.005 < scales[1] - scales[0] < 0.025
+
+
 def in_burst(t_s: float) -> bool:
     """Say whether a frame is one of the first twenty of a ten-second stretch, the first stretch excepted."""
     frame = round(t_s / FRAME_S)
@@ -145,22 +219,134 @@ def test_bursts_of_two_seconds_with_twelve_degrees_of_bias_are_not_believed(seed
     assert 100 <= climb.filter.rejected_count <= 110
 
 
-def test_a_gyro_that_jumps_is_overruled_after_four_seconds_of_agreeing_frames() -> None:
-    climb = Climb(1, seconds=20.0, imu=lambda t, rate: rate + (19.0 * DEG / IMU_S if abs(t - 10.0) < 1e-9 else 0.0))
+@pytest.mark.parametrize(("jump_deg", "over_s"), [(6.0, 0.1), (19.0, 0.1), (30.0, 0.3)])
+def test_a_gyro_that_jumps_while_vision_goes_on_is_found_out_and_overruled(jump_deg: float, over_s: float) -> None:
+    rate = jump_deg * DEG / over_s
+    climb = Climb(1, seconds=20.0, belts=True, imu=lambda t, felt: felt + (rate if within(t, 10.03, over_s) else 0.0))
     jumped = np.abs(climb.errors_deg())
-    # One sample of 1900 °/s, within the range, turns the estimate by 19°: the trapezoid rule spreads it over two steps.
-    assert jumped[1100] > 15.0
-    # 4 s of frames, one of tolerance; one frame has 0.3°, four sigma of it.
-    assert jumped[1500:].max() < 1.2
+    assert jumped.max() > 0.5 * jump_deg
+    # Three frames make a disagreement; hazard 7 asks for 0.5 s.
+    assert climb.found_s(10.0) <= 10.03 + over_s + 0.4
+    # A second of frames that agree, after a jump of up to 0.3 s and with one frame of tolerance: one of 0.3°, four sigma of it.
+    assert jumped[1200:].max() < 1.2
 
 
-@pytest.mark.parametrize("step_deg_s", [1.0, -2.0])
-def test_a_gyro_that_starts_to_drift_is_overruled_once_and_then_understood(step_deg_s: float) -> None:
-    climb = Climb(1, seconds=45.0, imu=lambda t, rate: rate + (step_deg_s * DEG if t > 20.0 else 0.0))
-    # About 1 s until the gate refuses, 4 s of agreement: the drift runs for 5.5 s.
-    assert np.abs(climb.errors_deg(since_s=20.0)).max() < 5.5 * abs(step_deg_s)
-    # After that the bias is known, and the heading as good as before: four sigma of 0.07°.
-    assert np.abs(climb.errors_deg(since_s=40.0)).max() < 0.3
+def test_a_rate_that_no_chair_reaches_was_never_measured() -> None:
+    clean = Climb(1, seconds=12.0)
+    odd = Climb(1, seconds=12.0, imu=lambda t, rate: rate + (1900.0 * DEG if abs(t - 10.0) < 1e-9 else 0.0))
+    # One sample less: what was turned in 10 ms is interpolated.
+    assert odd.faults == []
+    assert np.abs(odd.errors_deg(since_s=9.9)).max() < np.abs(clean.errors_deg(since_s=9.9)).max() + 0.05
+
+
+@pytest.mark.parametrize("step_deg_s", [1.0, -2.0, 5.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_gyro_that_starts_to_drift_is_found_out_within_a_second_and_understood(seed: int, step_deg_s: float) -> None:
+    climb = Climb(seed, seconds=35.0, belts=True, imu=lambda t, rate: rate + (step_deg_s * DEG if t > 20.03 else 0.0))
+    # 1 °/s and frames of 0.3°: their ramp stands out by 4.5 sigma after 0.8 s, a little sooner with what the belts say. The half
+    # second of hazard 7 is reached from 2 °/s on.
+    assert climb.found_s(20.03) - 20.03 <= (0.95 if abs(step_deg_s) < 2.0 else 0.5)
+    assert climb.faults[0][1] == "drift"
+    # The drift runs for as long as it takes to find, and is known to a third then.
+    assert np.abs(climb.errors_deg(since_s=20.0)).max() < 0.8 + abs(step_deg_s)
+    # After that the bias is known, and the heading as good as before: four sigma of 0.1°.
+    assert np.abs(climb.errors_deg(since_s=27.0)).max() < 0.4
+
+
+def test_honest_sensors_raise_no_alarm(shaken: list[Climb]) -> None:
+    # Six minutes, with and without a stair in view.
+    assert [climb.faults for climb in shaken] == [[]] * len(shaken)
+
+
+@pytest.mark.parametrize(("seed", "askew_deg", "unseen_s"), [(1, -20.0, 0.0), (2, 3.0, 0.0), (3, -12.0, 1.0), (4, 2.5, 1.0)])
+def test_a_landings_wall_does_not_capture_the_heading(seed: int, askew_deg: float, unseen_s: float) -> None:
+    climb = Climb(
+        seed,
+        seconds=34.0,
+        shaken=True,
+        frames=lambda t, h: (t, h) if t < 20.0 else None if t < 20.0 + unseen_s else (t, h + askew_deg * DEG),
+    )
+    # The wall is in view for 14 s, as at the top of a flight; the gyro alone makes 0.2° in that time.
+    assert np.abs(climb.errors_deg(since_s=2.0)).max() < 0.8
+    assert climb.faults[-1][1] == "disagreement"
+    health = climb.filter.health
+    assert health is not None
+    # One frame's noise, four sigma.
+    assert health.disagreement_rad == pytest.approx(askew_deg * DEG, abs=1.2 * DEG)
+    assert health.unseen_s > 12.0
+
+
+def test_a_first_frame_that_was_wrong_is_overruled_after_four_seconds() -> None:
+    climb = Climb(1, seconds=10.0, frames=lambda t, h: (t, h + (15.0 * DEG if t == 0.0 else 0.0)))
+    # Nothing speaks for it but itself.
+    assert np.abs(climb.errors_deg(since_s=5.0)).max() < 1.2
+
+
+def test_a_gyro_that_repeats_itself_while_the_belts_run_is_stuck() -> None:
+    climb = Climb(2, seconds=20.0, belts=True, imu=lambda t, rate: rate if t < 10.0 else 0.003)
+    assert climb.faults[0] == (pytest.approx(10.2, abs=0.011), "stuck")
+    health = climb.filter.health
+    assert health is not None
+    assert health.cause is not None
+    assert "0.172 °/s" in health.cause
+    # As with a gyro that is silent: vision carries the heading for a second, then the stamp stands still.
+    assert climb.estimates[-10] is not None
+    assert climb.estimates[-10].t_s <= 11.3
+
+
+def test_a_gyro_that_repeats_itself_under_a_chair_that_stands_is_believed() -> None:
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.0))
+    heading.step(seen(0.0, 0.1))
+    for k in range(1, 200):
+        heading.step(TrackReading(t_s=k * IMU_S, left_m_s=0.0, right_m_s=0.0, brake_on=True))
+        estimate = heading.step(gyro(k * IMU_S, 0.0))
+    assert estimate is not None
+    assert estimate.t_s == pytest.approx(1.99)
+    assert heading.health is not None
+    assert heading.health.fault is None
+
+
+def test_a_stuck_gyro_that_comes_back_is_used_again() -> None:
+    climb = Climb(3, seconds=25.0, belts=True, imu=lambda t, rate: 0.003 if within(t, 10.0, 3.0) else rate)
+    assert np.abs(climb.errors_deg(since_s=16.0)).max() < 0.5
+    assert climb.filter.health is not None
+    assert climb.filter.health.fault is None
+
+
+def test_a_frozen_picture_does_not_hold_the_heading() -> None:
+    held = HeadingFilter()
+    for k in range(400):
+        t_s = k * IMU_S
+        held.step(gyro(t_s, 0.0 if t_s < 2.0 else 5.0 * DEG))
+        if k % TICKS_PER_FRAME == 0:
+            estimate = held.step(seen(t_s, 0.1))
+    assert estimate is not None
+    # From 2 s to the last frame at 3.9 s at 5 °/s, and not one of those frames said otherwise to any effect.
+    assert estimate.heading_rad == pytest.approx(0.1 + 9.5 * DEG, abs=0.1 * DEG)
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 5.0, -10.0])
+@pytest.mark.parametrize("over_s", [0.5, 2.0])
+def test_the_heading_of_the_stair_arrives_on_the_landing(heading_deg: float, over_s: float) -> None:
+    """On the stair it turns about the nosings' normal, on the landing about gravity; in between the chair tips about the nosing."""
+    climb_s, slope = 10.0, 28.0 * DEG
+    rng, held, estimate, R_WB = np.random.default_rng(6), HeadingFilter(), None, np.eye(3)
+    for k in range(round((climb_s + over_s + 1.0) / IMU_S)):
+        t_s = k * IMU_S
+        down = min(max((t_s - climb_s) / over_s, 0.0), 1.0)
+        heading = heading_deg * DEG + 1.0 * DEG * math.sin(t_s)
+        before, R_WB = R_WB, rotation_y(-slope * (1.0 - down)) @ rotation_z(heading)
+        turn = before.T @ R_WB
+        # What turns one attitude into the next, about z_B, from the skew part.
+        felt = (turn[1, 0] - turn[0, 1]) / (2.0 * IMU_S) if k > 0 else 0.0
+        estimate = held.step(gyro(t_s, felt + 0.035 * DEG * rng.normal())) or estimate
+        if k % TICKS_PER_FRAME == 0 and t_s < climb_s - 2.0:
+            estimate = held.step(seen(t_s, heading + VISION_SIGMA_RAD * rng.normal()))
+    assert estimate is not None
+    # On the landing, heading is what is left about the vertical. The target is 1.5°; eight seconds of frames tell it to 0.1°, four
+    # sigma. The IMU's yaw, which is about gravity, would have turned from 11.3° to 10° on the way.
+    assert abs(wrap(estimate.heading_rad - math.atan2(R_WB[1, 0], R_WB[0, 0]))) < 0.4 * DEG
 
 
 def test_few_frames_do_not_overrule_the_gyro_however_long_they_last() -> None:

@@ -15,7 +15,7 @@ FRAME_S = 0.1
 MEANT = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5, mount_pitch_rad=22.0 * DEG)
 EDGE_RAD, DOWN_RAD, NORMAL_RAD = 0.2 * DEG, 0.3 * DEG, 0.3 * DEG
 """What one frame's axes err by."""
-SEEDS = range(2000, 2024)
+SEEDS = range(2000, 2016)
 
 
 @dataclass
@@ -115,21 +115,21 @@ def drives() -> list[tuple[Drive, MountEstimate]]:
 
 def test_a_minute_on_the_flight_tells_pitch_and_roll_within_0_15_degrees(drives: list[tuple[Drive, MountEstimate]]) -> None:
     errors = np.abs([drive.errors_rad(estimate) for drive, estimate in drives]).max(axis=1)
-    # The target: in 95 % of drives; of 24, that is all but one.
-    assert np.count_nonzero(errors <= 0.15 * DEG) >= 23
+    # The target: in 95 % of drives; of 16, that is all but one.
+    assert np.count_nonzero(errors <= 0.15 * DEG) >= 15
 
 
 def test_sigma_is_true(drives: list[tuple[Drive, MountEstimate]]) -> None:
     sigmas = [(estimate.pitch_sigma_rad, estimate.roll_sigma_rad) for _, estimate in drives]
     squares = np.square(np.array([drive.errors_rad(estimate) for drive, estimate in drives]) / sigmas)
-    # 48 squares of a normal law have a mean of 1 ± 0.2: two and a half of those.
+    # 32 squares of a normal law have a mean of 1 ± 0.25: two of those.
     assert 0.5 <= squares.mean() <= 1.5
 
 
 def test_turns_tell_the_yaw_and_the_imus_tilt(drives: list[tuple[Drive, MountEstimate]]) -> None:
     told = [(drive, estimate) for drive, estimate in drives if estimate.yaw_rad is not None]
     # Eight degrees to either side are enough.
-    assert len(told) >= 20
+    assert len(told) >= 13
     errors = np.array([estimate.yaw_rad - drive.true.mount_yaw_rad for drive, estimate in told])
     sigmas = np.array([estimate.yaw_sigma_rad for _, estimate in told])
     assert 0.4 <= np.mean(np.square(errors / sigmas)) <= 1.8
@@ -173,8 +173,8 @@ def test_frames_from_before_the_chair_lies_on_the_flight_do_not_count() -> None:
     assert drive.calibrator.dropped_count >= 170
 
 
-def test_twenty_seconds_say_less_than_sixty_and_know_it() -> None:
-    short, long = Drive(4, seconds=20.0).learn(), Drive(4, seconds=60.0).learn()
+def test_thirty_seconds_say_less_than_sixty_and_know_it() -> None:
+    short, long = Drive(4, seconds=30.0).learn(), Drive(4, seconds=60.0).learn()
     assert short.pitch_sigma_rad > long.pitch_sigma_rad
     assert short.roll_sigma_rad > long.roll_sigma_rad
 

@@ -1,39 +1,45 @@
-"""Heading and gyro bias from 100 Hz of gyro and 10 Hz of vision: a Kalman filter with a gate.
+"""Heading and gyro errors from 100 Hz of gyro and 10 Hz of vision: Kalman filters with a gate, and watches over both sensors.
 
-``ImuSample | HeadingMeasurement -> HeadingEstimate``. Heading turns about the nosing plane's normal, which is the
+``ImuSample | HeadingMeasurement | TrackReading -> HeadingEstimate``. Heading turns about the nosing plane's normal, which is the
 chair's own z axis while its flat run lies on the nosings: the gyro's z is its rate, with no gravity in between. (The
-IMU's yaw is about gravity and reads 33.2° where the heading is 30° on a 28° stair.)
+IMU's yaw is about gravity and reads 33.2° where the heading is 30° on a 28° stair.) Over the crest the chair tips about
+the last nosing, which both of its belts lie on: that rotation has no part along z_B, so the same integral arrives on the
+landing with the heading it had on the stair.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from treadline.angles import DEG, wrap
+from treadline.estimation.bank import GyroModel, KalmanBank
+from treadline.estimation.drift import Drift, DriftRule, DriftWatch
+from treadline.estimation.health import HeadingHealth, Memory, StuckRule, StuckWatch
 from treadline.estimation.reacquire import ReacquisitionRule, Refused
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample
+from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
-FULL_SCALE_RAD_S = 2000.0 * DEG
-"""Widest range of the gyro (MPU-6050): a rate beyond it was never measured."""
+FULL_SCALE_RAD_S = 250.0 * DEG
+"""Range of the gyro (MPU-6050) that a chair needs: belts at ±1 m/s turn it at 176 °/s. A rate beyond it was never measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterConfig:
     """What the sensors are trusted with."""
 
-    gyro_sigma_rad_s: float = 0.35 * DEG
-    """White noise of one gyro sample: sensor and track vibration (MPU-6050, 100 Hz)."""
-    scale_sigma: float = 0.01
-    """Of the gyro's scale: a fast turn is measured worse."""
-    bias_walk_rad_s2: float = 0.0007 * DEG
-    """Gauss–Markov bias of 0.005 °/s and 100 s, per root second."""
-    bias_sigma_rad_s: float = 0.05 * DEG
-    """Of the bias at the start."""
+    gyro: GyroModel = field(default_factory=GyroModel)
+    shake_rad: float = 0.005 * DEG
+    """Angle by which the chassis shakes about where it heads, 0.3 °/s at 8 Hz: it does not add up, so it is the measurements'."""
     gate: float = 9.0
     """χ² of one measurement beyond which it is not believed: three sigma."""
     reacquisition: ReacquisitionRule = field(default_factory=ReacquisitionRule)
+    drift: DriftRule = field(default_factory=DriftRule)
+    stuck: StuckRule = field(default_factory=StuckRule)
+    disagreeing_count: int = 3
+    """Measurements refused in a row that make a disagreement."""
+    told_s: float = 2.0
+    """How long a fault that was mended is told."""
     coast_s: float = 0.5
     """Without vision for longer, the source is the gyro."""
     vision_floor_rad: float = 0.1 * DEG
@@ -44,33 +50,64 @@ class FilterConfig:
     """Without a gyro sample for longer, the chair has moved unseen."""
     unseen_rate_rad_s: float = 10.0 * DEG
     """One sigma of how fast it turns then; a turn back to square reaches twice that."""
+    frozen_rad: float = 0.1 * DEG
+    """A frame that repeats the last one's heading to the last bit, while the gyro has turned by more, shows the past."""
 
 
 class HeadingFilter:
-    """State: heading [rad] and gyro bias [rad/s]."""
+    """Heading, gyro bias and gyro scale, and how far they can be trusted."""
 
     def __init__(self, config: FilterConfig | None = None) -> None:
         self._config = config or FilterConfig()
+        self._bank = KalmanBank(self._config.gyro)
+        self._drifts = DriftWatch(self._config.drift)
+        self._stuck = StuckWatch(self._config.stuck)
+        self._refused = Refused(self._config.reacquisition)
+        self._memory = Memory(self._config.memory_s)
         self._t_s: float | None = None
         self._imu_s: float | None = None
-        self._frame_s: float | None = None
+        self._frame: HeadingMeasurement | None = None
+        self._frame_turned = 0.0
         self._seen_s: float | None = None
-        self._heading = 0.0
-        self._bias = 0.0
-        self._P = np.zeros((2, 2))
         self._rate = 0.0
         self._turned = 0.0
-        self._history: deque[tuple[float, float]] = deque()
-        self._refused = Refused(self._config.reacquisition)
+        self._disagreement = 0.0
+        self._fault: tuple[Literal["drift", "jump", "stuck", "disagreement"], float, float, str] | None = None
         self.rejected_count = 0
 
-    def step(self, signal: ImuSample | HeadingMeasurement) -> HeadingEstimate | None:
-        """Take one signal; return the heading now, or None before the first heading."""
-        if isinstance(signal, ImuSample):
-            self._predict(signal)
-        else:
-            self._correct(signal)
+    def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
+        """Take one signal; return the heading now, or None before the first heading.
+
+        Belts are not needed. They tell a gyro that is stuck from a chair that stands, and a gyro that drifts sooner.
+        """
+        match signal:
+            case ImuSample():
+                self._predict(signal)
+            case HeadingMeasurement():
+                self._correct(signal)
+            case TrackReading():
+                self._note_belts(signal)
         return self._estimate()
+
+    @property
+    def health(self) -> HeadingHealth | None:
+        """What is known to be wrong, or None before the first heading."""
+        if self._seen_s is None or self._t_s is None:
+            return None
+        kind, since_s, until_s, cause = self._fault or (None, None, math.inf, None)
+        if self._t_s > until_s:
+            kind = since_s = cause = None
+        return HeadingHealth(
+            t_s=self._t_s,
+            fault=kind,
+            since_s=since_s,
+            cause=cause,
+            disagreement_rad=self._disagreement,
+            unseen_s=max(self._t_s - self._seen_s, 0.0),
+            bias_rad_s=self._bank.bias,
+            scale=self._bank.scale,
+            walk_rad_rts=self._bank.walk_rad_rts,
+        )
 
     def _estimate(self) -> HeadingEstimate | None:
         if self._seen_s is None or self._t_s is None:
@@ -78,10 +115,10 @@ class HeadingFilter:
         fresh = self._t_s - self._seen_s <= self._config.coast_s
         return HeadingEstimate(
             t_s=self._t_s,
-            heading_rad=self._heading,
+            heading_rad=self._bank.heading,
             # Without a gyro the rate is nobody's to tell.
-            heading_rate_rad_s=self._rate - self._bias if self._t_s == self._imu_s else 0.0,
-            sigma_rad=float(np.sqrt(self._P[0, 0])),
+            heading_rate_rad_s=self._rate - self._bank.bias if self._t_s == self._imu_s else 0.0,
+            sigma_rad=math.sqrt(self._bank.variance + self._config.shake_rad**2),
             source="vision" if fresh else "gyro",
         )
 
@@ -91,6 +128,8 @@ class HeadingFilter:
             return
         if self._imu_s is not None and not t_s > self._imu_s:
             return  # a repeated or earlier stamp carries no new motion
+        if self._is_stuck(sample):
+            return
         # The mean rate over the step, by the trapezoid rule.
         mean = rate if self._imu_s is None else 0.5 * (rate + self._rate)
         gap = t_s - self._last_known(t_s)
@@ -98,73 +137,111 @@ class HeadingFilter:
         self._t_s = self._imu_s = t_s
         self._rate = rate
         self._turned += dt * mean
-        self._remember(t_s)
+        self._memory.remember(t_s, self._turned)
         if self._seen_s is None:
             return
-        self._propagate(dt, mean)
+        self._drifts.propagate(self._bank.propagate(dt, mean), dt, mean - self._bank.bias)
         self._move_unseen(gap)
+
+    def _is_stuck(self, sample: ImuSample) -> bool:
+        """Say whether a sample only repeats what the gyro said long ago: no motion is known from it."""
+        same_s = self._stuck.stuck_s(sample)
+        if same_s == 0.0:
+            return False
+        if self._fault is None or self._fault[0] != "stuck" or sample.t_s > self._fault[2]:
+            rate = float(sample.angular_velocity_rad_s[2]) / DEG
+            self._tell("stuck", sample.t_s, f"gyro has said {rate:.3f} °/s for {same_s:.2f} s while the belts run", math.inf)
+            # All since it stuck was unseen.
+            self._move_unseen(same_s)
+        return True
 
     def _last_known(self, t_s: float) -> float:
         """Return the time up to which the heading is known, for a gyro sample at ``t_s``."""
+        if self._fault is not None and self._fault[0] == "stuck":
+            self._fault = None
         if self._t_s is not None and self._t_s <= t_s:
             return self._t_s
         # A frame stamped ahead of the gyro's clock did not show the future.
-        self._frame_s = None
+        self._frame = None
         return t_s if self._imu_s is None else self._imu_s
-
-    def _remember(self, t_s: float) -> None:
-        self._history.append((t_s, self._turned))
-        while t_s - self._history[0][0] > self._config.memory_s:
-            self._history.popleft()
-
-    def _propagate(self, dt: float, mean: float) -> None:
-        config = self._config
-        self._heading = wrap(self._heading + dt * (mean - self._bias))
-        p00, p01, p11 = self._P[0, 0], self._P[0, 1], self._P[1, 1]
-        noise = (config.gyro_sigma_rad_s * dt) ** 2 + (config.scale_sigma * (mean - self._bias) * dt) ** 2
-        self._P[0, 0] = p00 - 2.0 * dt * p01 + dt * dt * p11 + noise
-        self._P[0, 1] = self._P[1, 0] = p01 - dt * p11
-        self._P[1, 1] = p11 + config.bias_walk_rad_s2**2 * dt
 
     def _move_unseen(self, gap_s: float) -> None:
         """Add what the chair may have turned while no gyro sample came."""
         if gap_s > self._config.gap_s:
             # Beyond half a turn there is nothing more to forget.
-            self._P[0, 0] += min(self._config.unseen_rate_rad_s * gap_s, math.pi) ** 2
+            self._bank.widen(min(self._config.unseen_rate_rad_s * gap_s, math.pi) ** 2)
+            self._drifts.clear()
+
+    def _note_belts(self, reading: TrackReading) -> None:
+        if math.isfinite(reading.t_s) and math.isfinite(reading.left_m_s) and math.isfinite(reading.right_m_s):
+            self._stuck.belts(reading)
+            self._drifts.belts(reading.t_s, reading.right_m_s - reading.left_m_s)
 
     def _correct(self, seen: HeadingMeasurement) -> None:
         if not self._usable(seen):
             return
-        self._frame_s = seen.t_s
+        since_s = 0.0 if self._seen_s is None else seen.t_s - self._seen_s
         self._carry_without_gyro(seen.t_s)
-        heading = wrap(seen.heading_rad + self._turned_since(seen.t_s))
-        variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2
+        later = self._turned_since(seen.t_s)
+        turned = self._turned - later
+        frozen = self._frame is not None and (seen.heading_rad, seen.sigma_rad) == (self._frame.heading_rad, self._frame.sigma_rad)
+        moved = abs(turned - self._frame_turned)
+        self._frame, self._frame_turned = seen, turned
+        if frozen and moved > self._config.frozen_rad:
+            return
+        heading = wrap(seen.heading_rad + later - self._bank.bias * self._age(seen.t_s))
+        variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2 + self._config.shake_rad**2
         if self._seen_s is None:
-            self._take(heading, variance, seen.t_s)
+            self._take(seen, heading, variance, turned)
             return
-        innovation = wrap(heading - self._heading)
-        spread = float(self._P[0, 0]) + variance
-        if innovation * innovation > self._config.gate * spread:
-            self.rejected_count += 1
-            # What the gyro turned is taken out, so that a turning chair's measurements can agree.
-            if self._refused.agree(seen.t_s, wrap(heading - self._turned)):
-                self._take(heading, variance, seen.t_s)
-                # A gyro that went this far off in that time may go on doing so: its bias is to be learned anew.
-                self._P[1, 1] += (innovation / self._config.reacquisition.for_s) ** 2
-            return
+        innovation = wrap(heading - self._bank.heading)
+        spread = self._bank.variance + variance
+        accepted = innovation * innovation <= self._config.gate * spread
+        gain = self._bank.correct(heading, variance, since_s) if accepted else np.zeros(3)
+        drift = self._drifts.frame(seen.t_s, innovation, spread, gain)
+        if accepted:
+            self._refused.accepted(seen.t_s, seen.heading_rad, turned)
+            self._seen_s = seen.t_s
+            self._disagreement = 0.0
+            if self._fault is not None and self._fault[0] == "disagreement":
+                self._fault = None
+        if drift is not None:
+            self._mend(drift, seen.t_s)
+        elif not accepted:
+            self._refuse(seen, innovation, heading, variance, turned)
+
+    def _refuse(self, seen: HeadingMeasurement, innovation: float, heading: float, variance: float, turned: float) -> None:
+        self.rejected_count += 1
+        self._disagreement = innovation
+        if self._refused.agree(seen.t_s, seen.heading_rad, turned):
+            if self._refused.smooth:
+                self._tell("jump", seen.t_s, f"gyro has jumped by {-innovation / DEG:.1f}° against vision")
+            self._take(seen, heading, variance, turned)
+        elif self._refused.count >= self._config.disagreeing_count:
+            count = self._refused.count
+            self._tell(
+                "disagreement", seen.t_s, f"{count} headings in a row refused, the last {innovation / DEG:+.1f}° off", math.inf
+            )
+
+    def _mend(self, drift: Drift, t_s: float) -> None:
+        self._bank.shift(drift.error, drift.spread)
+        self._drifts.clear()
         self._refused.clear()
-        gain = self._P[:, 0] / spread
-        self._heading = wrap(self._heading + float(gain[0]) * innovation)
-        self._bias += float(gain[1]) * innovation
-        self._P = self._P - np.outer(gain, self._P[0])
-        self._P = 0.5 * (self._P + self._P.T)
-        self._seen_s = seen.t_s
+        self._disagreement = 0.0
+        self._tell("drift", t_s, f"gyro drifts by {drift.rate_rad_s / DEG:+.1f} °/s since {drift.began_s:.2f} s")
+
+    def _tell(
+        self, kind: Literal["drift", "jump", "stuck", "disagreement"], t_s: float, cause: str, for_s: float | None = None
+    ) -> None:
+        """Note a fault; one that goes on keeps the time at which it was found."""
+        since_s = self._fault[1] if self._fault is not None and self._fault[0] == kind and t_s <= self._fault[2] else t_s
+        self._fault = (kind, since_s, t_s + (self._config.told_s if for_s is None else for_s), cause)
 
     def _usable(self, seen: HeadingMeasurement) -> bool:
         """Say whether a measurement is a number, newer than the one before, and near enough to the gyro's clock."""
         if not (math.isfinite(seen.t_s) and math.isfinite(seen.heading_rad) and 0.0 < seen.sigma_rad <= math.pi):
             return False
-        if self._frame_s is not None and not seen.t_s > self._frame_s:
+        if self._frame is not None and not seen.t_s > self._frame.t_s:
             return False
         return self._imu_s is None or abs(seen.t_s - self._imu_s) <= self._config.memory_s
 
@@ -176,20 +253,22 @@ class HeadingFilter:
             self._move_unseen(t_s - self._t_s)
             self._t_s = t_s
 
-    def _take(self, heading: float, variance: float, seen_s: float) -> None:
-        bias_variance = self._config.bias_sigma_rad_s**2
+    def _take(self, seen: HeadingMeasurement, heading: float, variance: float, turned: float) -> None:
         known = self._seen_s is not None
-        self._heading = heading
-        self._P = np.diag([variance, min(float(self._P[1, 1]), bias_variance) if known else bias_variance])
-        self._seen_s = seen_s
+        self._bank.start(heading, variance, known=known)
+        self._drifts.clear()
+        self._refused.restart(seen.t_s, seen.heading_rad, turned)
+        self._seen_s = seen.t_s
+        self._disagreement = 0.0
+        if self._fault is not None and self._fault[0] == "disagreement":
+            self._fault = None
+
+    def _age(self, t_s: float) -> float:
+        """Return how long before now a frame was taken, as far as the gyro remembers."""
+        then = self._memory.at(t_s)
+        return 0.0 if self._t_s is None or t_s >= self._t_s or then is None else self._t_s - max(t_s, then[0])
 
     def _turned_since(self, t_s: float) -> float:
-        """Return how far the chair has turned since a frame was taken."""
-        if self._t_s is None or t_s >= self._t_s or not self._history:
-            return 0.0
-        then = self._history[0][1]
-        for at_s, turned in self._history:
-            if at_s > t_s + 1e-9:
-                break
-            then = turned
-        return self._turned - then - self._bias * (self._t_s - t_s)
+        """Return how far the gyro says the chair has turned since a frame was taken."""
+        then = self._memory.at(t_s)
+        return 0.0 if self._t_s is None or t_s >= self._t_s or then is None else self._turned - then[1]

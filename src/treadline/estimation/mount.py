@@ -4,6 +4,9 @@
 the chair's own z axis wherever the chair heads: pitch and roll follow from the camera alone. Gravity, which the treads show to the
 camera and the IMU tells the chair, adds the mount's yaw; an IMU that errs by a constant tilt looks the same as long as the chair
 keeps one heading, so yaw (and that tilt) come with turns, and are told only once they are known.
+
+The axes must come from frames looked at without gravity (``StairDetector.look(frame)``): a detector that is told gravity through
+the mount as believed leans its edges towards it, and the mount would then confirm itself.
 """
 
 import math
@@ -49,7 +52,7 @@ class MountConfig:
     """Of each of the mount's angles."""
     tilt_sigma_rad: float = 0.35 * DEG
     """Of the IMU's constant tilt about each axis: half a degree in all."""
-    belts_sigma_rad: float = 0.03 * DEG
+    belts_sigma_rad: float = 0.06 * DEG
     """Of the angle between z_B and the nosing plane's normal that no driving averages out: soft rubber under an uneven load,
     and what the camera's depth does to planes."""
     treads_sigma_rad: float = 0.1 * DEG
@@ -66,8 +69,8 @@ class MountConfig:
     """Between the normal seen and the one meant: beyond it, it is not the stair's."""
     axis_sigma_rad: float = 3.0 * DEG
     """Axes less sure than this say nothing."""
-    block_s: float = 2.0
-    """Errors of frames this far apart are strangers: at 0.2 m/s the chair has passed a nosing."""
+    block_s: float = 3.0
+    """Errors of frames further apart than two blocks are strangers: at 0.2 m/s the chair has passed three nosings."""
     least_blocks: int = 8
     every_s: float = 1.0
     """Between two solutions."""
@@ -204,8 +207,11 @@ def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Mount
             break
     scores = np.zeros((count, x.size))
     np.add.at(scores, blocks, np.einsum("kri,kr,kr->ki", jacobian, weights, residuals))
-    # Unknowns fitted leave that many blocks' worth of freedom less.
-    spread = scores.T @ scores * (count / (count - 5.0)) + prior
+    # Neighbouring blocks share what happened at their border. The unknowns fitted take five blocks' worth of freedom, and a spread
+    # told by few is itself unsure: the variance of Student's law with two thirds of the rest as degrees of freedom.
+    shared = scores[1:].T @ scores[:-1]
+    freedom = max((count - 5.0) / 1.5, 3.0)
+    spread = (scores.T @ scores + shared + shared.T) * (count / (count - 5.0)) * (freedom / (freedom - 2.0)) + prior
     P = np.linalg.solve(H, np.linalg.solve(H, spread).T)
     sigma = np.sqrt(np.maximum(np.diag(P), np.diag(np.linalg.inv(H))))
     told = bool(sigma[YAW] <= config.yaw_known_rad)

@@ -1,0 +1,120 @@
+"""The filter's mathematics: one Kalman filter per level of gyro noise, weighed by how well each foretells the vision.
+
+State of each: heading [rad], gyro bias [rad/s], gyro scale error. How much a gyro random-walks cannot be read off its samples: a
+chassis that shakes looks like noise and adds up to nothing. What vision says a minute later does tell, so the level is learned.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, wrap
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroModel:
+    """What a gyro may err by."""
+
+    walk_rad_rts: tuple[float, ...] = (0.004 * DEG, 0.036 * DEG)
+    """Levels of white rate noise, as what they walk in a second: an MPU-6050 alone (0.005 °/s/√Hz), and nine times that, which
+    is 0.36 °/s on each of 100 samples a second. More levels in between told sigma no better."""
+    bias_walk_rad_s2: float = 0.0007 * DEG
+    """Gauss–Markov bias of 0.005 °/s and 100 s, per root second."""
+    bias_sigma_rad_s: float = 0.03 * DEG
+    """Of the bias at the start."""
+    scale_sigma: float = 0.006
+    """Of the scale at the start, 1 % at most; turns that vision sees tell it."""
+    log_odds: float = -0.7
+    """Of each level over the one below at the start: two to one that the sensor is as its data sheet says."""
+    memory_s: float = 300.0
+    """How long what a level foretold counts for or against it."""
+
+
+class KalmanBank:
+    """The filters, side by side."""
+
+    def __init__(self, model: GyroModel) -> None:
+        self._model = model
+        levels = len(model.walk_rad_rts)
+        self._walk = np.square(np.array(model.walk_rad_rts))
+        self._x = np.zeros((levels, 3))
+        self._P = np.zeros((levels, 3, 3))
+        self._evidence = model.log_odds * np.arange(levels)
+        self._weights = np.exp(self._evidence) / np.exp(self._evidence).sum()
+
+    @property
+    def heading(self) -> float:
+        """The heading on average over the levels."""
+        return wrap(float(self._x[0, 0] + self._weights @ (self._x[:, 0] - self._x[0, 0])))
+
+    @property
+    def bias(self) -> float:
+        """The gyro's bias [rad/s]."""
+        return float(self._weights @ self._x[:, 1])
+
+    @property
+    def scale(self) -> float:
+        """The gyro's scale, less one."""
+        return float(self._weights @ self._x[:, 2])
+
+    @property
+    def walk_rad_rts(self) -> float:
+        """The level of noise, as believed [rad/√s]."""
+        return math.sqrt(float(self._weights @ self._walk))
+
+    @property
+    def variance(self) -> float:
+        """Of the heading, differences between the levels included."""
+        mean = float(self._weights @ self._x[:, 0])
+        return float(self._weights @ (self._P[:, 0, 0] + np.square(self._x[:, 0] - mean)))
+
+    def start(self, heading: float, variance: float, *, known: bool) -> None:
+        """Put the heading where vision has it; a gyro that is ``known`` keeps its bias and scale."""
+        model = self._model
+        most = np.diag([variance, model.bias_sigma_rad_s**2, model.scale_sigma**2])
+        if not known:
+            self._x[:] = 0.0
+            self._P[:] = most
+        else:
+            self._P[:, 0, :] = self._P[:, :, 0] = 0.0
+            self._P[:, 0, 0] = variance
+        self._x[:, 0] = heading
+
+    def propagate(self, dt: float, rate_rad_s: float) -> Float[np.ndarray, "3 3"]:
+        """Turn by what the gyro measured over ``dt``; return the transition of errors."""
+        x, P, model = self._x, self._P, self._model
+        turned = dt * (rate_rad_s - x[:, 1]) * (1.0 - x[:, 2])
+        x[:, 0] += turned
+        F = np.eye(3)
+        F[0, 1], F[0, 2] = -dt, -float(self._weights @ turned)
+        P[:] = F @ P @ F.T
+        P[:, 0, 0] += self._walk * dt
+        P[:, 1, 1] += model.bias_walk_rad_s2**2 * dt
+        return F
+
+    def widen(self, variance: float) -> None:
+        """Forget where the chair heads, by ``variance``."""
+        self._P[:, 0, 0] += variance
+
+    def correct(self, heading: float, variance: float, dt_s: float) -> Float[np.ndarray, " 3"]:
+        """Take a heading that vision saw ``dt_s`` after the one before; return the gain."""
+        x, P = self._x, self._P
+        innovation = np.array([wrap(heading - float(at)) for at in x[:, 0]])
+        S = P[:, 0, 0] + variance
+        gain = P[:, :, 0] / S[:, None]
+        x += gain * innovation[:, None]
+        P -= gain[:, :, None] * P[:, None, 0, :]
+        P[:] = 0.5 * (P + P.transpose(0, 2, 1))
+        keep = math.exp(-min(max(dt_s, 0.0), self._model.memory_s) / self._model.memory_s)
+        self._evidence = keep * self._evidence - 0.5 * (np.square(innovation) / S + np.log(S))
+        self._evidence -= self._evidence.max()
+        weights = np.exp(self._evidence)
+        self._weights = weights / weights.sum()
+        return np.asarray(self._weights @ gain)
+
+    def shift(self, error: Float[np.ndarray, " 3"], spread: Float[np.ndarray, "3 3"]) -> None:
+        """Take an error off every state, and add what is not known of it."""
+        self._x -= error
+        self._P += spread

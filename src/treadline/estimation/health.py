@@ -1,0 +1,93 @@
+"""What the heading filter knows to be wrong with its sensors, for whoever must act on it."""
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.signals import ImuSample, TrackReading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingHealth:
+    """The filter's state of mind at one instant."""
+
+    t_s: float
+    fault: Literal["drift", "jump", "stuck", "disagreement"] | None
+    """``drift``: the gyro's bias has stepped. ``jump``: the gyro has jumped. ``stuck``: it repeats itself while the belts run.
+    These three are found out and mended as far as vision can. ``disagreement``: vision and gyro differ, who errs is open."""
+    since_s: float | None
+    """When the fault was found."""
+    cause: str | None
+    """What was seen, with its number."""
+    disagreement_rad: float
+    """Last heading seen less the one expected, if it was refused; else zero."""
+    unseen_s: float
+    """Since a heading was last accepted."""
+    bias_rad_s: float
+    scale: float
+    walk_rad_rts: float
+    """What the gyro is believed to random-walk in a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StuckRule:
+    """When a gyro is stuck."""
+
+    for_s: float = 0.2
+    same_rad_s: float = 1e-9
+    """No sensor with noise repeats all three rates this closely."""
+    moving_m_s: float = 0.02
+    belts_s: float = 0.3
+    """How long a belt's reading tells that the chair moves."""
+
+
+class StuckWatch:
+    """Tells a gyro that repeats itself from a chair that stands."""
+
+    def __init__(self, rule: StuckRule) -> None:
+        self._rule = rule
+        self._rates: Float[np.ndarray, " 3"] | None = None
+        self._since_s = 0.0
+        self._moved_s: float | None = None
+
+    def belts(self, reading: TrackReading) -> None:
+        """Note whether the belts run."""
+        if max(abs(reading.left_m_s), abs(reading.right_m_s)) > self._rule.moving_m_s:
+            self._moved_s = reading.t_s
+
+    def stuck_s(self, sample: ImuSample) -> float:
+        """Return for how long the gyro has repeated itself under a moving chair; zero while it may be honest."""
+        rates = sample.angular_velocity_rad_s
+        if self._rates is None or float(np.abs(rates - self._rates).max()) > self._rule.same_rad_s:
+            self._rates, self._since_s = rates, sample.t_s
+        moves = self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s
+        same_s = sample.t_s - self._since_s
+        return same_s if moves and same_s >= self._rule.for_s - 1e-6 else 0.0
+
+
+class Memory:
+    """How far the gyro has turned, for the last second or so: late frames are looked up in it."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._turned: deque[tuple[float, float]] = deque()
+
+    def remember(self, t_s: float, turned_rad: float) -> None:
+        """Add one sample."""
+        self._turned.append((t_s, turned_rad))
+        while t_s - self._turned[0][0] > self._seconds:
+            self._turned.popleft()
+
+    def at(self, t_s: float) -> tuple[float, float] | None:
+        """Return the last sample at or before a time, or the oldest; None if there is none."""
+        if not self._turned:
+            return None
+        then = self._turned[0]
+        for sample in self._turned:
+            if sample[0] > t_s + 1e-9:
+                break
+            then = sample
+        return then
