@@ -34,10 +34,11 @@ duration_s = 0.8
 """
 FRAMES = 9
 KEYS = {
+    "rms_heading_deg", "steady_rms_heading_deg", "settle_s", "max_abs_heading_deg", "seat_rms_deg", "seat_max_deg",
     "verdict", "cause", "events", "duration_s", "frames", "accepted", "rejected", "refusals", "rms_difference_deg",
     "rms_error_deg", "largest_command_gap_m_s", "ms_per_frame", "real_time_factor", "dropped", "topics", "sees", "run",
 }  # fmt: skip
-WITH_WHAT_ONLY_A_SIMULATOR_KNOWS = {"roll_back_m", "lateral_m", "min_stability_margin_deg", "settle_s"}
+WITH_WHAT_ONLY_A_SIMULATOR_KNOWS = {"roll_back_m", "lateral_m", "min_stability_margin_deg", "climbed_m"}
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +84,15 @@ def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_pat
     assert values["commands_compared"] == 4  # 4 Hz from zero on
     assert values["rms_error_deg"] == values["recorded_rms_error_deg"]
     assert 0.0 < values["rms_error_deg"] < 0.5
+    # What the chair itself knows agrees with what the simulator knew: a heading within 0.5°, a seat within its sensor's noise.
+    climb = json.loads((climbed / "result.json").read_text())
+    for key, tolerance in (
+        ("rms_heading_deg", 0.5),
+        ("max_abs_heading_deg", 0.5),
+        ("final_heading_deg", 0.5),
+        ("seat_rms_deg", 0.1),
+    ):
+        assert values[key] == pytest.approx(climb[key], abs=tolerance), key
     assert values["ms_per_frame"] > 0.0
     # Readings, frames, headings seen, estimates, commands, events and truth: every byte of the log.
     assert (tmp_path / "again" / "log.mcap").read_bytes() == (climbed / "log.mcap").read_bytes()

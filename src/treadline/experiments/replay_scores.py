@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, wrap
+from treadline.angles import DEG, rms, wrap
 from treadline.experiments.recorded import PLAIN_SERIES, SERIES
+from treadline.experiments.scores import STEADY_FROM_S, settling_time
 from treadline.mission.loop import Signal, Tick
 from treadline.mission.rates import TICK_S
 from treadline.ports import Truth
@@ -150,7 +151,7 @@ class ReplayScores:
 
     def figures(self) -> dict[str, Any]:
         """Return the figures; None where the log has nothing to compare with."""
-        return {
+        return self._as_estimated() | {
             "rms_difference_deg": self._to_recorded.rms_deg,
             "largest_difference_deg": self._to_recorded.largest_deg,
             "rms_error_deg": self._to_truth.rms_deg,
@@ -164,6 +165,22 @@ class ReplayScores:
             "largest_seat_gap_m_s": self._seat.largest if self._seat.count else None,
             "commands_compared": self._tracks.count // 2,
             "brakes_differ": self._brakes,
+        }
+
+    def _as_estimated(self) -> dict[str, float | None]:
+        """Return a run's scores as far as the chair itself can tell: from the replay's estimate and the seat's readings."""
+        t, heading, seat = (np.array(self._columns[name]) for name in ("t_s", "estimate_deg", "seat_pitch_deg"))
+        known, level = np.isfinite(heading), seat[np.isfinite(seat)]
+        steady = heading[known & (t > STEADY_FROM_S)]
+        seen = heading[known]
+        return {
+            "rms_heading_deg": rms(seen) if seen.size else None,
+            "steady_rms_heading_deg": rms(steady) if steady.size else None,
+            "settle_s": settling_time(t[known], seen * DEG) if seen.size else None,
+            "final_heading_deg": float(seen[-1]) if seen.size else None,
+            "max_abs_heading_deg": float(np.abs(seen).max()) if seen.size else None,
+            "seat_rms_deg": rms(level) if level.size else None,
+            "seat_max_deg": float(np.abs(level).max()) if level.size else None,
         }
 
     def series(self) -> dict[str, Float[np.ndarray, " T"]]:
