@@ -1,11 +1,4 @@
-"""An RGB-D camera without GL: exact depth by casting rays on the staircase's boxes, colour and noise on top.
-
-Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, noise of 0.05 px and steps of 1/8 px
-(σ_Z about 1.4 mm at 1 m, 5.7 at 2, 12.8 at 3), 0.8 px of lateral jitter at edges, a shadow beside each edge, drop-outs at grazing
-angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
-
-Kinect 2: time of flight, 1 to 2 mm at 1 m and more as the light fades, alike in neighbours, mixed pixels at edges, no shadow.
-"""
+"""An RGB-D camera without GL: exact depth by casting rays on boxes, colour and the sensor's errors on top."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,11 +12,17 @@ from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
+from treadline.sim.camera.sensors import (
+    DISPARITY_PX_M,
+    SENSOR_WIDTH_PX,
+    SENSORS,
+    TIME_OF_FLIGHT_WIDTH_PX,
+    TimeOfFlight,
+    alike,
+    warp,
+)
 from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of
 
-DISPARITY_PX_M = 575.0 * 0.075
-"""f·B of the Kinect 1."""
-SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
 VIEW_M = 7.0
 """Boxes further away than this are not drawn: the sensor ends at 6 m."""
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
@@ -42,41 +41,6 @@ SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
 """Light falls from above: risers are darker than treads. Of the sides -x, +x, -y, +y, -z, +z."""
 SQUARE = 0.99
 """Cosine up to which a box counts as square to the world's axes: it has the six shades as they are."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StructuredLight:
-    """A projector and a camera that sees its pattern shifted."""
-
-    focal_px: float
-    """Of the sensor's own disparity image, 640 pixels wide."""
-    baseline_m: float
-    sigma_px: float
-    step_px: float
-    lateral_px: float
-    near_m: float
-    far_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeOfFlight:
-    """A camera that measures how long its own light takes."""
-
-    floor_m: float
-    gain_m: float
-    ripple_m: float
-    near_m: float
-    far_m: float
-
-
-SENSORS: dict[str, StructuredLight | TimeOfFlight] = {
-    "kinect1": StructuredLight(
-        focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0
-    ),
-    # Fitted to recorded frames: plane-fit residuals of 1.4 to 2.1 mm in blocks of 16×16 between 0.6 and 1.2 m, three
-    # quarters of them alike from one pixel to the next.
-    "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,8 +139,8 @@ class Camera:
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
-        self._depth_normal = _alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
-        self._warp_px = _warp(calibration, warp_px, rng) if warp_px > 0.0 else None
+        self._depth_normal = alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
+        self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
@@ -345,23 +309,3 @@ def _shades(solid: Solid) -> Float[np.ndarray, " 6"]:
             normal = sign * solid.R_WK[:, axis]
             sides.append(float(np.sum(normal**2 * np.where(normal > 0.0, high, low))))
     return np.array(sides)
-
-
-def _alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> Float32[np.ndarray, " n"]:
-    """Return normal numbers that resemble those beside, above and below them in an image, as widely spread as before."""
-    if sigma_px == 0.0:
-        return normal
-    whole = len(normal) // width_px * width_px
-    smooth = cv2.GaussianBlur(normal[:whole].reshape(-1, width_px), (0, 0), sigma_px)
-    alike = normal.copy()
-    alike[:whole] = (smooth / smooth.std()).ravel()
-    return alike
-
-
-def _warp(camera: PinholeCamera, spread_px: float, rng: np.random.Generator) -> Float[np.ndarray, "h w"]:
-    """Return a smooth field over the image: what terms of up to third order in both coordinates make."""
-    u, v = np.linspace(-1.0, 1.0, camera.width_px), np.linspace(-1.0, 1.0, camera.height_px)
-    order = np.add.outer(np.arange(4), np.arange(4))
-    # Slow waves are the larger ones: a lens and a projector bend, they do not ripple.
-    field = np.polynomial.legendre.leggrid2d(v, u, rng.standard_normal((4, 4)) / (1.0 + order))
-    return np.asarray(spread_px * (field - field.mean()) / field.std())

@@ -3,6 +3,7 @@
 import math
 from typing import Annotated, Literal, get_args
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from treadline.angles import DEG
@@ -142,3 +143,8 @@ class Recipe(Settings):
                     f"they must be from {RUN_M[0]:g} to {RUN_M[1]:g} m, or give run_m"
                 )
         return self
+
+
+def drawn(limits: Range, rng: np.random.Generator) -> float:
+    """Return a number of a range."""
+    return float(rng.uniform(*limits))

@@ -1,0 +1,135 @@
+"""The flight a recipe asks for, and where the chair stands on it or before it."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.mechanics.staircase import Staircase, Step, build_staircase
+from treadline.scenario import Stair
+from treadline.sim.camera.clutter import RAIL_INSET_M, RAIL_M
+from treadline.sim.camera.recipe import PLACES_M, Recipe, drawn
+from treadline.sim.camera.solids import Solid, solids_of
+
+Direction = Literal["up", "down"]
+DIRECTIONS: dict[str, Direction] = {
+    "up": "up",
+    "top": "up",
+    "foot": "up",
+    "down": "down",
+    "edge": "down",
+    "bottom": "down",
+}
+LEVEL = ("foot", "edge")
+"""Scenes in which the chair stands level."""
+CLEAR_M = 0.12
+"""Between the camera and a wall or rail, at least."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pose:
+    """Where the chair stands."""
+
+    R_WB: Float[np.ndarray, "3 3"]
+    p_WB: Float[np.ndarray, " 3"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """A staircase whose steps need not be level."""
+
+    staircase: Staircase
+    tilts_rad: Float[np.ndarray, "n 2"]
+    """Of each step: down to the front, then up to the left."""
+
+    def turn(self, index: int) -> Float[np.ndarray, "3 3"]:
+        """Return how a step is tilted about its nosing's middle."""
+        pitch, roll = self.tilts_rad[index]
+        return rotation_y(-float(pitch)) @ rotation_x(float(roll))
+
+    def along(self, step: Step) -> Float[np.ndarray, " 3"]:
+        """Return the direction of a step's nosing, to the left."""
+        return self.turn(step.index) @ np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
+
+    def solids(self) -> tuple[Solid, ...]:
+        """Return the staircase's solids, tilted."""
+        return tuple(self._tilted(solid) for solid in solids_of(self.staircase.boxes()))
+
+    def _tilted(self, solid: Solid) -> Solid:
+        if solid.kind != "step":
+            return solid
+        step, turn = self.staircase.steps[solid.index], self.turn(solid.index)
+        nosing = np.array([step.x_m, 0.0, step.z_m])
+        return replace(solid, centre_W=nosing + turn @ (solid.centre_W - nosing), R_WK=turn @ solid.R_WK)
+
+
+def draw_flight(recipe: Recipe, rng: np.random.Generator) -> Flight:
+    """Return the stair a recipe asks for."""
+    staircase = _staircase(recipe, rng)
+    return Flight(
+        staircase=staircase,
+        tilts_rad=recipe.tread_tilt_deg * DEG * rng.standard_normal((len(staircase.steps), 2)),
+    )
+
+
+def _staircase(recipe: Recipe, rng: np.random.Generator) -> Staircase:
+    rise, slope = drawn(recipe.rise_m, rng), drawn(recipe.slope_deg, rng) * DEG
+    run = rise / math.tan(slope) if recipe.run_m is None else drawn(recipe.run_m, rng)
+    stair = Stair(
+        rise_m=rise,
+        run_m=run,
+        steps=int(rng.integers(recipe.steps[0], recipe.steps[1], endpoint=True)),
+        width_m=drawn(recipe.width_m, rng),
+        landing_m=drawn(recipe.landing_m, rng),
+        open_risers=recipe.open_risers,
+        rise_jitter_m=recipe.rise_jitter_m,
+        nosing_yaw_jitter_deg=recipe.nosing_yaw_jitter_deg,
+        walls=recipe.walls[int(rng.integers(len(recipe.walls)))],
+    )
+    staircase = build_staircase(stair, rng)
+    x = run * np.arange(stair.steps) + recipe.run_jitter_m * rng.standard_normal(stair.steps)
+    depth = np.append(np.diff(x), run)
+    steps = tuple(
+        replace(step, x_m=float(front), depth_m=float(deep)) for step, front, deep in zip(staircase.steps, x, depth, strict=True)
+    )
+    return replace(staircase, steps=steps)
+
+
+def draw_pose(
+    scene: str,
+    staircase: Staircase,
+    p_BC: Float[np.ndarray, " 3"],
+    recipe: Recipe,
+    heading_rad: float,
+    rng: np.random.Generator,
+) -> Pose:
+    """Return where the chair stands: on the nosings, on the floor or on the landing, its camera clear of the walls."""
+    pose = _pose(scene, staircase, recipe, heading_rad, rng)
+    railed = "rail_left" in recipe.clutter or "rail_right" in recipe.clutter
+    limit = 0.5 * staircase.width_m - CLEAR_M - (RAIL_INSET_M + RAIL_M if railed else 0.0)
+    y = float((pose.p_WB + pose.R_WB @ p_BC)[1])
+    return replace(pose, p_WB=pose.p_WB + np.array([0.0, min(max(y, -limit), limit) - y, 0.0]))
+
+
+def _pose(scene: str, staircase: Staircase, recipe: Recipe, heading_rad: float, rng: np.random.Generator) -> Pose:
+    first, last = staircase.steps[0], staircase.steps[-1]
+    length = math.hypot(last.x_m - first.x_m, last.z_m - first.z_m)
+    place = drawn(recipe.place_m or PLACES_M[scene], rng)
+    lateral = drawn(recipe.lateral_m, rng)
+    yaw = rotation_z(heading_rad + (0.0 if DIRECTIONS[scene] == "up" else math.pi))
+    rock = rocked(recipe, rng)
+    if scene in LEVEL:
+        x, z = (first.x_m - place, 0.0) if scene == "foot" else (last.x_m + place, last.z_m)
+        return Pose(R_WB=yaw @ rock, p_WB=np.array([x, lateral, z]))
+    along = {"up": place, "top": length - place, "down": length - place, "bottom": place}[scene]
+    p_WB = staircase.p_WS + staircase.R_WS @ np.array([along, lateral, 0.0])
+    return Pose(R_WB=staircase.R_WS @ yaw @ rock, p_WB=p_WB)
+
+
+def rocked(recipe: Recipe, rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+    """Return how the chair leans off what it stands on."""
+    pitch, roll = recipe.rock_deg * DEG * rng.standard_normal(2)
+    return rotation_y(float(pitch)) @ rotation_x(float(roll))
