@@ -27,6 +27,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.perception.camera_file import CameraFile
+from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
 from treadline.sim.camera import ROOM_SCENES, Recipe, StairTruth, View, draw_view
@@ -353,10 +354,10 @@ def real_rows() -> Iterator[str]:
     """Yield the angle between the edge direction found in recorded frames and their reference."""
     for reference in sorted(RECORDED.glob("*/reference.json")):
         for name, true in json.loads(reference.read_text()).items():
-            rgb = reference.with_name(f"{name}_color_registered.png")
-            depth = reference.with_name(f"{name}_depth.png")
+            depth = reference.with_name(name + DEPTH_ENDING)
+            rgb = next(path for ending in COLOUR_ENDINGS if (path := reference.with_name(name + ending)).exists())
             detector = StairDetector(DetectorConfig(method="robust"))
-            sight = detector.look(read_frame(rgb, depth, calibration_of(true)), None)
+            sight = detector.look(read_frame(rgb, depth, calibration_of(depth, true)), None)
             label = f"{reference.parent.name} {name}"
             if sight.edge_direction_C is None or sight.sigma_rad is None:
                 yield f"| {label} | no | | | {sight.reason} |"
@@ -365,11 +366,12 @@ def real_rows() -> Iterator[str]:
                 yield f"| {label} | yes | {off:.3f}° | {sight.sigma_rad / DEG:.3f}° | |"
 
 
-def calibration_of(true: dict[str, float]) -> CameraFile:
-    """Return the calibration that stands beside a reference; the images are those of a Kinect 2."""
+def calibration_of(depth: Path, true: dict[str, float]) -> CameraFile:
+    """Return the calibration that stands beside a reference, for images as large as the depth image."""
+    header = depth.read_bytes()[:24]  # PNG: width and height are the first of its first chunk
     return CameraFile(
-        width=512,
-        height=424,
+        width=int.from_bytes(header[16:20]),
+        height=int.from_bytes(header[20:24]),
         fx_px=true["fx"],
         fy_px=true["fy"],
         cx_px=true["cx"],
