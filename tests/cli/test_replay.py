@@ -155,6 +155,13 @@ def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(
     assert result["largest_command_gap_m_s"] == 0.0
 
 
+def test_who_names_headings_gets_them_instead_of_images(run, climbed: Path, tmp_path: Path) -> None:
+    named = "headings=/stair/heading_measured/detail"
+    values = run("replay", climbed, "--topics", named, "--out", tmp_path / "again", "--json").values
+    assert values["sees"] == "recorded headings"
+    assert values["largest_command_gap_m_s"] == 0.0
+
+
 def test_a_turned_mount_turns_the_heading(run, climbed: Path, tmp_path: Path) -> None:
     outcome = run("replay", climbed / "log.mcap", "--set", "camera.mount_yaw_deg=2", "--out", tmp_path / "again", "--json")
     assert outcome.values["rms_difference_deg"] == pytest.approx(2.0, abs=0.1)

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from treadline.errors import ImageError, LogFormatError, SettingsError, TreadlineError
 from treadline.io.sensor_log import EVENTS_MAX, SensorLog
@@ -16,6 +17,7 @@ LEVEL = (1.0, 0.0, 0.0, 0.0)
 STILL, WEIGHT = (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)
 DEPTH = np.arange(600, 624, dtype=np.uint16).reshape(4, 6) * 2
 COLOUR = np.arange(72, dtype=np.uint8).reshape(4, 6, 3)
+START_NS = 1_700_000_000_123_456_789
 NAMES = {
     "depth": "/camera/depth/image_raw",
     "color": "/camera/color/image_raw",
@@ -280,6 +282,25 @@ def test_a_log_with_nothing_to_see_names_its_topics(recording, tmp_path: Path) -
     message = refusal(fill(recording(), leave=("depth", "color", "info")).write(tmp_path / "log.mcap"))
     assert "neither depth images nor headings" in message
     assert "/camera/imu" in message
+
+
+def test_messages_that_are_not_ros_are_left_alone(recording, tmp_path: Path) -> None:
+    log, path = fill(recording(), seconds=0.1), tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channels: dict[str, int] = {}
+        for name, kind in (("/points", "foxglove.PointCloud"), ("/note", "")):
+            schema = writer.register_schema(kind, "protobuf", b"") if kind else 0
+            writer.add_message(writer.register_channel(name, "protobuf" if kind else "json", schema), START_NS, b"{}", START_NS)
+        for topic, logged_ns, kind, data in log.messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "cdr", writer.register_schema(kind, "ros2msg", b""))
+            writer.add_message(channels[topic], logged_ns, data, logged_ns)
+        writer.finish()
+    sensors = SensorLog(path)
+    assert set(sensors.found) == {*NAMES.values(), "/points", "/note"}
+    assert len(of(ImuSample, played(sensors)[0])) == 10
 
 
 def test_several_imus_are_asked_about(recording, tmp_path: Path) -> None:

@@ -78,9 +78,11 @@ def reader_of(topic: Topic, data: bytes, logged_ns: int, origin_ns: int = 0) -> 
 
 
 def kind_of(topic: Topic) -> str:
-    """Return a type's name as ROS 2 writes it."""
-    package, *_, short = topic.kind.split("/")
-    return f"{package}/msg/{short}"
+    """Return a type's name as ROS 2 writes it; what is not ROS's is none of its types."""
+    if topic.encoding not in {"cdr", "ros1"}:
+        return f"{topic.encoding} {topic.kind}"
+    package, *between = topic.kind.split("/")
+    return f"{package}/msg/{between[-1]}" if between else package
 
 
 def survey(path: Path, *, sealed: bool) -> dict[str, Found]:
@@ -99,18 +101,21 @@ def survey(path: Path, *, sealed: bool) -> dict[str, Found]:
 
 def _first(topic: Topic, logged_ns: int, data: bytes) -> Found:
     kind, pixels, size, t_s = kind_of(topic), "", (0, 0), 0.0
-    # Its own clock as origin: seconds since 1970 have no nanoseconds to spare.
-    reader = reader_of(topic, data, logged_ns, origin_ns=logged_ns)
+
+    def reader() -> CdrReader:
+        # Its own clock as origin: seconds since 1970 have no nanoseconds to spare.
+        return reader_of(topic, data, logged_ns, origin_ns=logged_ns)
+
     if kind == IMAGE:
-        t_s, height, width, pixels = heading_of_image(reader)
+        t_s, height, width, pixels = heading_of_image(reader())
         size = width, height
     elif kind == CAMERA_INFO:
-        t_s, camera = calibration(reader)
+        t_s, camera = calibration(reader())
         size = camera.width_px, camera.height_px
     elif kind == IMU:
-        t_s = imu(reader).t_s
+        t_s = imu(reader()).t_s
     elif topic.name in OURS and kind == OURS[topic.name][0]:
-        t_s = OURS[topic.name][1](reader).t_s
+        t_s = OURS[topic.name][1](reader()).t_s
     stamp_ns = logged_ns + round(t_s * 1e9)
     return Found(
         kind=kind,
@@ -136,7 +141,8 @@ def roles(where: Path, found: Mapping[str, Found], named: Mapping[str, str], *, 
     """
     for role, name in named.items():
         _check_named(where, found, role, name)
-    depth = named.get("depth") or _depth(found)
+    # Who names headings wants them instead of images.
+    depth = named.get("depth") or (None if "headings" in named else _depth(found))
     headings = named.get("headings") or (HEADINGS if HEADINGS in found and found[HEADINGS].kind == KINDS["headings"] else None)
     gyro, accel = (named["imu"], named.get("accel")) if "imu" in named else _imu(where, found)
     if depth is None:
