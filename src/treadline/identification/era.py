@@ -157,23 +157,25 @@ def realise(
     return svd.system_matrix(order), controllability[:, :m] / input_scale, observability[:p] * output_scale[:, None]
 
 
-def realise_correlated(
-    markov: Float[np.ndarray, "n p m"], order: int, rows: int, columns: int, shifts: int
-) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"]]:
-    """Return A, B, C of an order by ERA/DC: from correlations of Hankel matrices, in place of one Hankel matrix.
+def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shifts: int) -> HankelSvd:
+    """Return the decomposition of ERA/DC: of correlations of Hankel matrices, in place of one Hankel matrix.
 
     ``[R_0 … R_c; …; R_c … R_2c]`` with ``R_k = H(k) H(0)'`` and c shifts: noise that differs from one shift to the next
-    averages out, where ERA sees it once.
+    averages out, where ERA sees it once. The matrix is Hankel itself, of the blocks R_k.
 
     Args:
         markov: Scaled Markov parameters, ``rows + columns + 2c + 1`` of them or more.
     """
     H0 = hankel(markov, rows, columns, 0)
-    # The matrices of correlations are Hankel themselves, of the blocks R_k.
     R = np.stack([np.zeros((len(H0), len(H0))), *(hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2))])
     ones = np.ones(len(H0))
-    svd = hankel_svd(R, shifts + 1, shifts + 1, ones, ones)
-    _, p, m = markov.shape
+    return hankel_svd(R, shifts + 1, shifts + 1, ones, ones)
+
+
+def realise_correlated(
+    svd: HankelSvd, H0: Float[np.ndarray, "a b"], order: int, p: int, m: int
+) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"]]:
+    """Return A, B, C of an order from a decomposition of correlations, in the scaled units of ``H0``."""
     O = svd.U[:, :order] * np.sqrt(svd.s[:order])
     # The upper rows of O are H(0)'s own observability matrix; what it leaves of H(0) is the controllability matrix.
     B = np.linalg.lstsq(O[: len(H0)], H0, rcond=None)[0][:, :m]

@@ -16,6 +16,7 @@ from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe
 from treadline.identification.gram import Gram, Units
 from treadline.identification.intervals import Intervals, of_observer, of_predicting, of_refined
+from treadline.identification.intervals_of_correlations import of_correlations
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.order import OrderChoice
 from treadline.identification.refine import predictors_of
@@ -79,11 +80,12 @@ class Identified:
         """How sure the model is; None where the data are too short to tell. Dead time counts as known."""
         found = self._found
         recipe, fitting = found.recipe, found.fitting
-        if recipe.method in ("deconvolution", "era-dc") or recipe.step == "inputs-again":
+        if recipe.method == "deconvolution" or recipe.step == "inputs-again":
             return None  # the law of their errors is not known here
         if recipe.step == "subspace" and recipe.method != "pbsid":
+            law = of_correlations if recipe.method == "era-dc" else of_observer
             observer, svd = fitting.observer(recipe.lags, recipe.order)
-            return of_observer(observer, svd, found.system, found.units, fitting.data)
+            return law(observer, svd, found.system, found.units, fitting.data)
         if recipe.step in ("subspace", "prediction-error") and found.system.K is not None:
             runs = predictors_of(fitting.experiments(), least=4 * recipe.order + 4)
             if not runs:

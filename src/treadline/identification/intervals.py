@@ -123,7 +123,7 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
     root = np.sqrt(svd.s[:n])
     left, right = (svd.U[:, :n] / root).T, svd.Vt[:n].T / root
     blocks, columns = left.shape[1] // p, right.shape[0] // m
-    changes = _markov_changes(observer, system, data, blocks + columns + 1)
+    changes = markov_changes(observer, system, data, blocks + columns + 1)
     at = 1 + np.arange(blocks)[:, None] + np.arange(columns)
     parts = []
     for start in range(0, changes.shape[3], PORTION):
@@ -134,15 +134,15 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
         entering = np.einsum("na,amk->nmk", left, H[:, :m], optimize=True)
         parts.append((
             moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True),
-            _with_constant(entering - np.einsum("njk,jm->nmk", turn, system.B[:, :m], optimize=True)),
+            with_constant(entering - np.einsum("njk,jm->nmk", turn, system.B[:, :m], optimize=True)),
             np.einsum("pbk,bj->pjk", H[:p], right, optimize=True),
-            _with_constant(Y[0]),
+            with_constant(Y[0]),
         ))  # fmt: skip
     A, B, C, D = (np.ascontiguousarray(np.concatenate(arrays, axis=2)) for arrays in zip(*parts, strict=True))
     return Intervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
 
 
-def _with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
+def with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
     """Return changes with a column for the constant, which stays."""
     return np.concatenate([changes, np.zeros((len(changes), 1, changes.shape[2]))], axis=1)
 
@@ -182,7 +182,7 @@ def free_response(system: Affine, m: int, count: int) -> Float[np.ndarray, "coun
     return np.concatenate([system.D[None, :, :m], reach])[:count]
 
 
-def _markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
+def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
     """Return the changes of the Markov parameters per standard normal number.
 
     Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and runs on through the β.

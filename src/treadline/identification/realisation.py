@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification.affine import Affine
-from treadline.identification.era import HankelSvd, hankel_svd, realise, realise_correlated
+from treadline.identification.era import HankelSvd, correlated_svd, hankel_svd, realise, realise_correlated
 from treadline.identification.kernels import observability, unroll
 from treadline.identification.okid import ObserverMarkov, system_markov
 
@@ -54,9 +54,15 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
 def _by_correlations(
     observer: ObserverMarkov, svd: HankelSvd, order: int
 ) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
+    _, correlated = correlations(observer, svd)
+    return realise_correlated(correlated, svd.matrix, order, *observer.D.shape)
+
+
+def correlations(observer: ObserverMarkov, svd: HankelSvd) -> tuple[Float[np.ndarray, "count p m"], HankelSvd]:
+    """Return the Markov parameters that ERA/DC takes, and its decomposition: by as many shifts as half the block rows."""
     shifts = svd.rows // 2
     markov = system_markov(observer, 2 * svd.rows + 2 * shifts + 2)
-    return realise_correlated(markov, order, svd.rows, svd.columns, shifts)
+    return markov, correlated_svd(markov, svd.rows, svd.columns, shifts)
 
 
 def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " p"]]:
