@@ -13,6 +13,7 @@ from treadline.angles import DEG
 from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import look_robust
 from treadline.perception.sight import Sight
+from treadline.perception.stopwatch import Stopwatch
 from treadline.signals import HeadingMeasurement, RgbdFrame
 
 PAPER_SIGMA_RAD = 2.0 * DEG
@@ -28,10 +29,12 @@ class DetectorConfig:
 
 
 class StairDetector:
-    """Looks at one frame at a time and remembers nothing."""
+    """Looks at one frame at a time and remembers nothing but how long it took."""
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config or DetectorConfig()
+        self.timings: dict[str, float] = {}
+        """Milliseconds by stage of the last look; the robust method's only."""
 
     def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
         """Return the heading seen in a frame, or None.
@@ -49,5 +52,7 @@ class StairDetector:
     def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
         """Return all that a frame says; ``stages`` asks the paper's method for its pictures."""
         if self._config.method == "robust":
-            return look_robust(frame, gravity_C)
+            watch = Stopwatch()
+            self.timings = watch.laps_ms
+            return look_robust(frame, gravity_C, watch)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)

@@ -23,6 +23,8 @@ TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
 OUTLIER = 3.0 * DEG
 """A surface this far from the middle of three or more, and by many of its deviations, is no part of the stair."""
 OUTLIER_SIGMAS = 5.0
+GRAVITY_DOUBT, AGREED_SHARE = 2.0, 0.5
+"""Declared deviations off which treads have the IMU doubted, if they agree within such a share of that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,6 +90,23 @@ def pooled(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], 
     )
 
 
+def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
+    """Return the variance of the IMU's idea of level, given by how much treads are off it.
+
+    Treads that agree with each other and not with the IMU tell of a mount that is not what the calibration says: degrees
+    where half of one is declared.
+
+    Args:
+        tilts: Angles of the treads about one axis against the IMU's level.
+        sigma_rad: Declared.
+    """
+    if len(tilts) >= 2:
+        gap = abs(float(np.median(tilts)))
+        if gap > GRAVITY_DOUBT * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
+            return gap**2
+    return sigma_rad**2
+
+
 def fit_edges(
     nosings: Sequence[Nosing],
     treads: Sequence[Surface],
@@ -110,7 +129,9 @@ def fit_edges(
         a = np.cross(d, edge)
         # The turn ρ about a tips e along d.
         level = [_said(tread.unit, tread.covariance / float(tread.normal @ tread.normal), edge, d) for tread in treads]
-        level.append((-float(down @ edge), down_sigma_rad**2))
+        off = -float(down @ edge)
+        tilts = np.array([value for value, _ in level]) - off
+        level.append((off, gravity_variance(tilts, down_sigma_rad)))
         values, variances = np.array(level).T
         regular = np.zeros(len(values), dtype=bool)
         regular[-1] = True

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import kernels
-from treadline.perception.direction import pooled
+from treadline.perception.direction import gravity_variance, pooled
 from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
 from treadline.perception.planes import Blocks, Surface
 from treadline.perception.sight import StairShape
@@ -64,6 +64,7 @@ def axes_of(
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
         tilts.append(float(np.arctan2(n @ ahead, n @ d)))
         variances.append(float(ahead @ tread.covariance @ ahead) / float(tread.normal @ tread.normal))
+    variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
     regular = np.zeros(len(tilts), dtype=bool)
     regular[0] = True
     tilt = pooled(np.array(tilts), np.array(variances), regular)

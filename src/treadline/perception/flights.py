@@ -1,0 +1,126 @@
+"""The flight in a frame: treads by gravity, its azimuth by vote, risers by azimuth, nosings in a row."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
+from treadline.perception.planes import Blocks, Surface, joined
+from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.votes import line_votes, votes_of
+from treadline.signals import RgbdFrame
+
+UPRIGHT = 18.0 * DEG
+"""How far a block's normal may lie from vertical (tread) or horizontal (riser)."""
+RISER_SPREAD = 14.0 * DEG
+"""How far a riser block's azimuth may lie from the vote."""
+RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
+"""Levels further apart are different surfaces: less than half of the smallest run and rise."""
+LEAST_BLOCKS = 8
+CONCLUSIVE = 3
+"""Nosings in a row after which no other azimuth is tried."""
+LEVEL_LEAST = 0.2
+"""Of the chair's forward axis that must be level to tell where ahead is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """A flight as far as one frame shows it."""
+
+    direction: Direction
+    risers: list[Surface]
+    treads: list[Surface]
+    nosings: list[Nosing]
+    """The nearest first."""
+    facing: Float[np.ndarray, " 3"]
+    """Level, roughly square to the edges, in C."""
+
+
+def flight_under(
+    frame: RgbdFrame,
+    blocks: Blocks,
+    unit: Float[np.ndarray, "b 3"],
+    down: Float[np.ndarray, " 3"],
+    directions: tuple[Direction, ...],
+    watch: Stopwatch,
+) -> Flight | str:
+    """Return the flight that most speaks for, or why there is none.
+
+    Args:
+        unit: Unit normals of the blocks.
+        down: Unit vector in C.
+        directions: Which way the flight may go.
+    """
+    level = _level_axes(down, frame.camera.R_BC)
+    if level is None:
+        return "the camera looks straight up or down"
+    rise = unit @ down
+    vertical = np.abs(rise) < np.sin(UPRIGHT)
+    treads = joined(
+        frame.depth_m,
+        frame.camera,
+        blocks,
+        np.abs(rise) > np.cos(UPRIGHT),
+        level.up,
+        gap_m=TREAD_GAP_M,
+        least=LEAST_BLOCKS,
+    )
+    # A level surface above the eye is the underside of something.
+    treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT and float(tread.centre @ level.up) < 0.0]
+    watch.lap("treads")
+    azimuth = np.arctan2(unit @ level.right, unit @ level.ahead)
+    most_risers, best, best_weight, voted = 0, None, 0.0, False
+    for peak in votes_of(azimuth[vertical], *line_votes(treads, frame.camera, level)):
+        voted = True
+        facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
+        axes = Axes(ahead=facing, up=level.up, right=np.cross(-level.up, facing))
+        members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
+        risers = joined(frame.depth_m, frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+        risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
+        most_risers = max(most_risers, len(risers))
+        direction = "up" if len(risers) >= 2 else direction_of(treads, axes)
+        if direction is None or direction not in directions:
+            continue
+        found = nosings_of(risers if direction == "up" else [], treads, blocks, frame.camera, axes, direction)
+        nosings = flight_of(found, axes, direction)
+        weight = sum(nosing.weight for nosing in nosings)
+        if weight > best_weight:
+            best_weight = weight
+            best = Flight(
+                direction=direction,
+                risers=[n.riser for n in nosings if n.riser is not None],
+                treads=treads,
+                nosings=nosings,
+                facing=facing,
+            )
+        if len(nosings) >= CONCLUSIVE:
+            break
+    watch.lap("flight")
+    if best is not None:
+        return best
+    if not voted:
+        return "no riser and no nosing faces the camera"
+    return f"{most_risers} riser(s) in view, and no two nosings a step apart whose heights are seen"
+
+
+def _is_riser(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
+    """Return whether a surface faces the way the vote says and is no taller than a step: walls are."""
+    tall = float(np.ptp(blocks.centres[surface.blocks] @ axes.up))
+    return _turned_from(surface, axes.ahead) < RISER_SPREAD and tall < STEP_RISE_M[1]
+
+
+def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
+    return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
+
+
+def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
+    """Return level axes with ahead where the chair's front points, or up the image where the camera looks straight down."""
+    for towards in (R_BC[0], np.array([0.0, -1.0, 0.0])):
+        ahead = towards - float(towards @ down) * down
+        length = float(np.linalg.norm(ahead))
+        if length > LEVEL_LEAST:
+            ahead = ahead / length
+            return Axes(ahead=ahead, up=-down, right=np.cross(down, ahead))
+    return None

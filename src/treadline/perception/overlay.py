@@ -1,0 +1,117 @@
+"""One picture of what the robust estimator saw: treads, risers, nosings, and the heading with its interval."""
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from treadline.angles import DEG
+from treadline.perception.planes import Surface
+from treadline.perception.sight import Sight
+from treadline.signals import PinholeCamera, RgbdFrame
+
+Picture = UInt8[np.ndarray, "h w 3"]
+
+TREAD, RISER, NOSING, NEEDLE, OBSTACLE = (70, 150, 255), (255, 150, 50), (255, 235, 60), (255, 255, 255), (255, 60, 60)
+TINT = 0.45
+WIDTH_PX = 960
+"""Of the picture; text is laid out for it."""
+BAND_PX, LINE_PX = 66, 26
+DIAL_PX, DIAL_SPAN = 96, 60.0 * DEG
+"""Radius of the dial, and the heading at its ends."""
+LEAST_WEDGE = 0.6 * DEG
+"""A narrower interval would not be seen."""
+
+
+def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
+    """Return the frame with all that was found in it; a refused frame with the reason."""
+    scale = WIDTH_PX / frame.camera.width_px
+    picture = np.ascontiguousarray(frame.rgb.copy())
+    if sight.parts is not None:
+        for surfaces, colour in ((sight.parts.treads, TREAD), (sight.parts.risers, RISER)):
+            for surface in surfaces:
+                _tint(picture, surface, colour)
+    picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
+    if sight.parts is not None and sight.axes is not None:
+        for nosing in sight.parts.flight:
+            ends = [nosing.point + (side - float(nosing.point @ sight.axes.edge_C)) * sight.axes.edge_C for side in nosing.sides_m]
+            _line(picture, frame.camera, np.array(ends), scale)
+    canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
+    canvas[: picture.shape[0]] = picture
+    for number, (line, colour) in enumerate(_words(sight)):
+        _write(canvas, line, (12, picture.shape[0] + LINE_PX * (number + 1)), colour)
+    if sight.heading_rad is not None and sight.sigma_rad is not None:
+        _dial(canvas, (WIDTH_PX - DIAL_PX - 24, picture.shape[0] - 20), sight.heading_rad, 1.96 * sight.sigma_rad)
+    return canvas
+
+
+def _words(sight: Sight) -> list[tuple[str, tuple[int, int, int]]]:
+    """Return the lines under the picture and their colours."""
+    if sight.heading_rad is None or sight.sigma_rad is None:
+        return [("no heading", OBSTACLE), (sight.reason or "", NEEDLE)]
+    heading = f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)"
+    heading += f" from {sight.edge_count} nosings"
+    if sight.stair_map is None:
+        return [(heading, NEEDLE)]
+    seen = sight.stair_map
+    stair = f"flight {seen.direction}: rise {1e3 * seen.rise_m:.0f} mm, run {1e3 * seen.run_m:.0f} mm, "
+    stair += f"slope {seen.slope_rad / DEG:.1f}°" + (", ends in view" if seen.ends else "")
+    walls = [(seen.left_wall_m, "left"), (seen.right_wall_m, "right")]
+    stair += "".join(f", {word} wall {1e2 * free:.0f} cm" for free, word in walls if free is not None)
+    if seen.obstacle_m is not None:
+        return [(heading, NEEDLE), (f"{stair}, obstacle in {seen.obstacle_m:.2f} m", OBSTACLE)]
+    return [(heading, NEEDLE), (stair, NEEDLE)]
+
+
+def _tint(picture: Picture, surface: Surface, colour: tuple[int, int, int]) -> None:
+    """Colour the pixels of a surface, column by column."""
+    shade = np.array(colour, dtype=float)
+    for column, first, last in zip(surface.upper.columns, surface.upper.rows, surface.lower.rows, strict=True):
+        part = picture[int(first + 0.5) : int(last + 0.5), column]
+        part[:] = ((1.0 - TINT) * part + TINT * shade).astype(np.uint8)
+
+
+def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"], scale: float) -> None:
+    if ends[:, 2].min() <= 0.0:
+        return
+    u = camera.fx_px * ends[:, 0] / ends[:, 2] + camera.cx_px
+    v = camera.fy_px * ends[:, 1] / ends[:, 2] + camera.cy_px
+    places = np.round((np.column_stack([u, v]) + 0.5) * scale - 0.5).astype(int)
+    cv2.line(picture, tuple(places[0].tolist()), tuple(places[1].tolist()), NOSING, 2, cv2.LINE_AA)
+
+
+def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad: float) -> None:
+    """Draw the heading as a needle from above, the flight straight up, with its interval as a wedge; anticlockwise is left."""
+    box = canvas[centre[1] - DIAL_PX - 40 : centre[1] + 16, centre[0] - DIAL_PX - 16 : centre[0] + DIAL_PX + 16]
+    box[:] = (0.35 * box).astype(np.uint8)
+    cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -DIAL_SPAN / DEG, DIAL_SPAN / DEG, NEEDLE, 1, cv2.LINE_AA)
+    for tick_deg in range(-60, 61, 15):
+        long = 10 if tick_deg % 30 == 0 else 5
+        cv2.line(
+            canvas,
+            _at(centre, float(DIAL_PX), tick_deg * DEG),
+            _at(centre, float(DIAL_PX - long), tick_deg * DEG),
+            NEEDLE,
+            1,
+            cv2.LINE_AA,
+        )
+        if tick_deg % 30 == 0:
+            u, v = _at(centre, DIAL_PX + 14.0, tick_deg * DEG)
+            _write(canvas, f"{tick_deg:+d}°" if tick_deg else "0°", (u - 14, v + 5), NEEDLE, size=13)
+    half = max(half_rad, LEAST_WEDGE)
+    wedge = [centre, *(_at(centre, DIAL_PX - 12.0, heading_rad + part * half) for part in np.linspace(-1.0, 1.0, 9))]
+    cv2.fillPoly(canvas, [np.array(wedge, dtype=np.int32)], NOSING, cv2.LINE_AA)
+
+
+def _at(centre: tuple[int, int], radius: float, angle_rad: float) -> tuple[int, int]:
+    return round(centre[0] - radius * math.sin(angle_rad)), round(centre[1] - radius * math.cos(angle_rad))
+
+
+def _write(canvas: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], *, size: int = 18) -> None:
+    """Write a line of text; OpenCV before 5 knows no degree sign."""
+    if hasattr(cv2, "FontFace"):
+        cv2.putText(canvas, text, place, colour, cv2.FontFace("sans"), size)
+        return
+    plain = text.replace("°", " deg").replace("±", "+-")
+    cv2.putText(canvas, plain, place, cv2.FONT_HERSHEY_SIMPLEX, size / 32.0, colour, 1, cv2.LINE_AA)

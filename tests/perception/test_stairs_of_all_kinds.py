@@ -1,0 +1,168 @@
+"""Views drawn from recipes: up, down, open, worn, cluttered, near the top and the foot; and places without a stair."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG, rms
+from treadline.perception import Sight, StairDetector
+from treadline.sim.camera.recipe import ROOM_SCENES, Recipe
+from treadline.sim.camera.views import StairTruth, View, draw_view
+
+DETECTOR = StairDetector()
+LEAST_SHARE = 0.15
+"""Of the image that must be stair for a frame to count."""
+
+
+def views(recipe: Recipe, seeds: range) -> Iterator[tuple[View, StairTruth]]:
+    for seed in seeds:
+        view = draw_view(np.random.default_rng(seed), recipe)
+        if view.stair is not None and view.stair.share > LEAST_SHARE:
+            yield view, view.stair
+
+
+def errors_and_strains(recipe: Recipe, seeds: range) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return heading errors, the same over their declared deviation, and how many frames there were."""
+    errors, strains, count = [], [], 0
+    for view, truth in views(recipe, seeds):
+        count += 1
+        sight = DETECTOR.look(view.frame, view.gravity_C)
+        if sight.heading_rad is not None and sight.sigma_rad is not None:
+            errors.append(sight.heading_rad - truth.heading_rad)
+            strains.append(errors[-1] / sight.sigma_rad)
+    return np.array(errors), np.array(strains), count
+
+
+KINDS = {
+    "up": Recipe(scenes=("up",)),
+    "open": Recipe(scenes=("up",), open_risers=True),
+    "worn": Recipe(scenes=("up",), worn_m=0.02),
+    "rail": Recipe(scenes=("up",), clutter=("rail_left", "rail_right"), walls=("none",)),
+    "legs": Recipe(scenes=("up",), clutter=("legs",)),
+    "mat and bag": Recipe(scenes=("up",), clutter=("mat", "bag")),
+    "wet": Recipe(scenes=("up",), clutter=("wet",)),
+    "kinect2": Recipe(scenes=("up",), sensor="kinect2"),
+    "large": Recipe(scenes=("up",), height_px=480),
+    "top": Recipe(scenes=("top",)),
+    "down": Recipe(scenes=("down",)),
+    "down, open": Recipe(scenes=("down",), open_risers=True),
+    "edge": Recipe(scenes=("edge",)),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_heading_of_stairs_of_all_kinds(kind: str) -> None:
+    errors, _, count = errors_and_strains(KINDS[kind], range(31_000, 31_024))
+    # The design asks for 0.20° RMSE up, 0.3° down, 95 % accepted and none beyond 3°; one of two dozen may be refused.
+    assert len(errors) >= count - 1 >= 8
+    assert rms(errors) < 0.15 * DEG
+    assert np.abs(errors).max() < 0.6 * DEG
+
+
+@pytest.mark.parametrize("scene", ["up", "down"])
+def test_intervals_of_irregular_stairs_are_true(scene: str) -> None:
+    recipe = Recipe(scenes=(scene,), nosing_yaw_jitter_deg=0.3, tread_tilt_deg=0.3)
+    _, strains, _ = errors_and_strains(recipe, range(32_000, 32_080))
+    # Of 80 frames a mean square of 1 scatters by 0.16 (its tails are heavier than a normal's), 95 % by 2.4 %.
+    assert 0.5 < np.mean(strains**2) < 1.6
+    assert np.mean(np.abs(strains) < 1.96) > 0.88
+
+
+@pytest.mark.parametrize("knows_down", [True, False])
+@pytest.mark.parametrize("scene", ROOM_SCENES)
+def test_a_place_without_a_stair_yields_no_heading(scene: str, knows_down: bool) -> None:
+    for seed in range(33_000, 33_015):
+        view = draw_view(np.random.default_rng(seed), Recipe(scenes=(scene,)))
+        sight = DETECTOR.look(view.frame, view.gravity_C if knows_down else None)
+        assert not sight.accepted, f"{scene}, seed {seed}"
+        assert sight.reason
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 15.0, 65.0])
+@pytest.mark.parametrize("scene", ["shelf", "steep", "ladder", "boxes", "wall"])
+def test_furniture_seen_from_any_angle_yields_no_heading(scene: str, pitch_deg: float) -> None:
+    for seed in range(34_000, 34_012):
+        view = draw_view(np.random.default_rng(seed), Recipe(scenes=(scene,), pitch_deg=(pitch_deg, pitch_deg)))
+        assert not DETECTOR.look(view.frame, None).accepted, f"seed {seed}"
+
+
+def maps(recipe: Recipe, seeds: range) -> Iterator[tuple[Sight, StairTruth]]:
+    for view, truth in views(recipe, seeds):
+        sight = DETECTOR.look(view.frame, view.gravity_C)
+        if sight.stair_map is not None:
+            yield sight, truth
+
+
+@pytest.mark.parametrize("kind", ["up", "open", "down", "edge", "top"])
+def test_the_map_measures_the_stair(kind: str) -> None:
+    slopes, rises, runs, nearest = [], [], [], []
+    for sight, truth in maps(KINDS[kind], range(35_000, 35_024)):
+        seen = sight.stair_map
+        assert seen is not None
+        assert seen.direction == truth.direction
+        slopes.append(seen.slope_rad - truth.slope_rad)
+        rises.append(seen.rise_m - truth.rise_m)
+        runs.append(seen.run_m - truth.run_m)
+        gaps = np.linalg.norm(truth.nosings_B - seen.nosings_B[0], axis=1) if len(truth.nosings_B) else np.array([np.inf])
+        # Where the chair's middle plane leaves the stair there is no nosing to compare with.
+        if gaps.min() < 0.1:
+            nearest.append(gaps.min())
+    assert rms(np.array(slopes)) < 0.5 * DEG
+    assert rms(np.array(rises)) < 0.008
+    assert rms(np.array(runs)) < 0.008
+    assert len(nearest) >= 5
+    assert rms(np.array(nearest)) < 0.010
+
+
+def test_the_end_of_a_flight_is_seen_and_never_imagined() -> None:
+    seen = [
+        (sight.stair_map.ends, truth.end_in_view) for sight, truth in maps(KINDS["top"], range(36_000, 36_030)) if sight.stair_map
+    ]
+    assert sum(told for told, there in seen if there) >= 0.8 * sum(there for _, there in seen) > 0
+    within = [
+        sight.stair_map.ends
+        for sight, truth in maps(KINDS["up"], range(36_100, 36_130))
+        if not truth.end_in_view and sight.stair_map
+    ]
+    assert len(within) >= 10
+    assert not any(within)
+
+
+def test_walls_are_as_far_as_they_are() -> None:
+    off = []
+    for sight, truth in maps(Recipe(walls=("both",)), range(37_000, 37_020)):
+        assert sight.stair_map is not None
+        pairs = ((sight.stair_map.left_wall_m, truth.left_wall_m), (sight.stair_map.right_wall_m, truth.right_wall_m))
+        off += [seen - there for seen, there in pairs if seen is not None and there is not None]
+    assert len(off) >= 20
+    assert np.abs(off).max() < 0.02
+
+
+def test_things_in_the_way_are_found_and_a_free_flight_is_free() -> None:
+    for sight, _ in maps(Recipe(), range(38_000, 38_030)):
+        assert sight.stair_map is not None
+        assert sight.stair_map.obstacle_m is None
+    told = [
+        (sight.stair_map.obstacle_m, truth.obstacle_m)
+        for sight, truth in maps(Recipe(clutter=("legs",)), range(38_100, 38_130))
+        if sight.stair_map is not None and truth.obstacle_m is not None
+    ]
+    found = np.array([seen - there for seen, there in told if seen is not None and there is not None])
+    assert len(found) >= 0.9 * len(told) >= 8
+    assert np.median(np.abs(found)) < 0.03
+
+
+def test_the_axes_hold_for_a_mount_that_nobody_calibrated() -> None:
+    recipe = Recipe(mount_pitch_error_deg=(-3.0, 3.0), mount_roll_error_deg=(-3.0, 3.0), gravity_error_deg=0.3)
+    off_edge, off_normal = [], []
+    for view, truth in views(recipe, range(39_000, 39_024)):
+        axes = DETECTOR.look(view.frame, view.gravity_C).axes
+        if axes is None:
+            continue
+        off_edge.append(np.arccos(min(1.0, float(axes.edge_C @ truth.edge_C))))
+        # The nosing plane's normal is the chair's z, as the true mount has it.
+        off_normal.append(np.arccos(min(1.0, float(axes.normal_C @ view.true_camera.R_BC[2]))))
+    assert len(off_edge) >= 20
+    assert rms(np.array(off_edge)) < 0.3 * DEG
+    assert rms(np.array(off_normal)) < 0.5 * DEG
