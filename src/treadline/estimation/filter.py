@@ -9,14 +9,13 @@ landing with the heading it had on the stair.
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
 from treadline.angles import DEG, wrap
 from treadline.estimation.bank import GyroModel, KalmanBank
 from treadline.estimation.drift import Drift, DriftRule, DriftWatch
-from treadline.estimation.health import HeadingHealth, Memory, StuckRule, StuckWatch
+from treadline.estimation.health import FaultKind, HeadingHealth, Memory, StuckRule, StuckWatch
 from treadline.estimation.reacquire import ReacquisitionRule, Refused
 from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
@@ -72,7 +71,7 @@ class HeadingFilter:
         self._rate = 0.0
         self._turned = 0.0
         self._disagreement = 0.0
-        self._fault: tuple[Literal["drift", "jump", "stuck", "disagreement"], float, float, str] | None = None
+        self._fault: tuple[FaultKind, float, float, str] | None = None
         self.rejected_count = 0
 
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
@@ -147,6 +146,7 @@ class HeadingFilter:
         """Say whether a sample only repeats what the gyro said long ago: no motion is known from it."""
         same_s = self._stuck.stuck_s(sample)
         if same_s == 0.0:
+            self._forgive("stuck")
             return False
         if self._fault is None or self._fault[0] != "stuck" or sample.t_s > self._fault[2]:
             rate = float(sample.angular_velocity_rad_s[2]) / DEG
@@ -157,8 +157,6 @@ class HeadingFilter:
 
     def _last_known(self, t_s: float) -> float:
         """Return the time up to which the heading is known, for a gyro sample at ``t_s``."""
-        if self._fault is not None and self._fault[0] == "stuck":
-            self._fault = None
         if self._t_s is not None and self._t_s <= t_s:
             return self._t_s
         # A frame stamped ahead of the gyro's clock did not show the future.
@@ -203,8 +201,7 @@ class HeadingFilter:
             self._refused.accepted(seen.t_s, seen.heading_rad, turned)
             self._seen_s = seen.t_s
             self._disagreement = 0.0
-            if self._fault is not None and self._fault[0] == "disagreement":
-                self._fault = None
+            self._forgive("disagreement")
         if drift is not None:
             self._mend(drift, seen.t_s)
         elif not accepted:
@@ -230,12 +227,15 @@ class HeadingFilter:
         self._disagreement = 0.0
         self._tell("drift", t_s, f"gyro drifts by {drift.rate_rad_s / DEG:+.1f} °/s since {drift.began_s:.2f} s")
 
-    def _tell(
-        self, kind: Literal["drift", "jump", "stuck", "disagreement"], t_s: float, cause: str, for_s: float | None = None
-    ) -> None:
+    def _tell(self, kind: FaultKind, t_s: float, cause: str, for_s: float | None = None) -> None:
         """Note a fault; one that goes on keeps the time at which it was found."""
         since_s = self._fault[1] if self._fault is not None and self._fault[0] == kind and t_s <= self._fault[2] else t_s
         self._fault = (kind, since_s, t_s + (self._config.told_s if for_s is None else for_s), cause)
+
+    def _forgive(self, kind: FaultKind) -> None:
+        """End a fault of this kind."""
+        if self._fault is not None and self._fault[0] == kind:
+            self._fault = None
 
     def _usable(self, seen: HeadingMeasurement) -> bool:
         """Say whether a measurement is a number, newer than the one before, and near enough to the gyro's clock."""
@@ -260,8 +260,7 @@ class HeadingFilter:
         self._refused.restart(seen.t_s, seen.heading_rad, turned)
         self._seen_s = seen.t_s
         self._disagreement = 0.0
-        if self._fault is not None and self._fault[0] == "disagreement":
-            self._fault = None
+        self._forgive("disagreement")
 
     def _age(self, t_s: float) -> float:
         """Return how long before now a frame was taken, as far as the gyro remembers."""

@@ -9,13 +9,15 @@ from jaxtyping import Float
 
 from treadline.signals import ImuSample, TrackReading
 
+FaultKind = Literal["drift", "jump", "stuck", "disagreement"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadingHealth:
     """The filter's state of mind at one instant."""
 
     t_s: float
-    fault: Literal["drift", "jump", "stuck", "disagreement"] | None
+    fault: FaultKind | None
     """``drift``: the gyro's bias has stepped. ``jump``: the gyro has jumped. ``stuck``: it repeats itself while the belts run.
     These three are found out and mended as far as vision can. ``disagreement``: vision and gyro differ, who errs is open."""
     since_s: float | None
