@@ -1,10 +1,11 @@
 """What the eye of the chair is worth: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
 
-Every call draws seeds that nobody has tuned on, and prints them, so that a run can be repeated. Six tables:
+Every call draws seeds that nobody has tuned on, and prints them, so that a run can be repeated. Seven tables:
 
 heading    error of the heading by slope, heading, light, sensor, place, clutter and what is wrong with the calibration
 geometry   error of slope, rise, run, nosings, walls and the flight's end
 axes       error of the stair's axes in the camera's frame, which the mount is calibrated by
+drives     heading by vision and fused with a gyro, and the mount's calibration, over a minute on a flight
 stairless  how many places without a stair are taken for one: none should be
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
 real       recorded frames with a reference, where they are at hand
@@ -14,6 +15,7 @@ Frames with less than 15 % stair do not count. Times are CPU time of one core.
 
 import argparse
 import json
+import math
 import secrets
 import time
 from collections.abc import Callable, Iterator
@@ -24,18 +26,22 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
+from treadline.angles import DEG, rotation_of
+from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.perception.camera_file import CameraFile
 from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
-from treadline.sim.camera import ROOM_SCENES, Recipe, StairTruth, View, draw_view
+from treadline.sim.camera import ROOM_SCENES, Drive, Recipe, StairTruth, View, draw_view
+from treadline.sim.imu import IMUS, Imu
 
 LEAST_SHARE = 0.15
 """Of the image that must be stair for a frame to count."""
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
-TABLES = ("heading", "geometry", "axes", "stairless", "paper", "real")
+TABLES = ("heading", "geometry", "axes", "drives", "stairless", "paper", "real")
+GRAVITY_ERROR_RAD = 0.5 * DEG
+"""Of the IMU on a drive."""
 NEXT_NOSING_M = 1.4
 """How far along the chair's x the nearest nosing seen may be for its error to count as that of the next."""
 SEEN_M = 2.5
@@ -347,6 +353,99 @@ def stairless_row(scene: str, seeds: range) -> str:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """One row of the table of drives: 60 s at 0.2 m/s, turning to and fro."""
+
+    label: str
+    recipe: dict[str, Any] = field(default_factory=dict)
+    blind_s: tuple[float, float] = (0.0, 0.0)
+    """From when to when the camera is covered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Driven:
+    """What one drive gave: errors [rad] and, for the mount, its own idea of their size."""
+
+    vision: list[float]
+    fused: list[float]
+    fused_sigma: list[float]
+    mount: list[tuple[float, float]]
+
+
+def drive_cases() -> Iterator[Way]:
+    """Yield the rows of the table of drives."""
+    askew = {"mount_pitch_error_deg": (-2.0, 2.0), "mount_roll_error_deg": (-2.0, 2.0)}
+    yield Way(label="up")
+    yield Way(label="up, with what real ones add", recipe=LIFELIKE)
+    yield Way(label="up, with what real ones add, blind from 20 to 50 s", recipe=LIFELIKE, blind_s=(20.0, 50.0))
+    yield Way(label="down, with what real ones add", recipe=LIFELIKE | {"scenes": ("down",)})
+    yield Way(label="up, mount up to 2° off", recipe=askew)
+    yield Way(label="up, mount up to 2° off, with what real ones add", recipe=askew | LIFELIKE)
+
+
+DRIVE_COLUMNS = (
+    "| | drives | vision RMS | fused RMS | fused max | fused NEES | mount pitch, roll RMSE (n) | mount max | mount NEES |"
+)
+
+
+def drive_row(way: Way, seeds: range) -> str:
+    """Return what vision, fusion and the mount's calibration make of some drives."""
+    driven = [drive(way, seed) for seed in seeds]
+    vision = [error for one in driven for error in one.vision]
+    fused = np.array([error for one in driven for error in one.fused])
+    sigma = np.array([value for one in driven for value in one.fused_sigma])
+    mount = np.array([one.mount for one in driven if one.mount])
+    told = (
+        f"{rms(mount[:, 0, 0].tolist()) / DEG:.3f}, {rms(mount[:, 1, 0].tolist()) / DEG:.3f}° ({len(mount)}) | "
+        f"{np.abs(mount[:, :, 0]).max() / DEG:.3f}° | {np.mean((mount[:, :, 0] / mount[:, :, 1]) ** 2):.2f}"
+        if len(mount)
+        else "(0) | |"
+    )
+    return (
+        f"| {way.label} | {len(driven)} | {rms(vision) / DEG:.3f}° | {rms(fused.tolist()) / DEG:.3f}° | "
+        f"{np.abs(fused).max() / DEG:.3f}° | {np.mean((fused / sigma) ** 2):.2f} | {told} |"
+    )
+
+
+def drive(way: Way, seed: int) -> Driven:
+    """Return the errors of one drive; the first two seconds do not count."""
+    rng = np.random.default_rng(seed)
+    recipe = Recipe(**{"scenes": ("up",), "steps": (48, 50), "place_m": (0.3, 0.5), "gravity_error_deg": 0.0} | way.recipe)
+    road, imu = Drive(rng, recipe), Imu(IMUS["mpu6050"], GRAVITY_ERROR_RAD, rng)
+    detector, filter_, mount = StairDetector(), HeadingFilter(), None
+    swing, phase = rng.uniform(5.0, 20.0) * DEG, rng.uniform(0.0, 6.28)
+    result = Driven(vision=[], fused=[], fused_sigma=[], mount=[])
+    calibration = None
+    for tick in range(6000):
+        t_s = 0.01 * tick
+        angle = 0.3 * t_s + phase
+        heading, rate = swing * math.sin(angle), 0.3 * swing * math.cos(angle)
+        pose = road.pose(0.2 * t_s, heading)
+        felt = imu.sample(t_s, pose.R_WB, np.array([0.0, 0.0, rate]), np.zeros(3), moving=True)
+        estimate = filter_.step(felt)
+        calibration = calibration if mount is None else mount.step(felt)
+        if tick % 10 == 0 and not way.blind_s[0] <= t_s < way.blind_s[1]:
+            view = road.view(t_s, pose)
+            camera = view.frame.camera
+            seen = detector.step(view.frame, -camera.R_BC.T @ rotation_of(felt.orientation)[2])
+            if seen is not None:
+                result.vision.append(seen.heading_rad - heading)
+                estimate = filter_.step(seen)
+            if tick % 50 == 0:  # twice a second is enough, and must be looked at anew: without gravity
+                mount = mount or MountCalibrator(MountConfig(camera=camera))
+                axes = detector.look(view.frame).axes
+                calibration = calibration if axes is None else mount.step(axes)
+            true = view.true_camera
+        if estimate is not None and t_s > 2.0:
+            result.fused.append(estimate.heading_rad - heading)
+            result.fused_sigma.append(estimate.sigma_rad)
+    if calibration is not None:
+        result.mount.append((calibration.pitch_rad - true.mount_pitch_rad, calibration.pitch_sigma_rad))
+        result.mount.append((calibration.roll_rad - true.mount_roll_rad, calibration.roll_sigma_rad))
+    return result
+
+
 REAL_COLUMNS = "| | accepted | edge direction off by | declared σ of the heading | reason |"
 
 
@@ -417,6 +516,11 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
         "heading": heading,
         "geometry": lambda: rows("Geometry", GEOMETRY_COLUMNS, (geometry_row(case, seeds) for case in geometry_cases())),
         "axes": lambda: rows("The stair's axes in the camera's frame", AXES_COLUMNS, (axes_row(c, seeds) for c in axes_cases())),
+        "drives": lambda: rows(
+            "Drives of a minute, 10 Hz of frames and 100 Hz of IMU",
+            DRIVE_COLUMNS,
+            (drive_row(way, seeds[: max(len(seeds) // 15, 1)]) for way in drive_cases()),
+        ),
         "stairless": lambda: rows(
             "Places without a stair", STAIRLESS_COLUMNS, (stairless_row(scene, seeds) for scene in ROOM_SCENES)
         ),

@@ -11,7 +11,7 @@ from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
 from treadline.settings import settings_of
 from treadline.signals import RgbdFrame
-from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, Camera, Recipe, View, draw_view
+from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, Camera, Drive, Recipe, View, draw_view
 from treadline.sim.camera.recipe import CLUTTER
 from treadline.sim.camera.solids import Puddle, Shadow, upright
 
@@ -291,3 +291,29 @@ def test_holes_are_as_many_as_asked_for() -> None:
     lost = np.isnan(view(3, scenes=("floor",), holes=0.4).frame.depth_m).mean()
     # Drop-outs of single pixels come on top.
     assert lost == pytest.approx(0.4, abs=0.02)
+
+
+def test_a_drive_shows_one_flight_from_one_camera() -> None:
+    drive = Drive(np.random.default_rng(2), Recipe(mount_pitch_error_deg=(1.0, 1.0), walls=("both",), steps=(30, 30)))
+    views = [drive.view(0.1 * i, drive.pose(along_m=0.1 * i, heading_rad=0.05 * i)) for i in range(4)]
+    truths = [seen.stair for seen in views]
+    assert len({truth.slope_rad for truth in truths if truth is not None}) == 1
+    assert len({seen.true_camera for seen in views}) == 1
+    for i, (seen, truth) in enumerate(zip(views, truths, strict=True)):
+        assert truth is not None
+        assert seen.frame.t_s == pytest.approx(0.1 * i)
+        assert truth.heading_rad == pytest.approx(0.05 * i)
+        # The IMU's error stays as it is in the chair, to first order in half a degree.
+        felt, true = seen.frame.camera.R_BC @ seen.gravity_C, seen.true_camera.R_BC @ seen.true_gravity_C
+        assert np.arccos(np.clip(felt @ true, -1.0, 1.0)) < 0.51 * DEG
+    # The stair comes nearer by as much as the chair goes, along the flight.
+    at_start, later = (drive.view(0.0, drive.pose(along_m=way, heading_rad=0.0)).stair for way in (0.0, 0.1))
+    assert at_start is not None
+    assert later is not None
+    assert at_start.nosings_B[-1, 0] - later.nosings_B[-1, 0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("scene", ["edge", "shelf"])
+def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
+    with pytest.raises(SettingsError, match=scene):
+        Drive(np.random.default_rng(0), Recipe(scenes=(scene,)))

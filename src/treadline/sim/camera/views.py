@@ -18,17 +18,20 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_z
+from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import FLOOR_LENGTH_M
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
 from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
-from treadline.sim.camera.flight import DIRECTIONS, Flight, Pose, draw_flight, draw_pose, rocked
+from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Flight, Pose, draw_flight, draw_pose, rocked
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Recipe, Scene, drawn
 from treadline.sim.camera.rooms import askew_wall, plain, room
 from treadline.sim.camera.solids import Puddle, Shadow, Solid, upright
 from treadline.sim.camera.truth import StairTruth, stair_truth
 
+DOWN_W = np.array([0.0, 0.0, -1.0])
+DOWN_W.setflags(write=False)
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Of the chair in a place without a stair; the things there are askew themselves."""
 
@@ -59,8 +62,80 @@ class _Setting:
     puddles: list[Puddle] = field(default_factory=list)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Stage:
+    """All that stays while a chair moves."""
+
+    scene: Scene
+    chair: ChairDescription
+    told: PinholeCamera
+    true: PinholeCamera
+    flight: Flight | None
+    solids: list[Solid]
+    camera: Camera
+
+    def view(self, t_s: float, pose: Pose) -> View:
+        """Return what is seen from a pose, gravity told without error."""
+        R_WC = pose.R_WB @ self.true.R_BC
+        p_WC = pose.p_WB + pose.R_WB @ np.array(self.true.mount_m)
+        exact = self.camera.exact(R_WC, p_WC)
+        stair = None
+        if self.flight is not None:
+            stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, self.solids, exact, self.chair)
+        return View(
+            scene=self.scene,
+            frame=self.camera.frame(t_s, R_WC, p_WC),
+            gravity_C=self.told.R_BC.T @ pose.R_WB.T @ DOWN_W,
+            true_gravity_C=R_WC.T @ DOWN_W,
+            true_camera=self.true,
+            exact=exact,
+            kinds=tuple(solid.kind for solid in self.solids),
+            stair=stair,
+        )
+
+
 def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
     """Return one view; all that the recipe leaves open is drawn from ``rng``."""
+    stage, pose = _stage(rng, recipe)
+    view = stage.view(0.0, pose)
+    felt_B = _tilted(pose.R_WB.T @ DOWN_W, recipe.gravity_error_deg * DEG, rng)
+    return replace(view, gravity_C=stage.told.R_BC.T @ felt_B)
+
+
+class Drive:
+    """A chair on one flight, seen again and again: the same stair, light, camera and errors of mount, depth and gravity.
+
+        drive = Drive(rng, Recipe(scenes=("up",), warp_px=0.03))
+        view = drive.view(t_s, drive.pose(along_m=0.2 * t_s, heading_rad=0.1))
+
+    An IMU that goes with it is the caller's: ``pose`` tells its rotation.
+    """
+
+    def __init__(self, rng: np.random.Generator, recipe: Recipe) -> None:
+        self._stage, self._start = _stage(rng, recipe)
+        if self._stage.flight is None or self._stage.scene in LEVEL:
+            raise SettingsError(f"a drive needs a chair on a flight, not '{self._stage.scene}'; give up, top, down or bottom")
+        self._staircase = self._stage.flight.staircase
+        self._yaw_rad = 0.0 if DIRECTIONS[self._stage.scene] == "up" else math.pi
+        level = np.array([0.0, 0.0, 1.0])
+        tilted = _tilted(level, recipe.gravity_error_deg * DEG, rng)
+        self._felt = np.eye(3) + np.outer(tilted - level, level) - np.outer(level, tilted - level)
+
+    def pose(self, along_m: float, heading_rad: float) -> Pose:
+        """Return where the chair stands after some way along the flight, aside as at the start."""
+        forward = self._staircase.R_WS[:, 0] * (1.0 if self._yaw_rad == 0.0 else -1.0)
+        R_WB = self._staircase.R_WS @ rotation_z(self._yaw_rad + heading_rad)
+        return Pose(R_WB=R_WB, p_WB=self._start.p_WB + along_m * forward)
+
+    def view(self, t_s: float, pose: Pose) -> View:
+        """Return what is seen from a pose."""
+        seen = self._stage.view(t_s, pose)
+        felt_B = self._felt @ pose.R_WB.T @ DOWN_W
+        return replace(seen, gravity_C=self._stage.told.R_BC.T @ felt_B / np.linalg.norm(felt_B))
+
+
+def _stage(rng: np.random.Generator, recipe: Recipe) -> tuple[_Stage, Pose]:
+    """Return what there is to be seen, by which camera, and where the chair stands."""
     chair = read_chair("wheelchair")
     scene = recipe.scenes[int(rng.integers(len(recipe.scenes)))]
     told, true = _cameras(chair, recipe, rng)
@@ -74,8 +149,6 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         yaw = rotation_z(drawn(ROOM_YAW_DEG, rng) * DEG)
         pose = Pose(R_WB=yaw @ rocked(recipe, rng), p_WB=np.array([0.0, drawn(recipe.lateral_m, rng), 0.0]))
         setting = _Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
-    R_WC = pose.R_WB @ true.R_BC
-    p_WC = pose.p_WB + pose.R_WB @ np.array(true.mount_m)
     length, way = drawn(recipe.blur_px, rng), rng.uniform(0.0, math.pi)
     camera = Camera(
         setting.solids,
@@ -92,18 +165,8 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
         puddles=setting.puddles,
         rng=rng,
     )
-    exact = camera.exact(R_WC, p_WC)
-    down_W = np.array([0.0, 0.0, -1.0])
-    return View(
-        scene=scene,
-        frame=camera.frame(0.0, R_WC, p_WC),
-        gravity_C=told.R_BC.T @ _tilted(pose.R_WB.T @ down_W, recipe.gravity_error_deg * DEG, rng),
-        true_gravity_C=R_WC.T @ down_W,
-        true_camera=true,
-        exact=exact,
-        kinds=tuple(solid.kind for solid in setting.solids),
-        stair=None if flight is None else stair_truth(DIRECTIONS[scene], flight, pose, true, setting.solids, exact, chair),
-    )
+    stage = _Stage(scene=scene, chair=chair, told=told, true=true, flight=flight, solids=setting.solids, camera=camera)
+    return stage, pose
 
 
 def calibration_of(recipe: Recipe, chair: ChairDescription) -> PinholeCamera:
