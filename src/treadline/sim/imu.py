@@ -2,7 +2,7 @@
 
 MPU-6050 figures: gyro noise 0.005 °/s/√Hz, bias a Gauss–Markov process of 0.005 °/s and 100 s, 0.02 °/s left after the
 bias was taken at rest, scale error 1 %. Track vibration of 0.3 °/s RMS while the belts move is an assumption; vibration is
-motion, so what is felt is the rate of an angle that stays within a hundredth of a degree (docs/decisions/0010).
+motion, so what is felt is the rate of an angle that stays within a hundredth of a degree (docs/decisions/0011).
 """
 
 import cmath
