@@ -159,10 +159,11 @@ def test_a_wall_is_an_answer_of_no(run, folder: Path) -> None:
     assert seen["heading_deg"] is seen["sigma_deg"] is seen["edge_direction"] is seen["stair"] is None
 
 
-def test_the_six_stages_are_written(run, folder: Path) -> None:
+def test_the_six_stages_and_what_was_seen_are_written(run, folder: Path) -> None:
     out = folder / "stages"
     assert run("see", *pair(folder), "--out", out).code == 0
     pictures = sorted(path.name for path in out.iterdir())
+    assert pictures.pop().endswith("-seen.png")
     assert len(pictures) == 6
     for name in pictures:
         assert cv2.imread(str(out / name)).shape == (240, 320, 3)
@@ -185,7 +186,7 @@ def test_a_folder_with_stages_keeps_the_frames_apart(run, folder: Path) -> None:
     write_pair(folder, "b", rendered(2)[0])
     out = folder / "stages"
     assert run("see", folder, "--out", out).code == 0
-    assert len(list(out.iterdir())) == 12
+    assert len(list(out.iterdir())) == 14
 
 
 def test_a_folder_is_done_even_if_a_frame_shows_no_stair(run, folder: Path) -> None:

@@ -31,7 +31,8 @@ def see(
         camera: The calibration, a TOML file; of a folder, its camera.toml when left out.
         gravity: Unit vector that points down in the camera's frame: x,y,z; of a folder, for frames that gravity.csv lacks.
         method: robust, or paper for Algorithm 1 as printed.
-        out: Folder for the six stages of Fig. 5.
+        out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
+            heading as the robust method sees them (NAME-seen.png).
     """
     from treadline.errors import SettingsError
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
@@ -74,7 +75,14 @@ def _told(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]
 def _line(seen: dict[str, Any]) -> str:
     if not seen["accepted"]:
         return f"{seen['name']}: no heading: {seen['reason']}"
-    return (
-        f"{seen['name']}: heading {seen['heading_deg']:+.2f}° ± {seen['sigma_deg']:.2f}° from {seen['edges']} edges "
-        f"in {seen['ms']:.1f} ms"
-    )
+    words = [
+        f"{seen['name']}: heading {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
+        f"{seen['edges']} edges",
+    ]
+    stair = seen["stair"]
+    if stair is not None:
+        words.append(
+            f"flight {stair['direction']}, slope {stair['slope_deg']:.1f}°, rise {1e3 * stair['rise_m']:.0f} mm, "
+            f"run {1e3 * stair['run_m']:.0f} mm"
+        )
+    return ", ".join([*words, f"{seen['ms']:.1f} ms"])

@@ -15,9 +15,10 @@ from treadline.errors import ImageError
 from treadline.perception.camera_file import read_camera
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.images import read_frame
-from treadline.perception.pictures import write_stages
-from treadline.perception.sight import Sight
-from treadline.signals import RgbdFrame
+from treadline.perception.overlay import overlay
+from treadline.perception.pictures import write_picture, write_stages
+from treadline.perception.sight import Sight, StairShape
+from treadline.signals import RgbdFrame, StairMap
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 DEPTH_ENDING = "_depth.png"
@@ -68,7 +69,12 @@ class FolderOfFrames:
 
 
 def see_frames(frames: Iterable[NamedFrame], *, method: Literal["paper", "robust"], out: Path | None) -> Iterator[dict[str, Any]]:
-    """Yield what each frame shows, under the contract's keys; with ``out``, write the six stages of Fig. 5 of each."""
+    """Yield what each frame shows, under the contract's keys.
+
+    Args:
+        out: Folder for the pictures of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and what the robust
+            method saw (``NAME-seen.png``).
+    """
     detector = StairDetector(DetectorConfig(method=method))
     loaded = False
     for named in frames:
@@ -82,6 +88,8 @@ def see_frames(frames: Iterable[NamedFrame], *, method: Literal["paper", "robust
             shown = StairDetector(DetectorConfig(method="paper")).look(named.frame, named.gravity_C, stages=True)
             if shown.stages is not None:
                 write_stages(shown.stages, out, prefix=Path(named.name).stem)
+            if method == "robust":
+                write_picture(overlay(named.frame, sight), out / f"{Path(named.name).stem}-seen.png")
         yield _answer(named.name, sight, spent_ms)
 
 
@@ -96,16 +104,30 @@ def _answer(name: str, sight: Sight, spent_ms: float) -> dict[str, Any]:
         "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
         "edges": sight.edge_count,
         "box_px": sight.box_px,
-        "stair": None
-        if shape is None
-        else {
-            "rise_m": shape.rise_m,
-            "run_m": shape.run_m,
-            "slope_deg": shape.slope_rad / DEG,
-            "distance_m": shape.distance_m,
-        },
+        "planes_against_lines_deg": None if sight.planes_against_lines_rad is None else sight.planes_against_lines_rad / DEG,
+        "stair": None if shape is None else _stair(shape, sight.stair_map),
         "ms": spent_ms,
     }
+
+
+def _stair(shape: StairShape, seen: StairMap | None) -> dict[str, Any]:
+    """Return the stair's measures and, in the chair's frame, what lies ahead."""
+    measures: dict[str, Any] = {
+        "direction": shape.direction,
+        "rise_m": shape.rise_m,
+        "run_m": shape.run_m,
+        "slope_deg": shape.slope_rad / DEG,
+        "distance_m": shape.distance_m,
+    }
+    if seen is not None:
+        measures |= {
+            "nosings_m": seen.nosings_B.tolist(),
+            "ends": seen.ends,
+            "left_wall_m": seen.left_wall_m,
+            "right_wall_m": seen.right_wall_m,
+            "obstacle_m": seen.obstacle_m,
+        }
+    return measures
 
 
 def _pairs(folder: Path) -> list[tuple[str, Path, Path]]:
