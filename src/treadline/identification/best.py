@@ -20,7 +20,7 @@ from treadline.identification.fitting import GROWTH, Fitting, Recipe
 from treadline.identification.gram import gram_of
 from treadline.identification.intervals import of_observer
 from treadline.identification.kernels import observability, observer_run
-from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit, predictors_of
+from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit
 from treadline.identification.validate import part
 from treadline.models import InputOutputRecord
 
@@ -310,7 +310,7 @@ def free_runs(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
 def forecasts(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
     """Judge by forecasts some steps ahead, for plants that no free run can follow."""
     del recipe
-    runs = predictors_of(held.experiments(), least=2 * HORIZON)
+    runs = held.predictors(2 * HORIZON)
     left = sum(np.sum(_forecast_errors(system, item) ** 2, axis=0) for item in runs)
     return np.stack([left, _spread(runs)])
 
@@ -366,7 +366,7 @@ def _on_all(whole: Fitting, recipe: Recipe, rows: Sequence[Recipe]) -> Affine:
 
 def _training_cost(whole: Fitting, recipe: Recipe) -> Callable[[Affine], float]:
     if recipe.step == "prediction-error":
-        runs = predictors_of(whole.experiments(), least=4 * recipe.order + 4)
+        runs = whole.predictors(4 * recipe.order + 4)
         return lambda system: cost(system.predictor(), runs)
     experiments = whole.experiments(constants=recipe.constants)
     return lambda system: cost(system, experiments)

@@ -14,6 +14,9 @@ from scipy.linalg import lapack
 RIDGE = 1e-13
 """Relative eigenvalue below which a direction of the regressors counts as not excited."""
 
+WELL_EXCITED = 1e-4
+"""Ratio of pivots from which no direction is doubtful."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Factor:
@@ -103,3 +106,12 @@ def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
     values, vectors = np.linalg.eigh(XX)
     kept = values > RIDGE * values[-1]
     return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
+
+
+def solution(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:
+    """Return the least-squares solution of normal equations; directions that nothing excites count for nothing."""
+    L, failed = lapack.dpotrf(XX, lower=1, clean=0)
+    diagonal = np.diag(L)
+    if not failed and diagonal.min() > WELL_EXCITED * diagonal.max():
+        return np.asarray(lapack.dpotrs(L, XY, lower=1)[0])
+    return np.asarray(np.linalg.lstsq(XX, XY, rcond=RIDGE)[0])

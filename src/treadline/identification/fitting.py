@@ -70,6 +70,7 @@ class Fitting:
     _observers: dict[int, tuple[ObserverMarkov, HankelSvd]] = field(default_factory=dict)
     _maps: dict[int, StateMap] = field(default_factory=dict)
     _experiments: dict[bool, list[Experiment]] = field(default_factory=dict)
+    _predictors: dict[int, list[Experiment]] = field(default_factory=dict)
 
     def units(self, *, constants: bool = True) -> Units:
         """Return the units in which models are: about the means, or about zero."""
@@ -92,6 +93,12 @@ class Fitting:
                 item.u[:, -1] = float(constants)
             self._experiments[constants] = made
         return self._experiments[constants]
+
+    def predictors(self, least: int) -> list[Experiment]:
+        """Return the samples with the outputs as further inputs, in unbroken runs of a length at least."""
+        if least not in self._predictors:
+            self._predictors[least] = predictors_of(self.experiments(), least)
+        return self._predictors[least]
 
     def model(self, recipe: Recipe, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
         """Return the model of a recipe; None where the data do not show as many states.
@@ -164,7 +171,7 @@ class Fitting:
             return None
         p = len(system.C)
         fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
-        runs = predictors_of(self.experiments(), least=4 * system.order + 4)
+        runs = self.predictors(4 * system.order + 4)
         return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, effort=effort))
 
 

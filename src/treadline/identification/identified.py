@@ -19,7 +19,6 @@ from treadline.identification.intervals import Intervals, of_observer, of_predic
 from treadline.identification.intervals_of_correlations import of_correlations
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.order import OrderChoice
-from treadline.identification.refine import predictors_of
 from treadline.identification.report import Candidate, IdentificationReport
 from treadline.identification.threads import one_thread
 from treadline.models import InputOutputRecord, LinearModel
@@ -87,7 +86,7 @@ class Identified:
             observer, svd = fitting.observer(recipe.lags, recipe.order)
             return law(observer, svd, found.system, found.units, fitting.data)
         if recipe.step in ("subspace", "prediction-error") and found.system.K is not None:
-            runs = predictors_of(fitting.experiments(), least=4 * recipe.order + 4)
+            runs = fitting.predictors(4 * recipe.order + 4)
             if not runs:
                 return None
             # Sums may hold more than the samples at hand, of a stream or of earlier data.

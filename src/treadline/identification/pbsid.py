@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification.affine import Affine
+from treadline.identification.factor import solution
 from treadline.identification.gram import Gram
 from treadline.identification.okid import regression
 
@@ -64,11 +65,11 @@ def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: b
     into = np.arange(n + m + 1)
     seen = into if feedthrough else np.delete(into, np.arange(n, n + m))
     CD = np.zeros((p, n + m + 1))
-    CD[:, seen] = np.linalg.lstsq(sums[np.ix_(seen, seen)], sums[seen, y], rcond=1e-13)[0].T
+    CD[:, seen] = solution(sums[np.ix_(seen, seen)], sums[seen, y]).T
     # The innovation e = y - [C D c][x u 1] as one more row.
     change = np.eye(len(sums))
     change[y, into] = -CD
     sums = change @ sums @ change.T
-    both = np.arange(n + m + 1 + p)
-    AB = np.linalg.lstsq(sums[np.ix_(both, both)], sums[both, following], rcond=1e-13)[0].T
+    both = slice(0, n + m + 1 + p)
+    AB = solution(sums[both, both], sums[both, following]).T
     return Affine(A=AB[:, :n], B=AB[:, n : n + m + 1], C=CD[:, :n], D=CD[:, n:], K=AB[:, n + m + 1 :])

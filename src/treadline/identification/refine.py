@@ -6,6 +6,7 @@ are linear, so each experiment's is eliminated exactly (variable projection: Gol
 error of (A, B, C, D, K) is the output error of its predictor with the outputs as further inputs: one routine serves both.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -197,13 +198,12 @@ def normal_equations(
     modes = modes_of(system)
     if modes is not None and np.abs(modes.poles).max() < 1.0 + 1e-9:
         M = _modal_changes(modes, system, ways)
-        H = np.zeros((M.shape[1], M.shape[1]))
-        g = np.zeros(M.shape[1])
-        for item in experiments:
-            sums = derivative_sums(modes, system, item.u, item.y, item.there)
-            H += (M.conj().T @ sums.square @ M).real
-            g += (M.conj().T @ sums.right).real
-        return H, g
+        sums = [derivative_sums(modes, system, item.u, item.y, item.there) for item in experiments]
+        square, right = sum(item.square for item in sums), sum(item.right for item in sums)
+        if not np.iscomplexobj(M):  # real poles: what is imaginary is zero
+            return M.T @ square.real @ M, M.T @ right.real
+        across = M.conj().T
+        return (across @ square @ M).real, (across @ right).real
     d = ways.A.shape[2]
     H, g = np.zeros((d, d)), np.zeros(d)
     for item in experiments:
@@ -266,15 +266,26 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     gauge = gauge_directions(*_contiguous(system.A, system.B, system.C), constant)
     if free.size < p * m1:
         gauge = gauge[np.concatenate([np.arange(sizes[2]), sizes[2] + free])]
-    Q = np.linalg.qr(gauge, mode="complete")[0][:, n * n + n :]
-    D = np.zeros((p * m1, Q.shape[1]))
-    D[free] = Q[sizes[2] :]
+    Q = _complement(gauge)
+    D = Q[sizes[2] :]
+    if free.size < p * m1:
+        D = np.zeros((p * m1, Q.shape[1]))
+        D[free] = Q[sizes[2] :]
     return Directions(
-        A=np.ascontiguousarray(Q[: sizes[0]]).reshape(n, n, -1),
-        B=np.ascontiguousarray(Q[sizes[0] : sizes[1]]).reshape(n, m1, -1),
-        C=np.ascontiguousarray(Q[sizes[1] : sizes[2]]).reshape(p, n, -1),
+        A=Q[: sizes[0]].reshape(n, n, -1),
+        B=Q[sizes[0] : sizes[1]].reshape(n, m1, -1),
+        C=Q[sizes[1] : sizes[2]].reshape(p, n, -1),
         D=D.reshape(p, m1, -1),
     )
+
+
+def _complement(columns: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a c"]:
+    """Return an orthonormal basis of what is orthogonal to some columns."""
+    a, b = columns.shape
+    whole = np.zeros((a, a), order="F")
+    whole[:, :b], tau, _, _ = lapack.dgeqrf(columns)
+    Q, _, _ = lapack.dorgqr(whole, np.concatenate([tau, np.zeros(a - b)]), overwrite_a=1)
+    return np.ascontiguousarray(Q[:, b:])
 
 
 def initial_state(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
@@ -287,7 +298,7 @@ def _lasting(system: Affine, steps: int) -> int:
     if system.radius >= 0.999:
         return steps
     # Beyond, less than 1e-9 of it is left (a factor for states that grow before they decay).
-    return min(steps, int(20.0 * system.order + np.log(1e-9) / np.log(max(system.radius, 1e-3))))
+    return min(steps, int(20.0 * system.order + math.log(1e-9) / math.log(max(system.radius, 1e-3))))
 
 
 def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
