@@ -74,7 +74,8 @@ def axes_of(
 
 def shape_of(flight: Sequence[Nosing], treads: Sequence[Surface], axes: Axes, direction: Direction) -> StairShape | None:
     """Return rise, run and slope, or None where no rise is seen."""
-    ahead = np.array([float(nosing.point @ axes.ahead) for nosing in flight])
+    places = _plain(flight) if len(_plain(flight)) >= 2 else flight
+    ahead = np.array([float(nosing.point @ axes.ahead) for nosing in places])
     heights = [float(nosing.point @ axes.up) for nosing in flight if nosing.up_m is not None]
     heights += [float(tread.centre @ axes.up) for tread in treads]
     run = _spacing(ahead, STEP_RUN_M)
@@ -82,8 +83,17 @@ def shape_of(flight: Sequence[Nosing], treads: Sequence[Surface], axes: Axes, di
     if run is None or rise is None:
         return None
     return StairShape(
-        rise_m=rise, run_m=run, slope_rad=float(np.arctan2(rise, run)), distance_m=float(ahead.min()), direction=direction
+        rise_m=rise,
+        run_m=run,
+        slope_rad=float(np.arctan2(rise, run)),
+        distance_m=float(ahead.min()) - run * round((float(ahead.min()) - flight[0].ahead_m) / run),
+        direction=direction,
     )
+
+
+def _plain(flight: Sequence[Nosing]) -> list[Nosing]:
+    """Return the nosings whose place is known: a corner's is off by how far its tread is followed around it."""
+    return [nosing for nosing in flight if nosing.is_plain]
 
 
 def levels_of(treads: Sequence[Surface], axes: Axes) -> int:
@@ -171,19 +181,29 @@ def _normal(axes: Axes, shape: StairShape) -> Float[np.ndarray, " 3"]:
 
 
 def _points(flight: Sequence[Nosing], axes: Axes, shape: StairShape) -> list[Float[np.ndarray, " 3"]]:
-    """Return a point on each nosing; heights that are not seen follow from those that are."""
+    """Return a point on each nosing; heights that are not seen, and places of corners, follow from those that are known."""
     sign = 1.0 if shape.direction == "up" else -1.0
-    known = [nosing for nosing in flight if nosing.up_m is not None]
+    high = [nosing for nosing in flight if nosing.up_m is not None]
+    plain = _plain(flight)
     points = []
     for nosing in flight:
         point = nosing.point
-        if nosing.up_m is None and known:
-            nearest = min(known, key=lambda other: abs(other.ahead_m - nosing.ahead_m))
-            steps = round((nosing.ahead_m - nearest.ahead_m) / shape.run_m)
+        if nosing.up_m is None and high:
+            nearest, steps = _neighbour(nosing, high, shape.run_m)
             up_m = float(nearest.point @ axes.up) + sign * steps * shape.rise_m
             point = point + (up_m - float(point @ axes.up)) * axes.up
+        if not nosing.is_plain and plain:
+            nearest, steps = _neighbour(nosing, plain, shape.run_m)
+            ahead_m = float(nearest.point @ axes.ahead) + steps * shape.run_m
+            point = point + (ahead_m - float(point @ axes.ahead)) * axes.ahead
         points.append(point)
     return points
+
+
+def _neighbour(nosing: Nosing, others: Sequence[Nosing], run_m: float) -> tuple[Nosing, int]:
+    """Return the nearest of some nosings and how many steps ahead of it a nosing is."""
+    nearest = min(others, key=lambda other: abs(other.ahead_m - nosing.ahead_m))
+    return nearest, round((nosing.ahead_m - nearest.ahead_m) / run_m)
 
 
 def _crossing(
