@@ -10,7 +10,7 @@ from treadline.errors import PoorExcitation
 from treadline.identification import era, identify
 from treadline.identification.era import hankel, hankel_svd, hankel_times
 from treadline.identification.order import CLEAR_GAP, choose_order
-from treadline.identification.validate import impulse_response
+from treadline.identification.validate import fit_percent, impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
@@ -163,3 +163,25 @@ def test_outputs_that_no_input_moves_have_no_clear_gap(pole: float, seed: int) -
     record = InputOutputRecord(u=rng.standard_normal((1000, 2)), y=coloured(rng.standard_normal((1000, 2)), pole), dt_s=1.0)
     warnings = identify(record).report.warnings
     assert any("no clear gap" in warning for warning in warnings)
+
+
+def test_where_no_gap_is_clear_pbsid_asks_what_a_state_is_worth() -> None:
+    # Three lags in a row, as heat through a wall: singular values 1 : 0.26 : 0.04 : 0.01 under 20 % of noise.
+    true = LinearModel(
+        A=np.array([[0.9, 0.0, 0.0], [0.1, 0.8, 0.0], [0.0, 0.2, 0.7]]),
+        B=np.array([[0.3], [0.0], [0.0]]),
+        C=np.array([[0.0, 0.0, 1.0]]),
+        D=np.zeros((1, 1)),
+        dt_s=1.0,
+        input_offset=np.zeros(1),
+        output_offset=np.zeros(1),
+    )
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        u = rng.standard_normal((1500, 1))
+        y = simulate(true, u, np.zeros(3))
+        found = identify(InputOutputRecord(u=u, y=y + 0.2 * y.std() * rng.standard_normal(y.shape), dt_s=1.0), method="pbsid")
+        assert found.model.order == 3
+        assert any(
+            "Schwarz's criterion; the largest gap" in warning and "at order 2" in warning for warning in found.report.warnings
+        )

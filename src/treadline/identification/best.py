@@ -21,6 +21,7 @@ from treadline.identification.gram import gram_of
 from treadline.identification.intervals import of_observer
 from treadline.identification.kernels import observability, observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit
+from treadline.identification.structure import ORDER_MOST
 from treadline.identification.validate import part
 from treadline.models import InputOutputRecord
 
@@ -28,7 +29,6 @@ BLOCKS = 5
 """Blocks that judge in turn."""
 BLOCKS_IF_SURE = 3
 """The same where the order is beyond doubt, so that little is left to judge."""
-ORDER_MOST = 16
 ROWS_PER_STATE = 8
 """Numbers of a block held out, at its middle length, per state that is estimated at its start."""
 PATIENCE = 3

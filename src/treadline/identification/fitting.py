@@ -35,6 +35,7 @@ from treadline.identification.refine import (
     predictors_of,
     refined,
 )
+from treadline.identification.structure import schwarz_order
 from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
@@ -160,6 +161,10 @@ class Fitting:
             observer = scaled_observer(self.data, lags, feedthrough=self.feedthrough)
             self._observers[lags] = observer, markov_svd(observer, order)
         return self._observers[lags]
+
+    def schwarz_order(self, lags: int) -> int:
+        """Return the order that Schwarz's criterion takes of those that PBSID shows."""
+        return schwarz_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough)
 
     def _state_map(self, lags: int) -> StateMap:
         if lags not in self._maps:

@@ -23,6 +23,7 @@ from treadline.identification.checks import (
 )
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.delays import input_delays, with_delays, without_delays
+from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe, with_inputs_again
 from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import Found, Identified
@@ -172,7 +173,7 @@ def from_sums(
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     trials: Sequence[Trial] = []
     if method == "best" and structural is not None:
-        sure = choice.clear and choice.gap > SURE_GAP
+        sure = _sure(choice)
         names = channel_names(records[0])
         chosen = best(fitting, lags=used, order=order, guess=choice.order, sure=sure, names=names, told=told)
         recipe, system, trials = chosen.recipe, chosen.system, chosen.trials
@@ -185,6 +186,9 @@ def from_sums(
     else:
         # Without noise there is nothing to choose: OKID/ERA is exact.
         recipe = _recipe("okid-era" if method == "best" else method, used, lags, choice.order, data)
+        if order is None and recipe.method == "pbsid" and structural is not None and not _sure(choice):
+            choice = _by_schwarz(fitting, svd, choice, recipe.lags, warnings)
+            recipe = replace(recipe, order=choice.order)
         system = _asked(fitting, recipe)
         if lags is None and recipe.method != "pbsid" and structural is not None:
             # An observer of few lags answers noise as those few lags let it: its gain is fitted for itself.
@@ -237,6 +241,19 @@ def _asked(fitting: Fitting, recipe: Recipe) -> Affine:
         rank = int(np.sum(s > 1e-14 * s[0]))
         raise PoorExcitation(f"order {recipe.order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
     return system
+
+
+def _by_schwarz(fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int, warnings: list[str]) -> OrderChoice:
+    """Return the order that Schwarz's criterion takes where the gap leaves doubt."""
+    order = fitting.schwarz_order(lags)
+    if order != choice.order:
+        gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
+        warnings.append(f"order {order} by Schwarz's criterion; {gap}")
+    return OrderChoice(order=order, gap=_gap(svd.s, order), clear=False)
+
+
+def _sure(choice: OrderChoice) -> bool:
+    return choice.clear and choice.gap > SURE_GAP
 
 
 def _gap(s: Float[np.ndarray, " k"], order: int) -> float:

@@ -47,6 +47,23 @@ def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
     return StateMap(s=s[kept], rows=(U[:, ::-1][:, kept] / np.sqrt(s[kept])).T @ predictor)
 
 
+def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrough: bool) -> Float[np.ndarray, "n p p"]:
+    """Return the covariance of the innovations of orders 1, 2, … ``most``: what [x_k, u_k, 1] leaves of y_k."""
+    m, r = data.units.input_count, len(data.units.scale)
+    now = np.eye(1 + r)[: 1 + m if feedthrough else 1]
+    rows = np.zeros((len(now) + most + r - m, 1 + r * (lags + 1)))
+    rows[: len(now), : 1 + r] = now
+    rows[len(now) : len(now) + most, 1 + r :] = states.rows[:most]
+    rows[len(now) + most :, 1 + m : 1 + r] = np.eye(r - m)
+    sums = rows @ data.sums[: rows.shape[1], : rows.shape[1]] @ rows.T
+    q = len(now) + most
+    # States explain less and less: the factor of fewer is the leading block.
+    L = np.linalg.cholesky(sums[:q, :q] + 1e-13 * np.diag(np.diag(sums)[:q]))
+    told = np.linalg.solve(L, sums[:q, q:])
+    left = sums[q:, q:] - np.cumsum(told[:, :, None] * told[:, None, :], axis=0)
+    return np.asarray(left[len(now) :] / data.count)
+
+
 def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: bool) -> Affine:
     """Return the model of an order, in the units of the Gram matrix."""
     m, r = data.units.input_count, len(data.units.scale)

@@ -12,8 +12,11 @@ from treadline.identification.era import HankelSvd, hankel
 from treadline.identification.gram import Gram
 from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
 from treadline.identification.order import OrderChoice, choose_order, stands_out
+from treadline.identification.pbsid import StateMap, innovations
 from treadline.identification.realisation import block_rows
 
+ORDER_MOST = 16
+"""Largest order that is tried."""
 EXACT = 1e-12
 """Residual variance over the outputs' variance at which data are free of noise."""
 
@@ -36,6 +39,21 @@ def _schwarz(whole: Gram, squares: Float[np.ndarray, "k p p"], choices: Sequence
     floor = 1e-20 * (r - m)
     coefficients = np.array([(1 + m * has_d + lags * r) * (r - m) for lags, has_d in choices])
     return np.asarray(whole.count * np.log(np.maximum(values, floor)).sum(axis=1) + coefficients * np.log(whole.count))
+
+
+def schwarz_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool) -> int:
+    """Return the order whose predictor is worth its coefficients by Schwarz's criterion, of those PBSID's states show.
+
+    A gap tells an order that stands out; on measured data singular values mostly fall without one.
+    """
+    m, p = data.units.input_count, len(data.units.scale) - data.units.input_count
+    most = min(ORDER_MOST, len(states.s))
+    left = innovations(data, states, most, lags, feedthrough=feedthrough)
+    floor = 1e-20 * p  # below rounding all are the same: exact
+    values = np.maximum(np.linalg.eigvalsh(0.5 * (left + left.transpose(0, 2, 1))), floor)
+    # A, B, C and K in canonical form: 2p + m per state; the rest is the same for all.
+    costs = data.count * np.log(values).sum(axis=1) + np.arange(1, most + 1) * (2 * p + m) * np.log(data.count)
+    return int(np.argmin(costs)) + 1
 
 
 def structural_order(observer: ObserverMarkov) -> int | None:
