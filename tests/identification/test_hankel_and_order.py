@@ -10,7 +10,7 @@ from treadline.errors import PoorExcitation
 from treadline.identification import era, identify
 from treadline.identification.era import hankel, hankel_svd, hankel_times
 from treadline.identification.order import CLEAR_GAP, choose_order
-from treadline.identification.validate import fit_percent, impulse_response, simulate
+from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
