@@ -17,6 +17,7 @@ from treadline.angles import DEG
 from treadline.perception.lines import Line
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
+from treadline.perception.vectors import cross
 
 TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
 """Irregularities of a stair that are thought possible, each step as likely as the next: spread of its surfaces' angles."""
@@ -126,7 +127,7 @@ def fit_edges(
     for _ in range(3):
         d = down - (down @ edge) * edge
         d = d / np.linalg.norm(d)
-        a = np.cross(d, edge)
+        a = cross(d, edge)
         # The turn ρ about a tips e along d.
         level = [_said(tread.unit, tread.covariance / float(tread.normal @ tread.normal), edge, d) for tread in treads]
         off = -float(down @ edge)

@@ -9,6 +9,7 @@ from treadline.angles import DEG
 from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
 from treadline.perception.planes import Blocks, Surface, joined
 from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.vectors import cross
 from treadline.perception.votes import line_votes, votes_of
 from treadline.signals import RgbdFrame
 
@@ -75,7 +76,7 @@ def flight_under(
     for peak in votes_of(azimuth[vertical], *line_votes(treads, frame.camera, level)):
         voted = True
         facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
-        axes = Axes(ahead=facing, up=level.up, right=np.cross(-level.up, facing))
+        axes = Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
         members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
         risers = joined(frame.depth_m, frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
         risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
@@ -122,5 +123,5 @@ def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -
         length = float(np.linalg.norm(ahead))
         if length > LEVEL_LEAST:
             ahead = ahead / length
-            return Axes(ahead=ahead, up=-down, right=np.cross(down, ahead))
+            return Axes(ahead=ahead, up=-down, right=cross(down, ahead))
     return None

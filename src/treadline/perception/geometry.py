@@ -12,6 +12,7 @@ from treadline.perception.direction import gravity_variance, pooled
 from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
 from treadline.perception.planes import Blocks, Surface
 from treadline.perception.sight import StairShape
+from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera, RgbdFrame, StairAxes, StairMap
 
 SAME_LEVEL_M = 0.03
@@ -58,7 +59,7 @@ def axes_of(
     """
     d = down - float(down @ edge) * edge
     d /= np.linalg.norm(d)
-    ahead = np.cross(edge, d)
+    ahead = cross(edge, d)
     tilts, variances = [0.0], [down_sigma_rad**2]
     for tread in treads:
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
@@ -69,7 +70,7 @@ def axes_of(
     regular[0] = True
     tilt = pooled(np.array(tilts), np.array(variances), regular)
     d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
-    return Levelled(axes=Axes(ahead=np.cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
+    return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 
 
 def shape_of(flight: Sequence[Nosing], treads: Sequence[Surface], axes: Axes, direction: Direction) -> StairShape | None:

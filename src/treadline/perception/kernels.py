@@ -123,6 +123,54 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
 
 @njit(cache=True)
 @no_type_check
+def common_plane(sums, limits, start, stop, least, plane, inside):
+    """Fit one plane to the blocks that lie on it, starting with those from ``start`` to ``stop``; return how many there are.
+
+    Args:
+        sums: Of the blocks.
+        limits: RMS residual that each block may have.
+        least: Blocks that a plane needs.
+        plane: Filled with n.
+        inside: Filled with which blocks lie on it.
+    """
+    total = np.empty(SUMS)
+    for i in range(sums.shape[0]):
+        inside[i] = start <= i < stop
+    count = stop - start
+    for _ in range(3):
+        if count < least:
+            return 0
+        total[:] = 0.0
+        for i in range(sums.shape[0]):
+            if inside[i]:
+                for k in range(SUMS):
+                    total[k] += sums[i, k]
+        residual, _turn = fit_plane(total, plane)
+        if residual != residual:
+            return 0
+        changed, count = False, 0
+        for i in range(sums.shape[0]):
+            fits = mean_square(sums[i], plane) < limits[i] * limits[i]
+            changed = changed or fits != inside[i]
+            inside[i] = fits
+            count += fits
+        if not changed:
+            break
+    return count if count >= least else 0
+
+
+@njit(cache=True)
+@no_type_check
+def mean_square(s, plane):
+    """Return the mean squared residual of w of a block about a plane."""
+    a, b, c = plane[0], plane[1], plane[2]
+    quadratic = a * a * s[XX] + b * b * s[YY] + c * c * s[COUNT] + 2.0 * (a * b * s[XY] + a * c * s[X] + b * c * s[Y])
+    linear = a * s[XW] + b * s[YW] + c * s[W]
+    return max((s[WW] - 2.0 * linear + quadratic) / s[COUNT], 0.0)
+
+
+@njit(cache=True)
+@no_type_check
 def _off(depth, v, u, plane, fx, fy, cx, cy):
     """Return how much nearer than a plane a pixel is, in 1/m; NaN without a depth."""
     z = depth[v, u]

@@ -29,6 +29,8 @@ TURN_LIMIT = 8.0 * DEG
 """A block whose normal is known no better says nothing of where it faces."""
 FRAGMENT = 8
 """Planes that many times smaller than the largest of their level are wrinkles of it."""
+SAMPLE = 16
+"""Blocks of a surface that tell its noise."""
 FULL = 0.6
 """Share of a block's pixels that must have a depth."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
@@ -123,51 +125,37 @@ def joined(
     order = np.argsort(levels, kind="stable")
     chosen, levels = chosen[order], levels[order]
     edges = np.flatnonzero(np.diff(levels) > gap_m) + 1
-    groups, normals = [], []
+    groups, normals, squares = [], [], []
     for run, places in zip(np.split(chosen, edges), np.split(levels, edges), strict=True):
-        for members_of_one, normal in _planes(blocks, run, places, gap_m, least):
+        for members_of_one, normal, square in _planes(blocks, run, places, gap_m, least):
             groups.append(members_of_one)
             normals.append(normal)
-    return _fitted(depth_m, camera, blocks, groups, np.array(normals)) if groups else []
+            squares.append(square)
+    return _fitted(depth_m, camera, blocks, groups, np.array(normals), np.array(squares)) if groups else []
 
 
 def _planes(
     blocks: Blocks, run: Int[np.ndarray, " k"], levels: Float[np.ndarray, " k"], gap_m: float, least: int
-) -> Iterator[tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"]]]:
-    """Yield the planes in a run of blocks, the fullest first: things between two treads may join them to one run."""
+) -> Iterator[tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"], float]]:
+    """Yield the planes in a run of blocks, the fullest first: things between two treads may join them to one run.
+
+    Each comes as its blocks, n and the mean squared residual of its blocks about it.
+    """
     while run.size >= least:
         # The fullest level starts the fit.
         together = np.searchsorted(levels, levels + gap_m) - np.arange(levels.size)
         start = int(np.argmax(together))
-        found = _common_plane(blocks, run[start : start + int(together[start])], run, least)
-        if found is None:
+        sums, normal, inside = blocks.sums[run], np.empty(3), np.empty(run.size, dtype=np.bool_)
+        limits = _limit(blocks.centres[run, 2])
+        if not kernels.common_plane(sums, limits, start, start + int(together[start]), least, normal, inside):
             return
-        yield found
-        least = max(least, found[0].size // FRAGMENT)
-        left = ~np.isin(run, found[0])
+        members = run[inside]
+        square = float(np.mean([kernels.mean_square(row, normal) for row in sums[inside][:: max(1, members.size // SAMPLE)]]))
+        yield members, normal, square
+        least = max(least, members.size // FRAGMENT)
         if levels[-1] - levels[0] <= gap_m:
             return
-        run, levels = run[left], levels[left]
-
-
-def _common_plane(
-    blocks: Blocks, start: Int[np.ndarray, " i"], run: Int[np.ndarray, " k"], least: int
-) -> tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"]] | None:
-    """Return the blocks of a run that lie on one plane, and the plane."""
-    kept = start
-    for _ in range(3):
-        if kept.size < least:
-            return None
-        M, r = _normal_equations(blocks.sums[kept].sum(axis=0))
-        try:
-            normal = np.linalg.solve(M, r)
-        except np.linalg.LinAlgError:
-            return None
-        inside = run[_mean_square(blocks.sums[run], normal) < _limit(blocks.centres[run, 2]) ** 2]
-        if inside.size == kept.size and np.array_equal(inside, kept):
-            break
-        kept = inside
-    return (kept, normal) if kept.size >= least else None
+        run, levels = run[~inside], levels[~inside]
 
 
 def _limit(depth_m: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
@@ -181,6 +169,7 @@ def _fitted(
     blocks: Blocks,
     groups: list[Int[np.ndarray, " _"]],
     normals: Float[np.ndarray, "s 3"],
+    squares: Float[np.ndarray, " s"],
 ) -> list[Surface]:
     """Return the surfaces fitted to all pixels of theirs."""
     boxes = np.array([_box(blocks, group, camera) for group in groups])
@@ -188,7 +177,6 @@ def _fitted(
     first, last = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
     before, after = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
     sums = np.empty((len(groups), kernels.SUMS))
-    squares = [float(_mean_square(blocks.sums[group], normal).mean()) for group, normal in zip(groups, normals, strict=True)]
     limits = np.maximum(TOLERANCE, TOLERANCE_SIGMAS * np.sqrt(squares))
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     kernels.extents(depth_m, normals, boxes, limits, JUMP, *pinhole, first, last, before, after, sums)
@@ -237,17 +225,3 @@ def _normal_equations(s: Float[np.ndarray, " 10"]) -> tuple[Float[np.ndarray, "3
         ]
     )
     return M, np.array([s[kernels.XW], s[kernels.YW], s[kernels.W]])
-
-
-def _mean_square(sums: Float[np.ndarray, "k 10"], normal: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
-    """Return the mean squared residual of each block about one plane."""
-    a, b, c = normal
-    s = sums.T
-    quadratic = (
-        a * a * s[kernels.XX]
-        + b * b * s[kernels.YY]
-        + c * c * s[kernels.COUNT]
-        + 2.0 * (a * b * s[kernels.XY] + a * c * s[kernels.X] + b * c * s[kernels.Y])
-    )
-    linear = a * s[kernels.XW] + b * s[kernels.YW] + c * s[kernels.W]
-    return np.maximum((s[kernels.WW] - 2.0 * linear + quadratic) / s[kernels.COUNT], 0.0)

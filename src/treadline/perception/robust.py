@@ -20,6 +20,7 @@ from treadline.perception.nosings import Direction
 from treadline.perception.planes import Blocks, Surface, surface_blocks
 from treadline.perception.sight import Parts, Sight, StairShape, refused
 from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame
 
 HEADING_LIMIT = 45.0 * DEG
@@ -83,7 +84,7 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
     seen = flight_under(frame, blocks, unit, down.direction, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
-    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, np.cross(down.direction, seen.facing))
+    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing))
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down)
     watch.lap("geometry")

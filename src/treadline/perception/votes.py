@@ -10,6 +10,7 @@ from treadline.angles import DEG
 from treadline.perception.lines import nosing_line
 from treadline.perception.nosings import Axes
 from treadline.perception.planes import Surface
+from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
 VOTE_LIMIT = 50.0 * DEG
@@ -32,7 +33,7 @@ def line_votes(
         for end in ENDS:
             line = nosing_line(tread, end, camera, corner=True)
             if line is not None:
-                across = np.cross(np.cross(line.normal, level.up), level.up)
+                across = cross(cross(line.normal, level.up), level.up)
                 across = across if across @ level.ahead > 0.0 else -across
                 azimuths.append(float(np.arctan2(across @ level.right, across @ level.ahead)))
                 weights.append(float(line.count))
