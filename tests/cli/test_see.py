@@ -196,6 +196,12 @@ def test_a_folder_is_done_even_if_a_frame_shows_no_stair(run, folder: Path) -> N
     assert outcome.values["frames"][0]["reason"]
 
 
+def test_the_thresholds_of_algorithm_1_are_a_choice(run, folder: Path) -> None:
+    for rule in ("median", "otsu", "rosin", "mad"):
+        assert run("see", *pair(folder), "--method", "paper", "--threshold", rule, "--json").values["ms"] > 0.0
+    assert_refused(run("see", *pair(folder), "--threshold", "canny"), "canny", "rosin")
+
+
 def test_images_of_another_size_are_named(run, folder: Path) -> None:
     write_depth(folder / "a_depth.png", np.full((480, 640), 1500.0))
     assert_refused(run("see", *pair(folder)), "a_depth.png", "640×480", "320×240")

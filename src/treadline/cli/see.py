@@ -18,6 +18,7 @@ def see(
     camera: Path | None = None,
     gravity: str | None = None,
     method: str = "robust",
+    threshold: str = "median",
     out: Path | None = None,
 ) -> Answer:
     """Find the stair in an RGB-D frame and say the heading.
@@ -31,21 +32,28 @@ def see(
         camera: The calibration, a TOML file; of a folder, its camera.toml when left out.
         gravity: Unit vector that points down in the camera's frame: x,y,z; of a folder, for frames that gravity.csv lacks.
         method: robust, or paper for Algorithm 1 as printed.
+        threshold: Rule for Canny's thresholds in Algorithm 1: median (the paper's place), otsu, rosin or mad.
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
             heading as the robust method sees them (NAME-seen.png).
     """
+    from typing import cast, get_args
+
     from treadline.errors import SettingsError
+    from treadline.perception.edges import ThresholdRule
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
     from treadline.perception.images import alone
 
     if method not in ("robust", "paper"):
         raise SettingsError(f"--method is '{method}'; allowed: robust, paper")
+    if threshold not in get_args(ThresholdRule):
+        raise SettingsError(f"--threshold is '{threshold}'; allowed: {', '.join(get_args(ThresholdRule))}")
     chosen: Literal["paper", "robust"] = "paper" if method == "paper" else "robust"
+    rule = cast("ThresholdRule", threshold)
     if depth is None and not rgb.is_dir():
         raise alone(rgb)
     if depth is None:
         frames = FolderOfFrames(rgb, camera, gravity)
-        seen = list(_told(see_frames(frames, method=chosen, out=out), len(frames)))
+        seen = list(_told(see_frames(frames, method=chosen, out=out, threshold=rule), len(frames)))
         accepted = sum(bool(item["accepted"]) for item in seen)
         return Answer(
             values={"frames": seen},
@@ -53,7 +61,7 @@ def see(
         )
     if camera is None:
         raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
-    (answer,) = see_frames([single_frame(rgb, depth, camera, gravity)], method=chosen, out=out)
+    (answer,) = see_frames([single_frame(rgb, depth, camera, gravity)], method=chosen, out=out, threshold=rule)
     return Answer(values=answer, summary=[_line(answer)], code=0 if answer["accepted"] else 1)
 
 

@@ -14,8 +14,10 @@ from treadline.angles import DEG
 from treadline.errors import ImageError
 from treadline.perception.camera_file import read_camera
 from treadline.perception.detector import DetectorConfig, StairDetector
+from treadline.perception.edges import ThresholdRule
 from treadline.perception.images import read_frame
 from treadline.perception.overlay import overlay
+from treadline.perception.paper import PaperConfig
 from treadline.perception.pictures import write_picture, write_stages
 from treadline.perception.sight import Sight, StairShape
 from treadline.signals import RgbdFrame, StairMap
@@ -68,14 +70,22 @@ class FolderOfFrames:
             yield NamedFrame(name=name, frame=frame, gravity_C=self._gravity.get(name, self._down))
 
 
-def see_frames(frames: Iterable[NamedFrame], *, method: Literal["paper", "robust"], out: Path | None) -> Iterator[dict[str, Any]]:
+def see_frames(
+    frames: Iterable[NamedFrame],
+    *,
+    method: Literal["paper", "robust"],
+    out: Path | None,
+    threshold: ThresholdRule = "median",
+) -> Iterator[dict[str, Any]]:
     """Yield what each frame shows, under the contract's keys.
 
     Args:
+        threshold: Rule for Canny's thresholds in Algorithm 1.
         out: Folder for the pictures of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and what the robust
             method saw (``NAME-seen.png``).
     """
-    detector = StairDetector(DetectorConfig(method=method))
+    paper = PaperConfig(threshold=threshold)
+    detector = StairDetector(DetectorConfig(method=method, paper=paper))
     loaded = False
     for named in frames:
         if not loaded:
@@ -85,7 +95,8 @@ def see_frames(frames: Iterable[NamedFrame], *, method: Literal["paper", "robust
         sight = detector.look(named.frame, named.gravity_C)
         spent_ms = (time.perf_counter() - started) * 1e3
         if out is not None:
-            shown = StairDetector(DetectorConfig(method="paper")).look(named.frame, named.gravity_C, stages=True)
+            printed = StairDetector(DetectorConfig(method="paper", paper=paper))
+            shown = printed.look(named.frame, named.gravity_C, stages=True)
             if shown.stages is not None:
                 write_stages(shown.stages, out, prefix=Path(named.name).stem)
             if method == "robust":
