@@ -1,7 +1,8 @@
 """The filter's mathematics: one Kalman filter per level of gyro noise, weighed by how well each foretells the vision.
 
-State of each: heading [rad], gyro bias [rad/s], gyro scale error. How much a gyro random-walks cannot be read off its samples: a
-chassis that shakes looks like noise and adds up to nothing. What vision says a minute later does tell, so the level is learned.
+State of each: heading [rad], gyro bias [rad/s], gyro scale error, and what frames err by together [rad]. How much a gyro
+random-walks cannot be read off its samples: a chassis that shakes looks like noise and adds up to nothing. What vision says a
+minute later does tell, so the level is learned.
 """
 
 import math
@@ -28,6 +29,8 @@ class GyroModel:
     """Of the scale at the start, 1 % at most; turns that vision sees tell it."""
     log_odds: float = -0.7
     """Of each level over the one below at the start: two to one that the sensor is as its data sheet says."""
+    shared_s: float = 15.0
+    """How long errors last that frames share: nosings askew stay in view for ten seconds, calibration for good."""
     memory_s: float = 300.0
     """How long what a level foretold counts for or against it."""
 
@@ -39,8 +42,9 @@ class KalmanBank:
         self._model = model
         levels = len(model.walk_rad_rts)
         self._walk = np.square(np.array(model.walk_rad_rts))
-        self._x = np.zeros((levels, 3))
-        self._P = np.zeros((levels, 3, 3))
+        self._x = np.zeros((levels, 4))
+        self._P = np.zeros((levels, 4, 4))
+        self._shared = 0.0
         self._evidence = model.log_odds * np.arange(levels)
         self._weights = np.exp(self._evidence) / np.exp(self._evidence).sum()
 
@@ -70,42 +74,76 @@ class KalmanBank:
         mean = float(self._weights @ self._x[:, 0])
         return float(self._weights @ (self._P[:, 0, 0] + np.square(self._x[:, 0] - mean)))
 
-    def start(self, heading: float, variance: float, *, known: bool) -> None:
-        """Put the heading where vision has it; a gyro that is ``known`` keeps its bias and scale."""
+    @property
+    def seen(self) -> float:
+        """The heading that vision would show: errors that frames share included."""
+        shown = self._x[:, 0] + self._x[:, 3]
+        return wrap(float(shown[0] + self._weights @ (shown - shown[0])))
+
+    @property
+    def seen_variance(self) -> float:
+        """Of that."""
+        shown = self._x[:, 0] + self._x[:, 3]
+        P = self._P[:, 0, 0] + 2.0 * self._P[:, 0, 3] + self._P[:, 3, 3]
+        return float(self._weights @ (P + np.square(shown - float(self._weights @ shown))))
+
+    def start(self, heading: float, white: float, shared: float, *, known: bool) -> None:
+        """Put the heading where vision has it; a gyro that is ``known`` keeps its bias and scale.
+
+        Args:
+            white: Variance of what one frame errs by alone.
+            shared: Of what it errs by together with its neighbours.
+        """
         model = self._model
-        most = np.diag([variance, model.bias_sigma_rad_s**2, model.scale_sigma**2])
         if not known:
             self._x[:] = 0.0
-            self._P[:] = most
-        else:
-            self._P[:, 0, :] = self._P[:, :, 0] = 0.0
-            self._P[:, 0, 0] = variance
-        self._x[:, 0] = heading
+            self._P[:] = np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2, 0.0])
+        for at in (0, 3):
+            self._P[:, at, :] = self._P[:, :, at] = 0.0
+        self._P[:, 0, 0] = white + shared
+        self._P[:, 3, 3] = shared
+        self._P[:, 0, 3] = self._P[:, 3, 0] = -shared
+        self._x[:, 0], self._x[:, 3] = heading, 0.0
+        self._shared = shared
 
-    def propagate(self, dt: float, rate_rad_s: float) -> Float[np.ndarray, "3 3"]:
+    def share(self, shared: float) -> None:
+        """Say how large the variance is now that frames share."""
+        if shared < self._shared:
+            # What was taken for shared turns out to be each frame's own.
+            factor = math.sqrt(shared / self._shared)
+            self._x[:, 3] *= factor
+            self._P[:, 3, :] *= factor
+            self._P[:, :, 3] *= factor
+        self._shared = shared
+
+    def propagate(self, dt: float, rate_rad_s: float) -> Float[np.ndarray, "4 4"]:
         """Turn by what the gyro measured over ``dt``; return the transition of errors."""
         x, P, model = self._x, self._P, self._model
         turned = dt * (rate_rad_s - x[:, 1]) * (1.0 - x[:, 2])
         x[:, 0] += turned
-        F = np.eye(3)
+        keep = math.exp(-dt / model.shared_s)
+        x[:, 3] *= keep
+        F = np.diag([1.0, 1.0, 1.0, keep])
         F[0, 1], F[0, 2] = -dt, -float(self._weights @ turned)
         P[:] = F @ P @ F.T
         P[:, 0, 0] += self._walk * dt
         P[:, 1, 1] += model.bias_walk_rad_s2**2 * dt
+        P[:, 3, 3] += (1.0 - keep * keep) * self._shared
         return F
 
     def widen(self, variance: float) -> None:
         """Forget where the chair heads, by ``variance``."""
         self._P[:, 0, 0] += variance
 
-    def correct(self, heading: float, variance: float, dt_s: float) -> Float[np.ndarray, " 3"]:
+    def correct(self, heading: float, variance: float, dt_s: float) -> Float[np.ndarray, " 4"]:
         """Take a heading that vision saw ``dt_s`` after the one before; return the gain."""
         x, P = self._x, self._P
-        innovation = np.array([wrap(heading - float(at)) for at in x[:, 0]])
-        S = P[:, 0, 0] + variance
-        gain = P[:, :, 0] / S[:, None]
+        innovation = np.array([wrap(heading - float(at)) for at in x[:, 0] + x[:, 3]])
+        PH = P[:, :, 0] + P[:, :, 3]
+        S = PH[:, 0] + PH[:, 3] + variance
+        gain = PH / S[:, None]
         x += gain * innovation[:, None]
-        P -= gain[:, :, None] * P[:, None, 0, :]
+        P -= gain[:, :, None] * PH[:, None, :]
         P[:] = 0.5 * (P + P.transpose(0, 2, 1))
         keep = math.exp(-min(max(dt_s, 0.0), self._model.memory_s) / self._model.memory_s)
         self._evidence = keep * self._evidence - 0.5 * (np.square(innovation) / S + np.log(S))
@@ -114,7 +152,7 @@ class KalmanBank:
         self._weights = weights / weights.sum()
         return np.asarray(self._weights @ gain)
 
-    def shift(self, error: Float[np.ndarray, " 3"], spread: Float[np.ndarray, "3 3"]) -> None:
+    def shift(self, error: Float[np.ndarray, " 4"], spread: Float[np.ndarray, "4 4"]) -> None:
         """Take an error off every state, and add what is not known of it."""
         self._x -= error
         self._P += spread

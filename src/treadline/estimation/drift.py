@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 
-ONSET, HEADING, BIAS, SCALE, EXPLAINED, INFORMATION, SUM, WEIGHT, FELT, TOLD, COUNT = range(11)
+ONSET, HEADING, BIAS, SCALE, SHARED, EXPLAINED, INFORMATION, SUM, WEIGHT, FELT, TOLD, COUNT = range(12)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,9 +52,9 @@ class Drift:
 
     began_s: float
     rate_rad_s: float
-    error: Float[np.ndarray, " 3"]
-    """What it has made of the filter's state: heading, bias, scale."""
-    spread: Float[np.ndarray, "3 3"]
+    error: Float[np.ndarray, " 4"]
+    """What it has made of the filter's state: heading, bias, scale, and what frames share."""
+    spread: Float[np.ndarray, "4 4"]
     """Covariance of that."""
 
 
@@ -70,13 +70,13 @@ class DriftWatch:
 
     def clear(self) -> None:
         """Forget all that might have begun."""
-        self._steps = np.empty((0, 11))
+        self._steps = np.empty((0, 12))
 
-    def propagate(self, F: Float[np.ndarray, "3 3"], dt: float, rate_rad_s: float) -> None:
+    def propagate(self, F: Float[np.ndarray, "4 4"], dt: float, rate_rad_s: float) -> None:
         """Carry the signatures over ``dt``, in which the gyro said ``rate_rad_s``, its bias taken off."""
         self._felt += dt * rate_rad_s
         if self._steps.size:
-            self._steps[:, HEADING : SCALE + 1] = self._steps[:, HEADING : SCALE + 1] @ F.T
+            self._steps[:, HEADING : SHARED + 1] = self._steps[:, HEADING : SHARED + 1] @ F.T
 
     def belts(self, t_s: float, difference_m_s: float) -> None:
         """Note how much faster the right belt runs."""
@@ -87,26 +87,26 @@ class DriftWatch:
         self._told += max(dt, 0.0) * self._rule.turn_per_belt_rad_m * difference_m_s
         self._belts_s = t_s
 
-    def frame(self, t_s: float, innovation: float, variance: float, gain: Float[np.ndarray, " 3"]) -> Drift | None:
+    def frame(self, t_s: float, innovation: float, variance: float, gain: Float[np.ndarray, " 4"]) -> Drift | None:
         """Take a frame's innovation, its variance, and the gain it was used with (zero if refused); return a drift if found."""
         if self._steps.size and t_s - self._steps[-1, ONSET] > self._rule.pause_s:
             self.clear()
         steps = self._steps[t_s - self._steps[:, ONSET] <= self._rule.window_s]
         # An error of the estimate shows in the innovation with the other sign.
-        shown = -steps[:, HEADING]
+        shown = -(steps[:, HEADING] + steps[:, SHARED])
         steps[:, EXPLAINED] += shown * innovation / variance
         steps[:, INFORMATION] += shown * shown / variance
         steps[:, SUM] += innovation / variance
         steps[:, WEIGHT] += 1.0 / variance
         steps[:, COUNT] += 1.0
         drift = self._best(t_s, steps)
-        steps[:, HEADING : SCALE + 1] -= np.outer(steps[:, HEADING], gain)
+        steps[:, HEADING : SHARED + 1] -= np.outer(-shown, gain)
         told = np.nan if self._told is None else self._told
-        begun = np.array([[t_s, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._felt, told, 0.0]])
+        begun = np.array([[t_s, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._felt, told, 0.0]])
         self._steps = np.concatenate([steps, begun])
         return drift
 
-    def _best(self, t_s: float, steps: Float[np.ndarray, "n 11"]) -> Drift | None:
+    def _best(self, t_s: float, steps: Float[np.ndarray, "n 12"]) -> Drift | None:
         if not (steps[:, COUNT] >= self._rule.least_count).any():
             return None
         jump = float((np.square(steps[:, SUM]) / steps[:, WEIGHT]).max())
@@ -121,7 +121,7 @@ class DriftWatch:
         rate = float(explained[best] / information[best])
         if score[best] < self._rule.threshold or not self._rule.least_rad_s <= abs(rate) <= self._rule.most_rad_s:
             return None
-        signature = steps[best, HEADING : SCALE + 1]
+        signature = steps[best, HEADING : SHARED + 1]
         # A fifth of it is left open: it may not have been a clean step.
         variance = 1.0 / float(information[best]) + (0.2 * rate) ** 2
         return Drift(
@@ -134,7 +134,7 @@ class DriftWatch:
     def _ask_belts(
         self,
         t_s: float,
-        steps: Float[np.ndarray, "n 11"],
+        steps: Float[np.ndarray, "n 12"],
         ramp: Float[np.ndarray, " n"],
         explained: Float[np.ndarray, " n"],
         information: Float[np.ndarray, " n"],

@@ -15,12 +15,17 @@ import numpy as np
 from treadline.angles import DEG, wrap
 from treadline.estimation.bank import GyroModel, KalmanBank
 from treadline.estimation.drift import Drift, DriftRule, DriftWatch
-from treadline.estimation.health import FaultKind, HeadingHealth, Memory, StuckRule, StuckWatch
+from treadline.estimation.health import FaultKind, HeadingHealth, Memory, Scatter, StuckRule, StuckWatch
 from treadline.estimation.reacquire import ReacquisitionRule, Refused
 from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 FULL_SCALE_RAD_S = 250.0 * DEG
 """Range of the gyro (MPU-6050) that a chair needs: belts at ±1 m/s turn it at 176 °/s. A rate beyond it was never measured."""
+
+OWN_LEAST = 0.01
+"""Of a frame's variance is its own, at least: errors that agree to the last bit are none."""
+OWN_FOR_DRIFT = 0.25
+"""The same where a drift is looked for: errors that frames share wander too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +47,7 @@ class FilterConfig:
     coast_s: float = 0.5
     """Without vision for longer, the source is the gyro."""
     vision_floor_rad: float = 0.1 * DEG
-    """Errors that consecutive frames share (mount, gravity) do not average out: no measurement is better than this."""
+    """No heading seen is better than this, whatever it declares: the mount alone is not."""
     memory_s: float = 1.0
     """How far back a late frame may lie, and how long vision carries the heading without a gyro."""
     gap_s: float = 0.05
@@ -62,6 +67,7 @@ class HeadingFilter:
         self._drifts = DriftWatch(self._config.drift)
         self._stuck = StuckWatch(self._config.stuck)
         self._refused = Refused(self._config.reacquisition)
+        self._scatter = Scatter()
         self._memory = Memory(self._config.memory_s)
         self._t_s: float | None = None
         self._imu_s: float | None = None
@@ -188,15 +194,19 @@ class HeadingFilter:
         if frozen and moved > self._config.frozen_rad:
             return
         heading = wrap(seen.heading_rad + later - self._bank.bias * self._age(seen.t_s))
-        variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2 + self._config.shake_rad**2
+        variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2
+        own = self._scatter.own(seen.t_s, wrap(seen.heading_rad - turned), math.sqrt(variance))
+        white, shared = max(own, OWN_LEAST) * variance + self._config.shake_rad**2, (1.0 - own) * variance
         if self._seen_s is None:
-            self._take(seen, heading, variance, turned)
+            self._take(seen, heading, white, shared, turned)
             return
-        innovation = wrap(heading - self._bank.heading)
-        spread = self._bank.variance + variance
-        accepted = innovation * innovation <= self._config.gate * spread
-        gain = self._bank.correct(heading, variance, since_s) if accepted else np.zeros(3)
-        drift = self._drifts.frame(seen.t_s, innovation, spread, gain)
+        self._bank.share(shared)
+        innovation = wrap(heading - self._bank.seen)
+        spread = self._bank.seen_variance
+        # The gate leaves room for all that the frame declares: what it shares with its neighbours may have begun to change.
+        accepted = innovation * innovation <= self._config.gate * (spread + variance)
+        gain = self._bank.correct(heading, white, since_s) if accepted else np.zeros(4)
+        drift = self._drifts.frame(seen.t_s, innovation, spread + max(white, OWN_FOR_DRIFT * variance), gain)
         if accepted:
             self._refused.accepted(seen.t_s, seen.heading_rad, turned)
             self._seen_s = seen.t_s
@@ -205,15 +215,17 @@ class HeadingFilter:
         if drift is not None:
             self._mend(drift, seen.t_s)
         elif not accepted:
-            self._refuse(seen, innovation, heading, variance, turned)
+            self._refuse(seen, innovation, heading, white, shared, turned)
 
-    def _refuse(self, seen: HeadingMeasurement, innovation: float, heading: float, variance: float, turned: float) -> None:
+    def _refuse(
+        self, seen: HeadingMeasurement, innovation: float, heading: float, white: float, shared: float, turned: float
+    ) -> None:
         self.rejected_count += 1
         self._disagreement = innovation
         if self._refused.agree(seen.t_s, seen.heading_rad, turned):
             if self._refused.smooth:
                 self._tell("jump", seen.t_s, f"gyro has jumped by {-innovation / DEG:.1f}° against vision")
-            self._take(seen, heading, variance, turned)
+            self._take(seen, heading, white, shared, turned)
         elif self._refused.count >= self._config.disagreeing_count:
             count = self._refused.count
             self._tell(
@@ -253,9 +265,9 @@ class HeadingFilter:
             self._move_unseen(t_s - self._t_s)
             self._t_s = t_s
 
-    def _take(self, seen: HeadingMeasurement, heading: float, variance: float, turned: float) -> None:
+    def _take(self, seen: HeadingMeasurement, heading: float, white: float, shared: float, turned: float) -> None:
         known = self._seen_s is not None
-        self._bank.start(heading, variance, known=known)
+        self._bank.start(heading, white, shared, known=known)
         self._drifts.clear()
         self._refused.restart(seen.t_s, seen.heading_rad, turned)
         self._seen_s = seen.t_s

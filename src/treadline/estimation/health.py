@@ -7,8 +7,15 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import wrap
 from treadline.signals import ImuSample, TrackReading
 
+PRIOR_FRAMES, SCATTER_FRAMES = 10, 300
+"""Worth of the belief that frames share all, and of what was seen since: half a minute."""
+NEIGHBOURS_S = 0.35
+SCATTER_GATE = 9.0
+SCATTER_ALL = 0.8
+"""From this share on all of it counts as the frame's own: 300 frames tell it to a tenth."""
 FaultKind = Literal["drift", "jump", "stuck", "disagreement"]
 
 
@@ -68,6 +75,28 @@ class StuckWatch:
         moves = self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s
         same_s = sample.t_s - self._since_s
         return same_s if moves and same_s >= self._rule.for_s - 1e-6 else 0.0
+
+
+class Scatter:
+    """How much of vision's declared variance is each frame's own: what neighbours differ by, less what the gyro turned.
+
+    The rest they share (nosings that are askew, calibration, gravity), and no number of them averages it out.
+    """
+
+    def __init__(self) -> None:
+        self._count = PRIOR_FRAMES
+        self._own = 0.0
+        self._last: tuple[float, float] | None = None
+
+    def own(self, t_s: float, still_rad: float, sigma_rad: float) -> float:
+        """Take a heading, the turning since taken out; return the share of its variance that is its own, from 0 to 1."""
+        if self._last is not None and t_s - self._last[0] <= NEIGHBOURS_S:
+            squared = 0.5 * (wrap(still_rad - self._last[1]) / sigma_rad) ** 2
+            if squared <= SCATTER_GATE:
+                self._count = min(self._count + 1, SCATTER_FRAMES)
+                self._own += (squared - self._own) / self._count
+        self._last = (t_s, still_rad)
+        return min(self._own / SCATTER_ALL, 1.0)
 
 
 class Memory:
