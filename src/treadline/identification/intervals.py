@@ -130,12 +130,12 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
         Y = changes[:, :, :, start : start + PORTION]
         k = Y.shape[3]
         H, shifted = (Y[at + shift].transpose(0, 2, 1, 3, 4).reshape(blocks * p, columns * m, k) for shift in (0, 1))
-        turn, moved = (np.einsum("na,abk,bj->njk", left, h, right, optimize=True) for h in (H, shifted))
-        entering = np.einsum("na,amk->nmk", left, H[:, :m], optimize=True)
+        turn, moved = (right.T @ np.tensordot(left, h, axes=1) for h in (H, shifted))
+        entering = np.tensordot(left, H[:, :m], axes=1)
         parts.append((
-            moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True),
-            with_constant(entering - np.einsum("njk,jm->nmk", turn, system.B[:, :m], optimize=True)),
-            np.einsum("pbk,bj->pjk", H[:p], right, optimize=True),
+            moved - system.A.T @ turn,
+            with_constant(entering - system.B[:, :m].T @ turn),
+            right.T @ H[:p],
             with_constant(Y[0]),
         ))  # fmt: skip
     A, B, C, D = (np.ascontiguousarray(np.concatenate(arrays, axis=2)) for arrays in zip(*parts, strict=True))
@@ -201,7 +201,8 @@ def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: 
         reach = min(at, lags)
         if at <= lags:
             entering[at] = lagged[at - 1, :m].transpose(1, 0, 2)
-        entering[at] += np.einsum("iopk,iom->pmk", lagged[:reach, m:], Y[at - reach : at][::-1], optimize=True)
+        fed_back = np.tensordot(lagged[:reach, m:], Y[at - reach : at][::-1], axes=([0, 1], [0, 1]))
+        entering[at] += fed_back.transpose(0, 2, 1)
     answers = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, count)
     for at in range(count - 1, 0, -1):
         entering[at] = np.tensordot(answers[: at + 1], entering[at::-1], axes=([0, 2], [0, 1]))
