@@ -66,8 +66,8 @@ def identify(
 
     Args:
         records: Experiments with the same channels and period; they are joined as experiments, not as one.
-        order: Number of states; chosen when left out, by the largest gap of the singular values or, with ``best``, by
-            data held out.
+        order: Number of states; chosen when left out, by the largest gap of the singular values, with ``pbsid`` by Schwarz's
+            criterion where that leaves doubt, with ``best`` by data held out.
         lags: Observer lags p; Schwarz's criterion decides when left out.
         method: ``best`` tries several ways and keeps what helps on data held out; ``okid-era`` is the paper's, ``era-dc``
             the same by data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as

@@ -36,7 +36,8 @@ def identify_chunks(
     Args:
         chunks: Consecutive parts of one experiment; the first in which every channel moves decides the units of the sums, and how
             many lags are tried.
-        order: Number of states; the largest gap of the singular values decides when left out.
+        order: Number of states; the largest gap of the singular values decides when left out, with ``pbsid`` Schwarz's
+            criterion where that leaves doubt.
         lags: Observer lags; Schwarz's criterion decides when left out.
         method: ``pbsid``, ``okid-era`` or ``era-dc``.
         feedthrough: Whether an input may act within its own sample.
