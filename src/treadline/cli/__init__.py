@@ -14,7 +14,7 @@ import cyclopts
 from cyclopts import App, Parameter
 
 from treadline import __version__
-from treadline.cli import check, climb, doctor, excite, frames, identify, replay, report, reproduce, see, tune
+from treadline.cli import check, climb, doctor, excite, frames, identify, mount, replay, report, reproduce, see, tune
 from treadline.cli.answer import Answer, say
 from treadline.errors import SimulationDiverged, TreadlineError
 
@@ -41,6 +41,7 @@ for verb in (
     climb.climb,
     see.see,
     frames.frames,
+    mount.mount,
     replay.replay,
     report.report,
     doctor.doctor,

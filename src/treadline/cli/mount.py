@@ -1,0 +1,73 @@
+"""``treadline mount``: how the camera sits on the chair, from a minute of driving."""
+
+from pathlib import Path
+from typing import Any
+
+from treadline.cli.answer import Answer
+
+OUT = Path("camera.toml")
+
+
+def mount(
+    log: Path,
+    /,
+    *,
+    camera: Path | None = None,
+    topics: str | None = None,
+    out: Path | None = None,
+) -> Answer:
+    """Learn how the camera sits on the chair from ordinary driving on a flight.
+
+    The log is a run folder (treadline climb --log-images keeps the frames), or an MCAP file or ROS bag of anybody's with depth
+    images and the chair's IMU; an IMU inside the camera turns with the mount and cannot tell it. On the flight the belts lie on
+    the nosings' plane, which the camera sees: pitch and roll follow within a minute, yaw once the chair has turned to both
+    sides. The mount as meant must be within 15 degrees.
+
+    treadline mount runs/climb --out camera.toml
+
+    Args:
+        log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
+        camera: Calibration and mount as meant, in place of the log's CameraInfo and the chair's file.
+        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
+        out: The calibration to write; camera.toml when left out, unless there is one already.
+    """
+    from treadline.cli.progress import Share
+    from treadline.errors import SettingsError
+    from treadline.experiments.mount import MountStudy
+    from treadline.io.topics import parse_topics
+    from treadline.perception.camera_file import read_camera
+
+    path = out or OUT
+    if path.is_dir():
+        raise SettingsError(f"--out {path}: is a folder; give a file")
+    if out is None and path.exists():
+        raise SettingsError(f"{path}: is there already; give --out FILE, the same one to write over it")
+    study = MountStudy(log, camera=None if camera is None else read_camera(camera), topics=parse_topics(topics))
+    with Share("mount", lambda: study.share) as progress:
+        for _ in progress.of(study.readings()):
+            pass
+    lesson = study.lesson()
+    values = lesson.summary()
+    if lesson.reason is not None:
+        return Answer(values=values | {"path": None}, summary=[f"no mount: {lesson.reason}"], code=1)
+    lesson.write(path)
+    return Answer(values=values | {"path": str(path)}, summary=_lines(values, log, path))
+
+
+def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:
+    """Return the summary for people."""
+    told = ", ".join(_angle(name, values) for name in ("pitch", "roll", "yaw"))
+    change = ", ".join(f"{name} {value:+.2f}°" for name, value in values["change_deg"].items() if value is not None)
+    keys = " ".join(f"--set camera.mount_{name}_deg={values[f'{name}_deg']:.3f}" for name in ("pitch", "roll"))
+    return [
+        f"{told} (95 %)",
+        f"changed by {change}; {values['counted']} of {values['frames']} frames count",
+        *(f"  left out {count}: {why}" for why, count in values["left_out"].items()),
+        *(f"  dropped {count}: {why}" for why, count in values["dropped"].items()),
+        f"calibration: {path}; the drive again with it: treadline replay {log} {keys} --out RUN",
+    ]
+
+
+def _angle(name: str, values: dict[str, Any]) -> str:
+    degrees, sigma = values[f"{name}_deg"], values[f"{name}_sigma_deg"]
+    return f"{name} not known: too few turns" if degrees is None else f"{name} {degrees:.2f}° ± {1.96 * sigma:.2f}°"
