@@ -8,10 +8,13 @@ import pytest
 from jaxtyping import Float, Float32
 
 from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.errors import ImageError
 from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import build_staircase
 from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
+from treadline.sim.camera import Camera
 
 ROBUST = StairDetector(DetectorConfig(method="robust"))
 PAPER = StairDetector(DetectorConfig(method="paper"))
@@ -157,3 +160,27 @@ def test_the_same_frame_gets_the_same_answer(view) -> None:
     first = ROBUST.look(frame, down)
     ROBUST.look(view(9, -0.4, STAIR)[0], down)
     assert ROBUST.look(frame, down).heading_rad == first.heading_rad
+
+
+@pytest.mark.parametrize("method", ["robust", "paper"])
+def test_a_depth_image_of_another_size_than_its_calibration_is_an_error(view, method: str) -> None:
+    frame, down = view(10, 0.1, STAIR)
+    detector = ROBUST if method == "robust" else PAPER
+    for height, width in ((480, 640), (120, 160), (240, 319)):
+        depth, rgb = np.full((height, width), 1.5, dtype=np.float32), np.zeros((height, width, 3), dtype=np.uint8)
+        other = RgbdFrame(t_s=0.0, rgb=rgb, depth_m=depth, camera=frame.camera)
+        with pytest.raises(ImageError, match="320×240"):
+            detector.look(other, down)
+
+
+@pytest.mark.parametrize("turn_deg", [8.0, 12.0, 20.0])
+def test_winders_yield_no_heading(turn_deg: float) -> None:
+    chair = read_chair("wheelchair").camera_at(240)
+    for first_deg in (-20.0, -8.0, 0.0):
+        steps = build_staircase(Stair(slope_deg=30.0, steps=8, walls="none"), np.random.default_rng(0))
+        turned = tuple(replace(step, yaw_rad=(first_deg + turn_deg * step.index) * DEG) for step in steps.steps)
+        camera = Camera(replace(steps, steps=turned), chair, rng=np.random.default_rng(11))
+        R_WC = chair.R_BC
+        frame = camera.frame(0.0, R_WC, np.array([-1.0, 0.0, 0.0]) + np.array(chair.mount_m))
+        sight = ROBUST.look(frame, R_WC.T @ np.array([0.0, 0.0, -1.0]))
+        assert not sight.accepted

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.errors import ImageError
 from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import look_robust
 from treadline.perception.sight import Sight
@@ -50,7 +51,18 @@ class StairDetector:
         )
 
     def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
-        """Return all that a frame says; ``stages`` asks the paper's method for its pictures."""
+        """Return all that a frame says; ``stages`` asks the paper's method for its pictures.
+
+        Raises:
+            ImageError: If an image is not of the size that the frame's calibration is for.
+        """
+        size = (frame.camera.height_px, frame.camera.width_px)
+        for name, image in (("depth", frame.depth_m), ("colour", frame.rgb) if self._config.method == "paper" else ("", None)):
+            if image is not None and image.shape[:2] != size:
+                raise ImageError(
+                    f"{name} is {image.shape[1]}×{image.shape[0]} pixels, its calibration is for {size[1]}×{size[0]}; scale fx, "
+                    "fy, cx and cy with the image"
+                )
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms

@@ -1,31 +1,42 @@
 """One edge direction from all treads, risers and nosings in view, and how sure it is.
 
 Every tread, every riser and every plane through a nosing and the camera's centre holds the edges' direction e, so each
-normal n says n·e = 0. Two small angles are sought: ρ, by which the edges are off level, which treads and gravity tell, and
-α about the vertical, which risers and nosings tell. Two things disturb what each says: the sensor's noise, which residuals
-show, and the stair itself, whose treads and nosings are not quite parallel. How irregular a stair is, nobody knows
-beforehand: it is averaged over, weighted by how well it explains how much the surfaces disagree (a random-effects model).
+normal n says n·e = 0. Three small numbers are sought around a first direction: α, by which the edges are turned about the
+vertical, ρ, by which they are off level, and s, by which the camera's depth is warped along the edges. Risers tell α, treads
+and gravity ρ, nosings seen from above a mixture of the two. A warp tilts every plane that depth shows, the further the more,
+and no line in the image: lines and planes together, and planes at different distances, tell it.
+
+What a surface says is off by the sensor's noise, which residuals show, and by the stair itself, whose treads and nosings are
+not quite parallel. How irregular a stair is, is integrated out (``irregular``), for treads and nosings each.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.lines import Line
+from treadline.perception.irregular import believed
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 from treadline.perception.vectors import cross
 
-TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
-"""Irregularities of a stair that are thought possible, each step as likely as the next: spread of its surfaces' angles."""
-OUTLIER = 3.0 * DEG
-"""A surface this far from the middle of three or more, and by many of its deviations, is no part of the stair."""
-OUTLIER_SIGMAS = 5.0
+TURNS, TILTS = (
+    grid.ravel() for grid in np.meshgrid(np.geomspace(0.003 * DEG, 2.0 * DEG, 9), np.geomspace(0.003 * DEG, 2.0 * DEG, 9))
+)
+"""Irregularities thought possible of nosings (about the vertical) and of treads (off level), in pairs."""
+WARP = 0.0015
+"""How far the depth's warp is believed to tilt planes along the edges, in 1/m (one sigma): leftover of a calibration of 0.03 px
+of a Kinect's disparity, most of it over the width of the image."""
+OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
+"""Surfaces further apart than this, and by so many of their deviations, are not of one straight flight."""
 GRAVITY_DOUBT, AGREED_SHARE = 2.0, 0.5
 """Declared deviations off which treads have the IMU doubted, if they agree within such a share of that."""
+TILT_BELIEVED = 0.5 * DEG
+"""Of a single tread, where risers and nosings are compared."""
+FLAT = 1e-8
+"""Prior precision of α and ρ: none to speak of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,58 +48,46 @@ class EdgeFit:
     ahead: Float[np.ndarray, " 3"]
     """Unit vector square to the edges, level: a turn of the edges about the vertical moves them along it."""
     down: Float[np.ndarray, " 3"]
-    alpha_sigma_rad: float
-    """Of the edges' angle about the vertical, with ρ as it is."""
-    rho_sigma_rad: float
-    """Of the angle by which they are off level."""
-    alpha_per_rho: float
-    """How a wrong ρ turns α: nosings are seen from above."""
-    scatter_rad: float
-    """Of the nosings' angles about the edges' direction, RMS."""
+    covariance: Float[np.ndarray, "2 2"]
+    """Of the edges' angle about the vertical and of the one by which they are off level [rad²]."""
+    agreeing: float
+    """Share of the nosings that agree on it."""
+    widest_rad: float
+    """Largest angle about the vertical between a nosing and the edges' direction."""
     planes_against_lines_rad: tuple[float, float] | None
-    """Difference of α between risers and nosings, and its standard deviation; None unless there are both."""
+    """Angle about the vertical by risers less that by nosings, and its standard deviation; None unless there are both."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
         """Return the standard deviation of a quantity that changes by ``change · de`` with the direction."""
-        alpha = float(change @ self.ahead)
-        rho = float(change @ self.down) + alpha * self.alpha_per_rho
-        return float(np.hypot(alpha * self.alpha_sigma_rad, rho * self.rho_sigma_rad))
+        by = np.array([float(change @ self.ahead), float(change @ self.down)])
+        return float(np.sqrt(by @ self.covariance @ by))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Pooled:
-    mean: float
-    sigma: float
-    spread: float
-    """Irregularity that was found, RMS."""
-    weights: Float[np.ndarray, " k"]
+class _Axes:
+    edge: Float[np.ndarray, " 3"]
+    ahead: Float[np.ndarray, " 3"]
+    down: Float[np.ndarray, " 3"]
 
 
-def pooled(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], regular: Bool[np.ndarray, " k"]) -> _Pooled:
-    """Return the common angle of some measurements that scatter by their noise and by an unknown irregularity.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rows:
+    """Linear equations ``by · (α, ρ, s) = value``, one for each normal."""
 
-    The irregularity is integrated out over ``TURNS`` with its likelihood; the mean under each value of it is the usual
-    weighted one (DerSimonian, Laird 1986 with a prior in place of their estimate).
+    value: Float[np.ndarray, " k"]
+    by: Float[np.ndarray, "k 3"]
+    noise: Float[np.ndarray, " k"]
+    """Variance of the normal's angle across the edges."""
+    tilts: Bool[np.ndarray, " k"]
+    """Whether it tilts with a tread."""
+    group: Int[np.ndarray, " k"]
+    """Number of the nosing it turns with; -1 for none."""
 
-    Args:
-        regular: Measurements that do not suffer from the irregularity: gravity.
-    """
-    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * TURNS[:, None] ** 2
-    precision = 1.0 / spread
-    total = precision.sum(axis=1)
-    means = precision @ values / total
-    misfit = (precision * (values[None, :] - means[:, None]) ** 2).sum(axis=1)
-    log = -0.5 * (np.log(spread).sum(axis=1) + np.log(total) + misfit)
-    belief = np.exp(log - log.max())
-    belief /= belief.sum()
-    mean = float(belief @ means)
-    variance = float(belief @ (1.0 / total + (means - mean) ** 2))
-    return _Pooled(
-        mean=mean,
-        sigma=float(np.sqrt(variance)),
-        spread=float(np.sqrt(belief @ TURNS**2)),
-        weights=belief @ (precision / total[:, None]),
-    )
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Solution:
+    mean: Float[np.ndarray, " 3"]
+    covariance: Float[np.ndarray, "3 3"]
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
@@ -124,104 +123,150 @@ def fit_edges(
     """
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.tells]
-    for _ in range(3):
-        d = down - (down @ edge) * edge
-        d = d / np.linalg.norm(d)
-        a = cross(d, edge)
-        # The turn ρ about a tips e along d.
-        level = [_said(tread.unit, tread.covariance / float(tread.normal @ tread.normal), edge, d) for tread in treads]
-        off = -float(down @ edge)
-        tilts = np.array([value for value, _ in level]) - off
-        level.append((off, gravity_variance(tilts, down_sigma_rad)))
-        values, variances = np.array(level).T
-        regular = np.zeros(len(values), dtype=bool)
-        regular[-1] = True
-        kept = _agreeing(values, variances) | regular
-        rho = pooled(values[kept], variances[kept], regular[kept])
-        tipped = edge + rho.mean * d
-        said = [_of_nosing(nosing, tipped, a, d, rho.spread) for nosing in nosings]
-        angles, noise, per_rho = (np.array(column) for column in zip(*said, strict=True))
+    for last in (False, True):
+        axes = _axes(edge, down)
+        rows = _rows(nosings, treads, down, down_sigma_rad, axes)
+        angles, noise = _angles(rows, len(nosings))
         kept = _agreeing(angles, noise)
-        alpha = pooled(angles[kept], noise[kept], np.zeros(int(kept.sum()), dtype=bool))
-        edge = tipped + alpha.mean * a
+        chosen = np.concatenate([kept, [True]])[rows.group]
+        chosen[rows.group < 0] = _agreeing_treads(rows)
+        # A first, rough turn needs no more than one guess of the irregularity.
+        solution = _solved(_only(rows, chosen), slice(None) if last else slice(40, 41))
+        edge = axes.edge + solution.mean[0] * axes.ahead + solution.mean[1] * axes.down
         edge /= np.linalg.norm(edge)
+    off = angles - solution.mean[0]
     return EdgeFit(
         edge=edge,
-        ahead=a,
-        down=d,
-        alpha_sigma_rad=alpha.sigma,
-        rho_sigma_rad=rho.sigma,
-        alpha_per_rho=float(alpha.weights @ per_rho[kept]),
-        scatter_rad=float(np.sqrt(np.mean((angles[kept] - alpha.mean) ** 2))),
-        planes_against_lines_rad=_planes_against_lines(nosings, edge, a, d, rho.spread),
+        ahead=axes.ahead,
+        down=axes.down,
+        covariance=solution.covariance[:2, :2],
+        agreeing=float(kept.mean()),
+        widest_rad=float(np.abs(off).max()),
+        planes_against_lines_rad=_planes_against_lines(rows, solution),
     )
 
 
-def _said(
-    n: Float[np.ndarray, " 3"], covariance: Float[np.ndarray, "3 3"], edge: Float[np.ndarray, " 3"], way: Float[np.ndarray, " 3"]
-) -> tuple[float, float]:
-    """Return the angle along ``way`` that a normal asks for, and its variance: n·(e + angle · way) = 0."""
-    lever = float(n @ way)
-    return -float(n @ edge) / lever, float(edge @ covariance @ edge) / lever**2
+def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes:
+    d = down - float(down @ edge) * edge
+    d = d / np.linalg.norm(d)
+    return _Axes(edge=edge, ahead=cross(d, edge), down=d)
 
 
-def _agreeing(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"]) -> Bool[np.ndarray, " k"]:
-    if len(values) < 3:
-        return np.ones(len(values), dtype=bool)
-    off = np.abs(values - np.median(values))
-    return off < np.maximum(OUTLIER, OUTLIER_SIGMAS * np.sqrt(variances))
+def _rows(
+    nosings: Sequence[Nosing], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], down_sigma_rad: float, axes: _Axes
+) -> _Rows:
+    """Return the equations of all normals, gravity the last."""
+    normals: list[Float[np.ndarray, " 3"]] = []
+    noise, distance, tilts, group = [], [], [], []
+
+    def add(unit: Float[np.ndarray, " 3"], variance: float, plane_m: float, *, tilting: bool, number: int) -> None:
+        normals.append(unit)
+        noise.append(variance)
+        distance.append(plane_m)
+        tilts.append(tilting)
+        group.append(number)
+
+    for tread in treads:
+        add(tread.unit, _variance(tread, axes.edge), tread.distance_m, tilting=True, number=-1)
+    for number, nosing in enumerate(nosings):
+        if nosing.riser is not None:
+            add(nosing.riser.unit, _variance(nosing.riser, axes.edge), nosing.riser.distance_m, tilting=False, number=number)
+        for line in nosing.lines:
+            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), 0.0, tilting=True, number=number)
+    add(down, 0.0, 0.0, tilting=False, number=-1)
+    stacked = np.array(normals)
+    value = -(stacked @ axes.edge)
+    by = np.column_stack([stacked @ axes.ahead, stacked @ axes.down, -np.array(distance)])
+    level = value[: len(treads)] / by[: len(treads), 1] if treads else np.empty(0)
+    noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
+    return _Rows(value=value, by=by, noise=np.array(noise), tilts=np.array(tilts), group=np.array(group))
 
 
-def _of_line(
-    line: Line,
-    edge: Float[np.ndarray, " 3"],
-    ahead: Float[np.ndarray, " 3"],
-    down: Float[np.ndarray, " 3"],
-    tilt_rad: float,
-) -> tuple[float, float, float]:
-    """Return the angle that a line asks for, its variance, and how it changes with ρ.
+def _variance(surface: Surface, edge: Float[np.ndarray, " 3"]) -> float:
+    return float(edge @ surface.covariance @ edge) * surface.distance_m**2
 
-    Seen from above at a slant, an edge that is off level by itself, as its tread is, looks turned.
+
+def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
+    return _Rows(
+        value=rows.value[chosen],
+        by=rows.by[chosen],
+        noise=rows.noise[chosen],
+        tilts=rows.tilts[chosen],
+        group=rows.group[chosen],
+    )
+
+
+def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the angle about the vertical that each nosing asks for by itself, and its noise."""
+    of_nosing = rows.group >= 0
+    weight = rows.by[of_nosing, 0] ** 2 / rows.noise[of_nosing]
+    total = np.bincount(rows.group[of_nosing], weight, count)
+    angle = np.bincount(rows.group[of_nosing], weight * rows.value[of_nosing] / rows.by[of_nosing, 0], count) / total
+    return angle, 1.0 / total
+
+
+def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Return which values belong to the largest crowd."""
+    if not len(values):
+        return np.ones(0, dtype=bool)
+    apart = np.abs(values[:, None] - values[None, :])
+    crowds = apart < np.maximum(OUTLIER, OUTLIER_SIGMAS * np.sqrt(variances[:, None] + variances[None, :]))
+    return np.asarray(crowds[int(np.argmax(crowds.sum(axis=1)))])
+
+
+def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
+    """Return which treads agree with each other, and gravity."""
+    treads = (rows.group < 0) & rows.tilts
+    level = rows.value[treads] / rows.by[treads, 1]
+    return np.append(_agreeing(level, rows.noise[treads]), True)
+
+
+def _solved(rows: _Rows, grid: slice) -> _Solution:
+    """Return α, ρ and s with their covariance, the irregularities integrated out.
+
+    All that belongs to one nosing turns with it by one angle of variance τ², which the matrix inversion lemma takes out of the
+    covariance (Sherman, Morrison 1950); what tilts with a tread does so by itself, with variance κ².
     """
-    angle, variance = _said(line.normal, line.covariance, edge, ahead)
-    per_rho = -float(line.normal @ down) / float(line.normal @ ahead)
-    return angle, variance + (per_rho * tilt_rad) ** 2, per_rho
+    turn, tilt = TURNS[grid] ** 2, TILTS[grid] ** 2
+    a, d = rows.by[:, 0], rows.by[:, 1]
+    spread = rows.noise[None, :] + tilt[:, None] * np.where(rows.tilts, d * d, 0.0)[None, :]
+    P = 1.0 / spread
+    full = np.column_stack([rows.by, rows.value])
+    M = np.einsum("gk,ki,kj->gij", P, full, full)
+    log = -0.5 * np.log(spread).sum(axis=1)
+    for number in range(int(rows.group.max()) + 1):
+        own = rows.group == number
+        if not own.any():
+            continue
+        q = P[:, own] @ (a[own] ** 2)
+        g = (P[:, own] * a[own]) @ full[own]
+        M -= (turn / (1.0 + turn * q))[:, None, None] * g[:, :, None] * g[:, None, :]
+        log -= 0.5 * np.log1p(turn * q)
+    prior = np.diag([FLAT, FLAT, 1.0 / WARP**2])
+    A, b = M[:, :3, :3] + prior, M[:, :3, 3]
+    inverse = np.linalg.inv(A)
+    means = np.einsum("gij,gj->gi", inverse, b)
+    log -= 0.5 * (np.linalg.slogdet(A)[1] + M[:, 3, 3] - np.einsum("gi,gi->g", b, means))
+    belief = believed(log)
+    mean = belief @ means
+    apart = means - mean
+    covariance = np.einsum("g,gij->ij", belief, inverse) + np.einsum("g,gi,gj->ij", belief, apart, apart)
+    return _Solution(mean=mean, covariance=covariance)
 
 
-def _of_nosing(
-    nosing: Nosing,
-    edge: Float[np.ndarray, " 3"],
-    ahead: Float[np.ndarray, " 3"],
-    down: Float[np.ndarray, " 3"],
-    tilt_rad: float,
-) -> tuple[float, float, float]:
-    """Return the angle one nosing asks for, its noise, and how it changes with ρ: riser and line turn together."""
-    angles = [_of_line(line, edge, ahead, down, tilt_rad) for line in nosing.lines]
-    if nosing.riser is not None:
-        n = nosing.riser.unit
-        said = _said(n, nosing.riser.covariance / float(nosing.riser.normal @ nosing.riser.normal), edge, ahead)
-        angles.append((*said, -float(n @ down) / float(n @ ahead)))
-    precision = np.array([1.0 / variance for _, variance, _ in angles])
-    share = precision / precision.sum()
-    angle = float(share @ [angle for angle, _, _ in angles])
-    return angle, float(1.0 / precision.sum()), float(share @ [per_rho for _, _, per_rho in angles])
-
-
-def _planes_against_lines(
-    nosings: Sequence[Nosing],
-    edge: Float[np.ndarray, " 3"],
-    ahead: Float[np.ndarray, " 3"],
-    down: Float[np.ndarray, " 3"],
-    tilt_rad: float,
-) -> tuple[float, float] | None:
-    """Return by how much risers and nosings differ in α, and the standard deviation of that."""
-    risers = [nosing.riser for nosing in nosings if nosing.riser is not None]
-    planes = [_said(riser.unit, riser.covariance / float(riser.normal @ riser.normal), edge, ahead) for riser in risers]
-    lines = [_of_line(line, edge, ahead, down, tilt_rad)[:2] for nosing in nosings for line in nosing.lines]
-    if not planes or not lines:
+def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
+    """Return by how much risers and nosings differ in α once level and warp are taken out, and the deviation of that."""
+    of_line = (rows.group >= 0) & rows.tilts
+    of_riser = (rows.group >= 0) & ~rows.tilts
+    if not of_line.any() or not of_riser.any():
         return None
-    means = []
-    for said in (planes, lines):
-        values, variances = np.array(said).T
-        means.append(pooled(values, variances, np.zeros(len(values), dtype=bool)))
-    return means[0].mean - means[1].mean, float(np.hypot(means[0].sigma, means[1].sigma))
+    left = rows.value - rows.by[:, 1:] @ solution.mean[1:]
+    shared = rows.by[:, 1:] @ solution.covariance[1:, 1:]
+    tilting = np.where(rows.tilts, rows.by[:, 1] * TILT_BELIEVED, 0.0)
+    variance = rows.noise + np.einsum("ki,ki->k", shared, rows.by[:, 1:]) + tilting**2
+    means, variances = [], []
+    for chosen in (of_riser, of_line):
+        weight = rows.by[chosen, 0] ** 2 / variance[chosen]
+        means.append(float(np.average(left[chosen] / rows.by[chosen, 0], weights=weight)))
+        variances.append(1.0 / float(weight.sum()))
+    return means[0] - means[1], float(np.sqrt(sum(variances)))

@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import kernels
-from treadline.perception.direction import gravity_variance, pooled
+from treadline.perception.direction import gravity_variance
+from treadline.perception.irregular import pooled
 from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
 from treadline.perception.planes import Blocks, Surface
 from treadline.perception.sight import StairShape
@@ -32,6 +33,8 @@ STRIDE_AT_240 = 2
 BIN_M = 0.05
 RAIL_BIN_M, RAIL_M = 0.1, 0.5
 """Along the flight: what stands over this length at one place across it is a rail or a wall, not a thing on a step."""
+RAIL_ASIDE_M = 0.25
+"""From the chair's middle: what lies closer is in the way, however long."""
 CELLS = 10_000
 """More than there are bins along any flight, none of which starts behind the camera."""
 END_MARGIN_M = 0.12
@@ -159,6 +162,7 @@ def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axe
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
     standing = _standing(frame, points, axes, shape)
     rails = _along_the_flight(standing, axes)
+    rails = rails[np.abs(rails - middle) > RAIL_ASIDE_M]
     left, right = _side_walls(blocks, axes, middle)
     aside = rails - middle
     return StairMap(

@@ -101,10 +101,8 @@ def nosings_of(
             continue
         of_line = _of_line(line, axes)
         alike = [k for k, nosing in enumerate(found) if _same(nosing, of_line)]
-        if alike and line.is_corner:
-            continue  # the riser's own plane says the same and better
         if alike:
-            found[alike[0]] = _both(found[alike[0]], of_line)
+            found[alike[0]] = _both(found[alike[0]], of_line, axes)
         else:
             found.append(of_line)
     return sorted(found, key=lambda nosing: nosing.ahead_m)
@@ -123,16 +121,20 @@ def _of_line(line: Line, axes: Axes) -> Nosing:
     )
 
 
-def _both(owner: Nosing, other: Nosing) -> Nosing:
-    """Return a riser's nosing with a line of its tread."""
+def _both(owner: Nosing, line: Nosing, axes: Axes) -> Nosing:
+    """Return a nosing with one more line of its tread, which may tell its height."""
+    point, up_m = owner.point, owner.up_m
+    if up_m is None and line.up_m is not None:
+        up_m = line.up_m
+        point = point + (up_m - float(point @ axes.up)) * axes.up
     return Nosing(
         ahead_m=owner.ahead_m,
-        up_m=other.up_m,
-        point=other.point if owner.up_m is None else owner.point,
-        sides_m=(min(owner.sides_m[0], other.sides_m[0]), max(owner.sides_m[1], other.sides_m[1])),
+        up_m=up_m,
+        point=point,
+        sides_m=(min(owner.sides_m[0], line.sides_m[0]), max(owner.sides_m[1], line.sides_m[1])),
         riser=owner.riser,
-        lines=owner.lines + other.lines,
-        weight=owner.weight + other.weight,
+        lines=owner.lines + line.lines,
+        weight=owner.weight + line.weight,
     )
 
 

@@ -5,6 +5,7 @@ normal. Blocks find the surfaces; each surface is then fitted to all of its pixe
 where it ends and what lies beyond.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -98,7 +99,12 @@ class Surface:
     @property
     def unit(self) -> Float[np.ndarray, " 3"]:
         """Unit normal, pointing away from the camera."""
-        return np.asarray(self.normal / np.linalg.norm(self.normal))
+        return np.asarray(self.normal * self.distance_m)
+
+    @property
+    def distance_m(self) -> float:
+        """From the camera to the plane."""
+        return 1.0 / math.sqrt(float(self.normal @ self.normal))
 
 
 def joined(

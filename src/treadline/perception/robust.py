@@ -25,6 +25,8 @@ from treadline.signals import RgbdFrame
 
 HEADING_LIMIT = 45.0 * DEG
 SLOPE_LIMIT = 45.0 * DEG
+AGREEING = 0.6
+"""Of the nosings that must agree: winders do not."""
 SIGMA_LIMIT = 1.0 * DEG
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
 """How far down the camera may look where treads must tell: closer to level, treads vanish; closer to straight down, a wall
@@ -136,12 +138,12 @@ def _doubt(
         return f"no gravity, and {levels} level(s) evenly apart to make up for it, {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
-    if fit.scatter_rad > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * fit.alpha_sigma_rad):
-        return f"nosings turned by {fit.scatter_rad / DEG:.1f}° against each other"
+    if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
+        return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
-    if sigma_rad > SIGMA_LIMIT:
+    if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
     return None
 
