@@ -135,7 +135,7 @@ class MountStudy:
         self._calibrator: MountCalibrator | None = None
         self._estimate: MountEstimate | None = None
         self._felt: ImuSample | None = None
-        self._standing = False
+        self._driven: TrackReading | None = None
         self._frames = self._taken = self._solved = 0
         self._blocks: set[int] = set()
         self._left_out: Counter[str] = Counter()
@@ -193,7 +193,7 @@ class MountStudy:
             case ImuSample():
                 self._felt = reading
             case TrackReading():
-                self._standing = max(abs(reading.left_m_s), abs(reading.right_m_s)) < STANDING_M_S
+                self._driven = reading
             case _:
                 return
         if self._calibrator is not None:
@@ -203,8 +203,9 @@ class MountStudy:
         self._frames += 1
         if self._calibrator is None:
             self._calibrator = MountCalibrator(MountConfig(camera=frame.camera))
-            if self._felt is not None:
-                self._calibrator.step(self._felt)
+            for before in (self._felt, self._driven):
+                if before is not None:
+                    self._calibrator.step(before)
         if self._given is not None and not self._given.registered:
             # In the dark depth alone is looked at: colour that does not lie on it would bend the edges.
             frame = replace(frame, rgb=np.zeros_like(frame.rgb))
@@ -212,9 +213,9 @@ class MountStudy:
         if sight.axes is None:
             self._left_out[_NUMBER.sub("#", sight.reason or "no tread to tell the slope by")] += 1
             return
-        before = self._calibrator.dropped_count
+        dropped_count = self._calibrator.dropped_count
         estimate = self._calibrator.step(sight.axes)
-        if self._calibrator.dropped_count > before:
+        if self._calibrator.dropped_count > dropped_count:
             self._left_out[self._doubt(sight.axes, frame.camera)] += 1
             return
         self._taken += 1
@@ -225,7 +226,7 @@ class MountStudy:
     def _doubt(self, axes: StairAxes, camera: PinholeCamera) -> str:
         """Return for people why the calibrator did not take a frame."""
         config = MountConfig(camera=camera)
-        if self._standing:
+        if self._driven is not None and max(abs(self._driven.left_m_s), abs(self._driven.right_m_s)) < STANDING_M_S:
             return "the chair stands"
         if self._felt is None or axes.t_s - self._felt.t_s > PAIRED_S:
             return "no attitude of the IMU at its time"
