@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_of
+from treadline.angles import DEG, quaternion_of
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 from treadline.perception.camera_file import read_camera
@@ -35,23 +35,30 @@ MEANT_PITCH_DEG = 40.0
 """As the chair's file has it."""
 
 
-@pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A drive with a frame a second, by a camera that sits 2 and -3 degrees off what the chair's file says."""
-    log = tmp_path_factory.mktemp("drive") / "log.mcap"
+def drive(log: Path, heading_rad: Callable[[float], float]) -> Path:
+    """Write a drive with a frame a second, by a camera that sits 2 and -3 degrees off what the chair's file says."""
     road = Drive(np.random.default_rng(2026), RECIPE)
     with RunLog(log, image_every=1) as write:
         for k in range(round(SECONDS / IMU_S) + 1):
             t_s = k * IMU_S
-            pose = road.pose(0.2 * t_s, 8.0 * DEG * math.sin(t_s / 4.0))
-            rate = np.array([0.0, 0.0, 2.0 * DEG * math.cos(t_s / 4.0)])
+            pose = road.pose(0.2 * t_s, heading_rad(t_s))
+            rate = np.array([0.0, 0.0, (heading_rad(t_s + IMU_S) - heading_rad(t_s)) / IMU_S])
+            force = 9.81 * pose.R_WB[2]
             write(
-                ImuSample(t_s=t_s, orientation=quaternion_of(pose.R_WB), angular_velocity_rad_s=rate, linear_acceleration_m_s2=rate)
+                ImuSample(
+                    t_s=t_s, orientation=quaternion_of(pose.R_WB), angular_velocity_rad_s=rate, linear_acceleration_m_s2=force
+                )
             )
             write(TrackReading(t_s=t_s, left_m_s=0.2, right_m_s=0.2, brake_on=False))
             if k % round(1.0 / IMU_S) == 0:
                 write(road.view(t_s, pose).frame)
     return log
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """To and fro by 8 degrees."""
+    return drive(tmp_path_factory.mktemp("drive") / "log.mcap", lambda t_s: 8.0 * DEG * math.sin(t_s / 4.0))
 
 
 def changed(log: Path, out: Path, change: Callable[[Any], Any | None]) -> Path:
@@ -79,6 +86,7 @@ def test_pitch_and_roll_are_found_within_their_interval(run, driven: Path, tmp_p
         # Half a minute, a frame a second: a tenth of what a drive gives; twice the target of 0.15 degrees for ten times as much.
         assert values["change_deg"][name] == pytest.approx(off, abs=min(0.3, 2.6 * values[f"{name}_sigma_deg"])), name
         assert values[f"{name}_sigma_deg"] < 0.2
+    assert values["yaw_deg"] == pytest.approx(0.0, abs=min(1.0, 2.6 * values["yaw_sigma_deg"]))
     assert values["frames"] == SECONDS + 1
     assert values["counted"] + sum(values["left_out"].values()) == values["frames"]
     written = read_camera(out)
@@ -108,12 +116,16 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     assert max(abs(again["change_deg"][name]) for name in ("pitch", "roll")) < 0.05
 
 
+def test_yaw_is_not_told_by_a_chair_that_hardly_turns(run, tmp_path: Path) -> None:
+    straight = drive(tmp_path / "straight.mcap", lambda t_s: 10.0 * DEG * math.exp(-t_s / 2.0))
+    outcome = run("mount", straight, "--out", tmp_path / "straight.toml", "--json")
+    assert outcome.values["yaw_deg"] is outcome.values["yaw_sigma_deg"] is outcome.values["change_deg"]["yaw"] is None
+    assert read_camera(tmp_path / "straight.toml").mount_yaw_deg == 0.0
+
+
 def test_an_imu_without_attitude_will_do(run, driven: Path, tmp_path: Path) -> None:
     def bare(signal: Any) -> Any:
-        if not isinstance(signal, ImuSample):
-            return signal
-        R_WB = rotation_of(signal.orientation)
-        return replace(signal, orientation=np.zeros(4), linear_acceleration_m_s2=9.81 * R_WB[2])
+        return replace(signal, orientation=np.zeros(4)) if isinstance(signal, ImuSample) else signal
 
     log = changed(driven, tmp_path / "bare.mcap", bare)
     values = run("mount", log, "--out", tmp_path / "camera.toml", "--json").values

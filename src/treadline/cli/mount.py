@@ -60,7 +60,7 @@ def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:
     change = ", ".join(f"{name} {value:+.2f}°" for name, value in values["change_deg"].items() if value is not None)
     keys = " ".join(f"--set camera.mount_{name}_deg={values[f'{name}_deg']:.3f}" for name in ("pitch", "roll"))
     return [
-        f"{told} (95 %)",
+        told,
         f"changed by {change}; {values['counted']} of {values['frames']} frames count",
         *(f"  left out {count}: {why}" for why, count in values["left_out"].items()),
         *(f"  dropped {count}: {why}" for why, count in values["dropped"].items()),
@@ -70,4 +70,4 @@ def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:
 
 def _angle(name: str, values: dict[str, Any]) -> str:
     degrees, sigma = values[f"{name}_deg"], values[f"{name}_sigma_deg"]
-    return f"{name} not known: too few turns" if degrees is None else f"{name} {degrees:.2f}° ± {1.96 * sigma:.2f}°"
+    return f"{name} not known: too few turns" if degrees is None else f"{name} {degrees:.2f}° ± {1.96 * sigma:.2f}° (95 %)"

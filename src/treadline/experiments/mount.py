@@ -7,7 +7,7 @@ cannot tell it. Frames are looked at without gravity: a detector that is told do
 import json
 import math
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -32,6 +32,9 @@ from treadline.signals import ImuSample, PinholeCamera, Reading, RgbdFrame, Stai
 
 ANGLES = ("pitch", "roll", "yaw")
 MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")
+TURNED_RAD = 5.0 * DEG
+"""Between the tenths of headings furthest left and right. In less, the few frames of a first turn decide the yaw, and one bump
+among them turns it by a degree (seen on a climb that was square after two seconds)."""
 _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 
 
@@ -138,6 +141,7 @@ class MountStudy:
         self._driven: TrackReading | None = None
         self._frames = self._taken = self._solved = 0
         self._blocks: set[int] = set()
+        self._headings: deque[float] = deque(maxlen=MountConfig(camera=self._meant).memory_frames)
         self._left_out: Counter[str] = Counter()
 
     @property
@@ -170,6 +174,9 @@ class MountStudy:
                 f"driving on a flight, of {config.least_blocks} needed{often}"
             )
         else:
+            turned = float(np.ptp(np.quantile(self._headings, (0.1, 0.9))))
+            if turned < TURNED_RAD:
+                estimate = replace(estimate, yaw_rad=None, yaw_sigma_rad=None)
             kept = min(self._solved, config.memory_frames)
             left_out["unlike the others"] = kept - estimate.frame_count
             left_out["in the second after the last solution"] = self._taken - self._solved
@@ -219,6 +226,7 @@ class MountStudy:
             self._left_out[self._doubt(sight.axes, frame.camera)] += 1
             return
         self._taken += 1
+        self._headings.append(sight.heading_rad or 0.0)
         self._blocks.add(int(frame.t_s // MountConfig(camera=frame.camera).block_s))
         if estimate is not self._estimate:
             self._estimate, self._solved = estimate, self._taken
