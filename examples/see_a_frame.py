@@ -1,25 +1,24 @@
-"""Render one noisy frame of a 28° stair and read the heading from it, both ways."""
+"""Draw one noisy frame of a stair, read the heading from it, and say what lies ahead."""
+
+import sys
 
 import numpy as np
 
-from treadline.angles import DEG, rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
-from treadline.perception import DetectorConfig, StairDetector
-from treadline.scenario import Stair
-from treadline.sim.camera import Camera
+from treadline.angles import DEG
+from treadline.perception import StairDetector
+from treadline.sim.camera import Recipe, draw_view
 
-HEADING_DEG = 12.0
+seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+view = draw_view(np.random.default_rng(seed), Recipe(scenes=("up",), heading_deg=(-30.0, 30.0)))
+sight = StairDetector().look(view.frame, view.gravity_C)
+if not sight.accepted:
+    sys.exit(f"no heading: {sight.reason}")
 
-stair = build_staircase(Stair.model_validate({"slope_deg": 28.0}), np.random.default_rng(0))
-calibration = read_chair("wheelchair").camera_at(240)
-R_WB = stair.R_WS @ rotation_z(HEADING_DEG * DEG)
-p_WB = stair.p_WS + stair.R_WS @ np.array([1.5, 0.0, 0.0])
-R_WC = R_WB @ calibration.R_BC
-frame = Camera(stair, calibration, rng=np.random.default_rng(1)).frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
-gravity_C = R_WC.T @ np.array([0.0, 0.0, -1.0])
+print(f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)")
+print(f"truth   {view.stair.heading_rad / DEG:+.2f}°")
 
-for method in ("robust", "paper"):
-    sight = StairDetector(DetectorConfig(method=method)).look(frame, gravity_C)
-    heading = "none" if sight.heading_rad is None else f"{sight.heading_rad / DEG:+.2f}°"
-    print(f"{method}: {heading} (true {HEADING_DEG:+.2f}°), {sight.edge_count} edges")
+ahead = sight.stair_map
+print(f"a flight {ahead.direction}: rise {1e3 * ahead.rise_m:.0f} mm, run {1e3 * ahead.run_m:.0f} mm, {ahead.slope_rad / DEG:.1f}°")
+print("nosings ahead at", ", ".join(f"{x:.2f}" for x in ahead.nosings_B[:, 0]), "m" + (", then it ends" if ahead.ends else ""))
+for side, metres in (("left", ahead.left_wall_m), ("right", ahead.right_wall_m)):
+    print(f"{side}: " + ("nothing seen" if metres is None else f"a wall {metres:.2f} m from the middle"))
