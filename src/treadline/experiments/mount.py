@@ -213,9 +213,6 @@ class MountStudy:
             for before in (self._felt, self._driven):
                 if before is not None:
                     self._calibrator.step(before)
-        if self._given is not None and not self._given.registered:
-            # In the dark depth alone is looked at: colour that does not lie on it would bend the edges.
-            frame = replace(frame, rgb=np.zeros_like(frame.rgb))
         sight = self._detector.look(frame)
         if sight.axes is None:
             self._left_out[_NUMBER.sub("#", sight.reason or "no tread to tell the slope by")] += 1
