@@ -43,7 +43,10 @@ class StairDetector:
         Args:
             gravity_C: Unit vector that points down, in the camera's frame; without it the robust method takes it from the treads.
         """
-        sight = self.look(frame, gravity_C)
+        try:
+            sight = self.look(frame, gravity_C)
+        except ImageError:
+            return None  # a frame that cannot be looked at says nothing; the guard sees that nothing comes
         if sight.heading_rad is None or sight.sigma_rad is None:
             return None
         return HeadingMeasurement(

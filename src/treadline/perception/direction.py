@@ -55,7 +55,7 @@ class EdgeFit:
     widest_rad: float
     """Largest angle about the vertical between a nosing and the edges' direction."""
     planes_against_lines_rad: tuple[float, float] | None
-    """Angle about the vertical by risers less that by nosings, and its standard deviation; None unless there are both."""
+    """Angle about the vertical by risers less that by lines, and its standard deviation; None unless there are both."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
         """Return the standard deviation of a quantity that changes by ``change · de`` with the direction."""
@@ -149,7 +149,7 @@ def fit_edges(
 def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes:
     d = down - float(down @ edge) * edge
     d = d / np.linalg.norm(d)
-    return _Axes(edge=edge, ahead=cross(d, edge), down=d)
+    return _Axes(edge=edge, ahead=cross(edge, d), down=d)
 
 
 def _rows(
@@ -183,7 +183,7 @@ def _rows(
 
 
 def _variance(surface: Surface, edge: Float[np.ndarray, " 3"]) -> float:
-    return float(edge @ surface.covariance @ edge) * surface.distance_m**2
+    return float(edge @ surface.unit_covariance @ edge)
 
 
 def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:

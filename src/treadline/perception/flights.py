@@ -47,7 +47,7 @@ def flight_under(
     directions: tuple[Direction, ...],
     watch: Stopwatch,
 ) -> Flight | str:
-    """Return the flight that most speaks for, or why there is none.
+    """Return the flight nearest to the camera under the first azimuth that shows one for certain, or why there is none.
 
     Args:
         unit: Unit normals of the blocks.
@@ -72,7 +72,8 @@ def flight_under(
     treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT and float(tread.centre @ level.up) < 0.0]
     watch.lap("treads")
     azimuth = np.arctan2(unit @ level.right, unit @ level.ahead)
-    most_risers, best, best_weight, voted = 0, None, 0.0, False
+    most_risers, voted = 0, False
+    seen: list[Flight] = []
     for peak in votes_of(azimuth[vertical], *line_votes(treads, frame.camera, level)):
         voted = True
         facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
@@ -81,29 +82,33 @@ def flight_under(
         risers = joined(frame.depth_m, frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
         risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
         most_risers = max(most_risers, len(risers))
-        direction = "up" if len(risers) >= 2 else direction_of(treads, axes)
-        if direction is None or direction not in directions:
-            continue
-        found = nosings_of(risers if direction == "up" else [], treads, blocks, frame.camera, axes, direction)
-        nosings = flight_of(found, axes, direction)
-        weight = sum(nosing.weight for nosing in nosings)
-        if weight > best_weight:
-            best_weight = weight
-            best = Flight(
-                direction=direction,
-                risers=[n.riser for n in nosings if n.riser is not None],
-                treads=treads,
-                nosings=nosings,
-                facing=facing,
-            )
-        if len(nosings) >= CONCLUSIVE:
+        told = ("up" if len(risers) >= 2 else None, direction_of(treads, axes))
+        for direction in (way for way in directions if way in told):
+            found = nosings_of(risers if direction == "up" else [], treads, blocks, frame.camera, axes, direction)
+            nosings = flight_of(found, axes, direction)
+            if nosings:
+                seen.append(
+                    Flight(
+                        direction=direction,
+                        risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
+                        treads=treads,
+                        nosings=nosings,
+                        facing=facing,
+                    )
+                )
+        if any(len(flight.nosings) >= CONCLUSIVE for flight in seen):
             break
     watch.lap("flight")
-    if best is not None:
-        return best
+    if seen:
+        # The way on from here: a flight beyond a landing is another one.
+        return min(seen, key=_reach)
     if not voted:
         return "no riser and no nosing faces the camera"
     return f"{most_risers} riser(s) in view, and no two nosings a step apart whose heights are seen"
+
+
+def _reach(flight: Flight) -> tuple[bool, float]:
+    return len(flight.nosings) < CONCLUSIVE, flight.nosings[0].ahead_m
 
 
 def _is_riser(surface: Surface, blocks: Blocks, axes: Axes) -> bool:

@@ -4,7 +4,6 @@ A flight that rises shows its risers and, above the eye, their upper ends; with 
 A flight that falls shows treads alone: each ends, further up in the image, at the nosing that hides the riser below it.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -21,8 +20,10 @@ SAME_RUN_M, SAME_RISE_M = 0.08, 0.07
 """Less than half of the smallest run and rise: within them, two findings are of one nosing."""
 LEAST_LEVER = 0.17
 """Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
-LEAST_WIDTH_M, WIDTH_M = 0.08, 0.35
-"""Across the flight, that two neighbours must have in common, and all neighbours together: cartons and books are narrower."""
+LEAST_WIDTH_M, WIDTH_M = 0.08, 0.30
+"""Across the flight, that two neighbours must have in common, and from side to side of all: cartons and books are narrower."""
+EVEN = 0.25
+"""Share by which one step of a flight may differ from another: furniture differs by more."""
 TOP_MARGIN_M = 0.05
 """By which the highest block of a riser may miss its top."""
 TREAD_ABOVE_M, TREAD_BEHIND_M = (-0.04, 0.10), (-0.10, 0.20)
@@ -226,7 +227,9 @@ def _between(near: Nosing, far: Nosing, nosings: Sequence[Nosing]) -> bool:
 
 def _is_flight(row: Sequence[Nosing]) -> bool:
     """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
-    if sum(_common_width(near, far) for near, far in itertools.pairwise(row)) < WIDTH_M:
+    if max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row) < WIDTH_M:
+        return False
+    if len(row) == 2 and _common_width(*row) < WIDTH_M:
         return False
     telling = [nosing for nosing in row if nosing.tells]
     # The foot of a wall behind a bench, cut off by the image, is no second riser: heights must be seen.

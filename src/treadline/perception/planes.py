@@ -102,6 +102,11 @@ class Surface:
         return np.asarray(self.normal * self.distance_m)
 
     @property
+    def unit_covariance(self) -> Float[np.ndarray, "3 3"]:
+        """Covariance of the unit normal, as far as it is across it."""
+        return np.asarray(self.covariance * self.distance_m**2)
+
+    @property
     def distance_m(self) -> float:
         """From the camera to the plane."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
@@ -189,14 +194,11 @@ def _fitted(
     surfaces = []
     for s, group in enumerate(groups):
         count = sums[s, kernels.COUNT]
-        if count < blocks.cell_px**2:
+        # Pixels in one row or column have no plane.
+        if count < blocks.cell_px**2 or np.isnan(kernels.fit_plane(sums[s], np.empty(3))[0]):
             continue
         M, r = _normal_equations(sums[s])
-        try:
-            normal = np.linalg.solve(M, r)
-            inverse = np.linalg.inv(M)
-        except np.linalg.LinAlgError:
-            continue
+        normal, inverse = np.linalg.solve(M, r), np.linalg.inv(M)
         ray = np.array([sums[s, kernels.X] / count, sums[s, kernels.Y] / count, 1.0])
         variance = max(float(sums[s, kernels.WW] - normal @ r) / max(float(count) - 3.0, 1.0), LEAST_RESIDUAL**2)
         columns = np.flatnonzero(first[s] >= 0)

@@ -6,16 +6,17 @@ from it in the chair's frame. A frame is refused, with the reason, unless two no
 shelves and tables do not. Without gravity the treads tell down, and more of a stair must be seen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from treadline.angles import DEG
+from treadline.perception.ahead import map_of
 from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.down import down_of_treads, levelled
 from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
-from treadline.perception.geometry import axes_of, directions_of, levels_of, map_of, shape_of
+from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of
 from treadline.perception.nosings import Direction
 from treadline.perception.planes import Blocks, Surface, surface_blocks
 from treadline.perception.sight import Parts, Sight, StairShape, refused
@@ -23,9 +24,10 @@ from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame
 
+HALF = 0.5
 HEADING_LIMIT = 45.0 * DEG
 SLOPE_LIMIT = 45.0 * DEG
-AGREEING = 0.6
+AGREEING = 0.7
 """Of the nosings that must agree: winders do not."""
 SIGMA_LIMIT = 1.0 * DEG
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
@@ -55,9 +57,16 @@ class _Down:
 def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> Sight:
     """Return what a frame says of the stair."""
     watch = watch or Stopwatch()
+    # One layout: compiled loops are compiled anew for each.
+    frame = replace(frame, depth_m=np.require(frame.depth_m, np.float32, ["C", "W"])) if _is_odd(frame.depth_m) else frame
     blocks = surface_blocks(frame.depth_m, frame.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
-        return refused(f"only {len(blocks.sums)} blocks with a plane in the depth image")
+        share = float(np.mean(frame.depth_m > 0.0))
+        return refused(
+            f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
+            + ("nothing flat in range" if share > HALF else "too little of it")
+            + ", or noise beyond a Kinect's"
+        )
     unit = blocks.unit
     watch.lap("blocks")
     if gravity_C is not None:
@@ -79,6 +88,10 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
         tried = _look_under(ladder, frame, blocks, unit, watch)
         sight = tried if tried.accepted else sight
     return sight
+
+
+def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
+    return depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable)
 
 
 def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch) -> Sight:
@@ -104,7 +117,7 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
     sigma = fit.sigma_of(change)
     tilted = axes_of(edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
-    shape = shape_of(seen.nosings, seen.treads, axes, seen.direction)
+    shape = shape_of(seen.nosings, axes, seen.direction)
     doubt = _doubt(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
     if doubt is not None:
         return refused(doubt, edge_count=len(seen.nosings))
@@ -130,9 +143,9 @@ def _doubt(
     heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape | None, seen: Flight, down: _Down, levels: int
 ) -> str | None:
     """Return why this is no stair to steer by, or None."""
-    if shape is None and len(seen.nosings) < 3:
-        return "two risers a step apart, but no tread to tell how high the step is"
-    if shape is not None and shape.slope_rad > SLOPE_LIMIT:
+    if shape is None:
+        return "edges a step apart, but no telling how high the step is"
+    if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is no stair to drive on"
     if levels < down.least_levels:
         return f"no gravity, and {levels} level(s) evenly apart to make up for it, {down.least_levels} needed"

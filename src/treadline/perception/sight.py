@@ -59,7 +59,7 @@ class Sight:
     shape: StairShape | None
     stages: Stages | None
     planes_against_lines_rad: float | None = None
-    """Heading by risers less heading by nosings; None unless both are seen."""
+    """The edges' angle about the vertical by risers less that by lines; None unless both are seen."""
     axes: StairAxes | None = None
     stair_map: StairMap | None = None
     parts: Parts | None = None

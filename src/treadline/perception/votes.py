@@ -21,6 +21,8 @@ VOTES = 3
 APART = 14.0 * DEG
 """Between two peaks."""
 LEAST_VOTES = 16
+WIDTH_PX = 320
+"""Of the image in which a line's columns weigh as much as blocks."""
 ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
 
 
@@ -36,7 +38,7 @@ def line_votes(
                 across = cross(cross(line.normal, level.up), level.up)
                 across = across if across @ level.ahead > 0.0 else -across
                 azimuths.append(float(np.arctan2(across @ level.right, across @ level.ahead)))
-                weights.append(float(line.count))
+                weights.append(line.count * WIDTH_PX / camera.width_px)
     return np.array(azimuths), np.array(weights)
 
 

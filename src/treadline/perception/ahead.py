@@ -1,0 +1,204 @@
+"""The map of what lies ahead: nosings, the flight's end, walls and rails, and what stands in the way."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.perception import kernels
+from treadline.perception.geometry import normal_of, points_of
+from treadline.perception.nosings import Axes, Nosing
+from treadline.perception.planes import Blocks
+from treadline.perception.sight import StairShape
+from treadline.signals import PinholeCamera, RgbdFrame, StairMap
+
+SIDE_WALL = 15.0 * DEG
+"""How far a side wall's normal may lie from the edges' direction."""
+WALL_BLOCKS = 16
+SWEPT_HALF_M, SWEPT_HEIGHT_M = 0.40, 1.5
+"""Half the tracks' width with an inch to spare, and a seated person's height above the nosing plane."""
+CLEAR_M = 0.06
+"""Above the nosing plane: what is lower passes under the belts or is the stair's own irregularity."""
+LEAST_POINTS = 12
+"""Of the quarter-resolution image that stand together for something to be there."""
+STRIDE_AT_240 = 2
+BIN_M = 0.05
+RAIL_BIN_M, RAIL_M = 0.1, 0.5
+"""Along the flight: what stands over this length at one place across it is a rail or a wall, not a thing on a step."""
+RAIL_THICK_M = 1.5 * BIN_M
+"""In front of a wall or rail that still is part of it."""
+RAIL_ASIDE_M = 0.25
+"""From the chair's middle: what lies closer is in the way, however long."""
+CELLS = 10_000
+"""More than there are bins along any flight, none of which starts behind the camera."""
+END_MARGIN_M = 0.12
+"""How far behind the next step's place the depth must lie for the step to be absent: less than half a run."""
+END_POINTS, END_SHARE = 40, 0.7
+
+
+def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axes, shape: StairShape) -> StairMap:
+    """Return what lies ahead, in the chair's frame."""
+    R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
+    points = points_of(flight, axes, shape)
+    nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
+    middle = float(-(R_BC.T @ p_BC) @ axes.right)
+    ends = _ends(frame, points, axes, shape)
+    standing = _standing(frame, points, axes, shape, ends=ends)
+    rails = _along_the_flight(standing, axes)
+    rails = rails[np.abs(rails - middle) > RAIL_ASIDE_M]
+    walls = _side_walls(blocks, axes, middle)
+    aside = rails - middle
+    left, right = _nearest(walls[0], -aside[aside < 0.0]), _nearest(walls[1], aside[aside > 0.0])
+    return StairMap(
+        t_s=frame.t_s,
+        direction=shape.direction,
+        nosings_B=nosings[np.argsort(nosings[:, 0])],
+        rise_m=shape.rise_m,
+        run_m=shape.run_m,
+        slope_rad=shape.slope_rad,
+        ends=ends,
+        left_wall_m=left,
+        right_wall_m=right,
+        obstacle_m=_obstacle(standing, left, right, axes, R_BC, p_BC),
+    )
+
+
+def _crossing(
+    point: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"], p_BC: Float[np.ndarray, " 3"], edge: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, " 3"]:
+    """Return where an edge meets the chair's middle plane, in B."""
+    p_B, e_B = R_BC @ point + p_BC, R_BC @ edge
+    return np.asarray(p_B - p_B[1] / e_B[1] * e_B)
+
+
+def _side_walls(blocks: Blocks, axes: Axes, middle: float) -> tuple[float | None, float | None]:
+    """Return the distances of the nearest walls along the flight, left and right of the chair's middle."""
+    along = np.abs(blocks.unit @ axes.right) > np.cos(SIDE_WALL)
+    places = blocks.centres[along] @ axes.right - middle
+    return _group_nearest(-places), _group_nearest(places)
+
+
+def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:
+    near = np.sort(places[places > 0.1])
+    if near.size < WALL_BLOCKS:
+        return None
+    together = np.searchsorted(near, near + BIN_M) - np.arange(near.size)
+    first = np.flatnonzero(together >= WALL_BLOCKS)
+    if not first.size:
+        return None
+    start = int(first[0])
+    return float(np.median(near[start : start + int(together[start])]))
+
+
+def _standing(
+    frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape, *, ends: bool
+) -> Float[np.ndarray, "k 3"]:
+    """Return points of C that stand above the flight, from the camera to beyond what is seen of it.
+
+    Something on the nearest steps hides their nosings: before the first one seen that leads up, the tread below it is taken to go
+    on. A flight that falls starts at the nosing plane: what the chair stands on is higher.
+    """
+    camera = frame.camera
+    normal = normal_of(axes, shape)
+    ahead = [float(point @ axes.ahead) for point in points]
+    first = min(ahead) - shape.run_m
+    return kernels.points_above(
+        frame.depth_m,
+        max(1, round(STRIDE_AT_240 * camera.height_px / 240)),
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+        np.stack([axes.ahead, normal, axes.up]),
+        float(np.median([point @ normal for point in points])),
+        float(min(points, key=lambda point: float(point @ axes.ahead)) @ axes.up) - shape.rise_m,
+        CLEAR_M,
+        SWEPT_HEIGHT_M,
+        0.0 if shape.direction == "up" else first,
+        first,
+        max(ahead) + (0.5 if ends else 2.0) * shape.run_m,
+    )
+
+
+def _along_the_flight(standing: Float[np.ndarray, "k 3"], axes: Axes) -> Float[np.ndarray, " j"]:
+    """Return the places across the flight, to the right, at which something goes on along it: rails and walls."""
+    if not len(standing):
+        return np.empty(0)
+    ahead, aside = np.round(standing @ np.stack([axes.ahead / RAIL_BIN_M, axes.right / BIN_M], axis=1)).astype(np.int64).T
+    # A rail may lie across two bins.
+    cells = np.unique(np.concatenate([aside, aside + 1]) * CELLS + np.tile(ahead, 2))
+    places, counts = np.unique(np.floor_divide(cells, CELLS), return_counts=True)
+    return np.asarray((places[counts >= RAIL_M / RAIL_BIN_M] - 0.5) * BIN_M)
+
+
+def _obstacle(
+    standing: Float[np.ndarray, "k 3"],
+    left_m: float | None,
+    right_m: float | None,
+    axes: Axes,
+    R_BC: Float[np.ndarray, "3 3"],
+    p_BC: Float[np.ndarray, " 3"],
+) -> float | None:
+    """Return how far ahead of the chair something stands between its sides; walls and rails and what is behind them left out."""
+    aside = standing @ axes.right + float((R_BC.T @ p_BC) @ axes.right)
+    within = np.ones(len(standing), dtype=bool)
+    if left_m is not None:
+        within &= aside > RAIL_THICK_M - left_m
+    if right_m is not None:
+        within &= aside < right_m - RAIL_THICK_M
+    x, y, _ = (standing[within] @ R_BC.T + p_BC).T
+    return _first_crowd(np.sort(x[(np.abs(y) < SWEPT_HALF_M) & (x > 0.0)]))
+
+
+def _first_crowd(places: Float[np.ndarray, " k"]) -> float | None:
+    """Return the smallest place with enough others close behind it."""
+    together = np.searchsorted(places, places + BIN_M) - np.arange(places.size)
+    first = np.flatnonzero(together >= LEAST_POINTS)
+    return float(places[first[0]]) if first.size else None
+
+
+def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None:
+    """Return the nearer of a wall's plane and of rails that stand out from it by more than a bin."""
+    rail = float(rails.min()) if rails.size else None
+    if wall is None or rail is None:
+        return rail if wall is None else wall
+    return rail if rail < wall - 1.2 * BIN_M else wall
+
+
+def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape) -> bool:
+    """Return whether it is seen that no step follows the last nosing.
+
+    Where the next step would stand, depth is compared with it: something further away, where a riser should be, or a level
+    that goes on, where a tread should have ended, shows a landing or a floor.
+    """
+    last = max(points, key=lambda point: float(point @ axes.ahead))
+    ahead, up = float(last @ axes.ahead), float(last @ axes.up)
+    middle = float(np.median([point @ axes.right for point in points]))
+    asides = middle + np.linspace(-0.25, 0.25, 15)
+    if shape.direction == "up":
+        # Close below the next edge: a board without a riser is no thicker.
+        heights = up + np.linspace(0.82, 0.97, 7) * shape.rise_m
+        places = [(ahead + shape.run_m, aside, height) for height in heights for aside in asides]
+    else:
+        behind = ahead + shape.run_m * np.linspace(1.25, 1.9, 9)
+        places = [(place, aside, up - shape.rise_m) for place in behind for aside in asides]
+    there = np.array(places) @ np.stack([axes.ahead, axes.right, axes.up])
+    seen, expected = _depth_at(frame.depth_m, frame.camera, there)
+    if seen.size < END_POINTS:
+        return False
+    gone = seen > expected + END_MARGIN_M if shape.direction == "up" else np.abs(seen - expected) < 0.25 * shape.rise_m
+    return bool(gone.mean() > END_SHARE)
+
+
+def _depth_at(
+    depth_m: Float[np.ndarray, "h w"], camera: PinholeCamera, points: Float[np.ndarray, "k 3"]
+) -> tuple[Float[np.ndarray, " j"], Float[np.ndarray, " j"]]:
+    """Return the depth seen at points of C and the depth they would have, where both exist."""
+    points = points[points[:, 2] > 0.1]
+    u = np.round(camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px)
+    v = np.round(camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px)
+    inside = (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
+    seen = depth_m[v[inside].astype(int), u[inside].astype(int)].astype(float)
+    known = np.isfinite(seen) & (seen > 0.0)
+    return seen[known], points[inside][known, 2]
