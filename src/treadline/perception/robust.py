@@ -17,7 +17,7 @@ from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.down import down_of_treads, levelled
 from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
 from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of
-from treadline.perception.nosings import Direction
+from treadline.perception.nosings import SAME_RISE_M, Axes, Direction
 from treadline.perception.planes import Blocks, Surface, surface_blocks
 from treadline.perception.sight import Parts, Sight, StairShape, refused
 from treadline.perception.stopwatch import Stopwatch
@@ -25,6 +25,7 @@ from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame
 
 HALF = 0.5
+"""Of the image, below which it is for want of depth that no plane is found."""
 HEADING_LIMIT = 45.0 * DEG
 SLOPE_LIMIT = 45.0 * DEG
 AGREEING = 0.7
@@ -129,7 +130,7 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
         sigma_rad=sigma,
         edge_direction_C=edge,
         edge_count=len(seen.nosings),
-        box_px=_box(frame, blocks, [*seen.risers, *seen.treads]),
+        box_px=_box(frame, blocks, [*seen.risers, *_steps(seen, axes)]),
         shape=shape,
         stages=None,
         planes_against_lines_rad=None if apart is None else apart[0],
@@ -172,7 +173,15 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
-def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int]:
+def _steps(seen: Flight, axes: Axes) -> list[Surface]:
+    """Return the treads that start at a nosing seen: floors and landings are no part of the stair."""
+    heights = [float(nosing.point @ axes.up) for nosing in seen.nosings]
+    return [tread for tread in seen.treads if min(abs(float(tread.centre @ axes.up) - height) for height in heights) < SAME_RISE_M]
+
+
+def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:
+    if not surfaces:
+        return None
     camera = frame.camera
     points = blocks.centres[np.concatenate([surface.blocks for surface in surfaces])]
     u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
