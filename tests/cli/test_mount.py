@@ -123,13 +123,20 @@ def test_yaw_is_not_told_by_a_chair_that_hardly_turns(run, tmp_path: Path) -> No
     assert read_camera(tmp_path / "straight.toml").mount_yaw_deg == 0.0
 
 
-def test_an_imu_without_attitude_will_do(run, driven: Path, tmp_path: Path) -> None:
-    def bare(signal: Any) -> Any:
-        return replace(signal, orientation=np.zeros(4)) if isinstance(signal, ImuSample) else signal
-
-    log = changed(driven, tmp_path / "bare.mcap", bare)
-    values = run("mount", log, "--out", tmp_path / "camera.toml", "--json").values
+def test_anybodys_bag_will_do_with_an_imu_that_gives_no_attitude(run, recording, driven: Path, tmp_path: Path) -> None:
+    log = recording(ros1=True)
+    for signal in read_log(driven):
+        if isinstance(signal, ImuSample):
+            log.imu("/imu/data", signal.t_s, None, signal.angular_velocity_rad_s, signal.linear_acceleration_m_s2)
+        elif isinstance(signal, RgbdFrame):
+            counts = np.round(np.nan_to_num(signal.depth_m, nan=0.0) * 1000.0).astype(np.uint16)
+            log.calibration("/depth/camera_info", signal.t_s, signal.camera)
+            log.image("/depth/image", signal.t_s, counts, "16UC1")
+    bag = log.write(tmp_path / "drive.bag")
+    values = run("mount", bag, "--out", tmp_path / "camera.toml", "--json").values
+    assert values["topics"]["imu"] == "/imu/data"
     assert values["change_deg"]["pitch"] == pytest.approx(PITCH_OFF_DEG, abs=0.3)
+    assert values["change_deg"]["roll"] == pytest.approx(ROLL_OFF_DEG, abs=0.3)
 
 
 def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path: Path) -> None:
