@@ -22,6 +22,8 @@ LEAST_LEVER = 0.17
 """Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
 LEAST_WIDTH_M, WIDTH_M = 0.08, 0.30
 """Across the flight, that two neighbours must have in common, and from side to side of all: cartons and books are narrower."""
+PAIR_WIDTH_M = 0.5
+"""That two nosings must have in common where no third is seen: two cartons may lie like steps."""
 EVEN = 0.25
 """Share by which one step of a flight may differ from another: furniture differs by more."""
 TOP_MARGIN_M = 0.05
@@ -229,7 +231,7 @@ def _is_flight(row: Sequence[Nosing]) -> bool:
     """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
     if max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row) < WIDTH_M:
         return False
-    if len(row) == 2 and _common_width(*row) < WIDTH_M:
+    if len(row) == 2 and _common_width(*row) < PAIR_WIDTH_M:
         return False
     telling = [nosing for nosing in row if nosing.tells]
     # The foot of a wall behind a bench, cut off by the image, is no second riser: heights must be seen.
