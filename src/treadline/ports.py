@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from treadline.signals import Reading, SeatCommand, TrackCommand
+from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 
 
 @runtime_checkable
@@ -24,8 +24,8 @@ class Plant(Protocol):
     def read(self) -> Sequence[Reading]:
         """Return every sample since the last call, in time order."""
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
-        """Send commands; they hold until the next call."""
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+        """Send commands; they hold until the next call. Without one the arm stands; a chair without an arm has none to move."""
 
     def close(self) -> None:
         """Release what the plant holds."""

@@ -92,6 +92,19 @@ class TrackReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ArmReading:
+    """The front track section as its drive reports it: an arm on the front pulley's axis.
+
+    The angle is zero in line with the flat run and positive above it; a positive torque raises the arm.
+    """
+
+    t_s: float
+    angle_rad: float
+    torque_n_m: float
+    """Of the motor, both sides together, after its gear."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorInput:
     """What the person in charge holds or presses."""
 
@@ -199,6 +212,14 @@ class SeatCommand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ArmCommand:
+    """Rate asked of the front track section; positive raises it."""
+
+    t_s: float
+    rate_rad_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something worth telling a person: a refusal, a hold, a limit reached."""
 
@@ -209,5 +230,5 @@ class Event:
     """What was seen, with its number."""
 
 
-Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput
+Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | OperatorInput
 """What a plant can hand over; a ``HeadingMeasurement`` comes from a camera that measures heading itself."""

@@ -94,7 +94,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
     compiled._is_belt[:] = False  # no contact is turned: what is left is MuJoCo's own step
-    compiled._command[:] = (0.3, 0.1, 0.0, 0.02)
+    compiled._command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
     log = np.empty((1, kernels.COLUMNS))
     for _ in range(150):
         compiled._run(1, log, compiled._friction)
@@ -112,7 +112,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
 def test_turned_contacts_differ_from_mj_step() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
-    compiled._command[:] = (0.3, 0.1, 0.0, 0.0)
+    compiled._command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
     compiled._run(20, np.empty((20, kernels.COLUMNS)), compiled._friction)
     for _ in range(20 * kernels.SUBSTEPS):
         mujoco.mj_step(compiled._model, reference)
@@ -185,7 +185,7 @@ def test_a_belts_side_has_no_direction_of_travel_and_the_lower_friction() -> Non
 def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
     climbing = plant()
     log = np.empty((200, kernels.COLUMNS))
-    climbing._command[:] = (0.2, 0.2, 0.0, 0.0)
+    climbing._command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
     climbing._run(200, log, climbing._friction)
     # A dozen or two are seen: five parts of two belts, each on a nosing or two.
     assert 4 <= log[:, kernels.CONTACTS].max() < 0.5 * CONTACTS_MAX

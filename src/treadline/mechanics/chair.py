@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from treadline.angles import DEG
 from treadline.errors import SettingsError
@@ -75,6 +75,22 @@ class Drives(Settings):
     """Force each belt's brake can hold."""
 
 
+class Arm(Settings):
+    """A motor on the front pulley's axis that turns the approach section: a variable angle of attack.
+
+    The section stays where ``tracks`` puts it: ``approach_m`` is the arm's length, ``approach_angle_deg`` where it rests.
+    """
+
+    range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
+    """Lowest and highest angle against the flat run."""
+    torque_n_m: Positive
+    """Largest torque of the motor, both sides together."""
+    max_rate_deg_s: Positive
+    lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0)]
+    """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
+    mass_kg: Positive
+
+
 class CameraMount(Settings):
     """Where the depth camera sits and how far it looks down."""
 
@@ -93,6 +109,18 @@ class ChairDescription(Settings):
     seat: Seat
     drives: Drives
     camera: CameraMount
+    arm: Arm | None = None
+    """None: the approach section is fixed."""
+
+    @model_validator(mode="after")
+    def _the_arm_rests_within_its_range(self) -> "ChairDescription":
+        if self.arm is not None and not self.arm.range_deg[0] <= self.tracks.approach_angle_deg <= self.arm.range_deg[1]:
+            low, high = self.arm.range_deg
+            raise ValueError(
+                f"tracks.approach_angle_deg is {self.tracks.approach_angle_deg:g}, where the arm rests; arm.range_deg is "
+                f"{low:g} to {high:g}"
+            )
+        return self
 
     def camera_at(self, height_px: int) -> PinholeCamera:
         """Return the chair's Kinect 1 camera at 320×240 or 640×480.

@@ -9,7 +9,7 @@ line through the centre of mass leaves the support.
 import math
 from dataclasses import dataclass
 
-from treadline.mechanics.chair import ChairDescription, Point
+from treadline.mechanics.chair import Arm, ChairDescription, Point
 from treadline.scenario import Chair
 
 EMPTY_SEAT_KG = 0.5
@@ -59,19 +59,40 @@ def payload_com(chair: ChairDescription, loading: Chair) -> Point:
     return (x, y, z)
 
 
-def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:
-    """Return the centre of mass of chair and payload in B, the seat turned forward by an angle."""
+def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, arm_angle_rad: float | None = None) -> Point:
+    """Return the centre of mass of chair and payload in B, the seat turned forward by an angle.
+
+    Args:
+        arm_angle_rad: Of the front section, where it is an arm; None where it rests.
+    """
     c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
     seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
     x, y, z = payload_com(chair, loading)
     hx, hy, hz = chair.seat.hinge_m
     payload = (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
     chassis = chair.masses.chassis_com_m
+    if chair.arm is not None:
+        chassis_kg, chassis = _with_arm(chair, chair.arm, arm_angle_rad)
     total = chassis_kg + seat_kg
     return (
         (chassis_kg * chassis[0] + seat_kg * payload[0]) / total,
         (chassis_kg * chassis[1] + seat_kg * payload[1]) / total,
         (chassis_kg * chassis[2] + seat_kg * payload[2]) / total,
+    )
+
+
+def _with_arm(chair: ChairDescription, arm: Arm, angle_rad: float | None) -> tuple[float, Point]:
+    """Return mass and centre of chassis and arm together."""
+    tracks, (x, y, z), chassis_kg = chair.tracks, chair.masses.chassis_com_m, chair.masses.chassis_kg
+    angle = math.radians(tracks.approach_angle_deg) if angle_rad is None else angle_rad
+    out = 0.5 * tracks.approach_m
+    arm_x = 0.5 * tracks.flat_run_m + out * math.cos(angle)
+    arm_z = tracks.pulley_radius_m + out * math.sin(angle)
+    total = chassis_kg + arm.mass_kg
+    return total, (
+        (chassis_kg * x + arm.mass_kg * arm_x) / total,
+        chassis_kg * y / total,
+        (chassis_kg * z + arm.mass_kg * arm_z) / total,
     )
 
 

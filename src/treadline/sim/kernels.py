@@ -27,10 +27,13 @@ SUBSTEPS = 5
 TICK_S = 0.01
 
 # Rows of the drive state.
-LEFT, RIGHT, STROKE, STROKE_RATE = 0, 1, 2, 3
+LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
+DRIVES = 6
 # Columns of the log, one row per tick.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE = 0, 8, 15, 17, 18, 19
-COLUMNS = 20
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE = 0, 8, 15, 17, 18, 19, 20, 21
+COLUMNS = 22
+# The arm comes after the rest, in a chair that has one.
+ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
 
 
 @njit(cache=True)
@@ -102,17 +105,20 @@ def table(value, start, spacing, entries):
 @no_type_check
 def advance(
     model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, command, drives, mismatch, state, belts_of,
-    surface_velocity, radius, seat, angles, control, qpos, qvel, log,
+    surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, log,
 ):  # fmt: skip
     """Advance the plant by some ticks and write one row of ``log`` per tick.
 
     Args:
-        command: left, right [m/s], brake (0 or 1), stroke rate [m/s].
+        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: LEFT, RIGHT, STROKE, STROKE_RATE; changed in place.
+        state: LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
+        arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
+            damping of a lost motor, the joint's own damping; empty for a chair without.
+        damping: of each degree of freedom; changed in place.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     for k in range(ticks):
@@ -129,7 +135,17 @@ def advance(
         state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
         control[0] = table(state[STROKE], seat[0], seat[2], angles)
 
+        if arm.shape[0] > 0:
+            rate = min(max(command[4], -arm[2]), arm[2])
+            # Never further ahead of the arm than full torque reaches: what the motor cannot lift it does not owe later.
+            target = min(max(state[ARM_TARGET] + rate * TICK_S, qpos[ARM_QPOS] - arm[3]), qpos[ARM_QPOS] + arm[3])
+            held = min(max(target, arm[0]), arm[1])
+            state[ARM_TARGET] = held
+            control[ARM_SERVO] = held + (rate * arm[4] if held == target else 0.0)
+
         for _ in range(SUBSTEPS):
+            if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
+                damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
             _kinematics(model, data)
             _inertia(model, data)
             _factor(model, data)
@@ -145,10 +161,12 @@ def advance(
             _integrate(model, data)
 
         row = log[k]
-        row[QPOS : QPOS + 8] = qpos
-        row[QVEL : QVEL + 7] = qvel
+        row[QPOS : QPOS + 8] = qpos[:8]
+        row[QVEL : QVEL + 7] = qvel[:7]
         row[BELTS] = state[0] * (1.0 + mismatch[0])
         row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
         row[BRAKE] = command[2]
+        row[ARM] = qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0
+        row[ARM_TORQUE] = force[ARM_SERVO] if arm.shape[0] > 0 else 0.0

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of, rotation_y, rotation_z
 from treadline.errors import SimulationDiverged
-from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.chair import Arm, ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.stability import centre_of_mass, tipping_margins, worst_support
 from treadline.mechanics.staircase import Staircase, build_staircase
@@ -23,6 +23,8 @@ from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 from treadline.signals import (
+    ArmCommand,
+    ArmReading,
     HeadingMeasurement,
     ImuSample,
     Reading,
@@ -35,7 +37,7 @@ from treadline.sim import kernels
 from treadline.sim.camera import Camera
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
-from treadline.sim.scene import TIMESTEP_S, scene_xml
+from treadline.sim.scene import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD, TIMESTEP_S, scene_xml
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
@@ -46,6 +48,8 @@ SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+ARM_TORQUE_NOISE_N_M = 2.0
+"""Of the torque that the arm's drive tells from its current: 1 % of full torque."""
 TRUTH_HEADING_SIGMA_RAD = 0.05 * DEG
 """Declared noise of ``vision = "truth"``: small, so that a filter has something to weigh."""
 STATISTICAL_SIGMA_RAD = 0.2 * DEG
@@ -58,7 +62,7 @@ class MujocoPlant:
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
-        streams = np.random.default_rng(seed).spawn(5)
+        streams = np.random.default_rng(seed).spawn(6)
         self._scenario = scenario
         self._chair = chair
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
@@ -67,6 +71,7 @@ class MujocoPlant:
         self._seat_rng = streams[2]
         self._vision_rng = streams[3]
         self._eye = self._camera(streams[4])
+        self._arm_rng = streams[5]
         self._linkage = SeatLinkage(chair.seat)
         self._R_SW = self.staircase.R_WS.T
         self._build_physics()
@@ -74,7 +79,7 @@ class MujocoPlant:
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
         self._readings: list[Reading] = []
         self._truth: list[Truth] = []
-        self._command = np.zeros(4)
+        self._command = np.zeros(5)
         self._velocity_W = np.zeros(3)
 
     def start(self) -> None:
@@ -111,9 +116,10 @@ class MujocoPlant:
         readings, self._readings = self._readings, []
         return readings
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
         """Take the commands; they hold until the next call."""
-        command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s)
+        rate = 0.0 if arm is None else arm.rate_rad_s
+        command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
         if not all(math.isfinite(value) for value in command):
             raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
         self._command[:] = command
@@ -123,6 +129,16 @@ class MujocoPlant:
         self._sense()
         truth, self._truth = self._truth, []
         return truth
+
+    def lose_arm_motor(self) -> None:
+        """Let the arm's motor die: no torque from now on, and the damping of its shorted windings."""
+        self._model.actuator_forcerange[kernels.ARM_SERVO] = 0.0
+        self._state[kernels.ARM_LOST] = 1.0
+
+    @property
+    def passenger_height_m(self) -> float:
+        """Of the payload's centre above the floor, now: what comfort is judged by."""
+        return float(self._data.body("seat").xipos[2])
 
     def close(self) -> None:
         """Nothing is held open."""
@@ -169,7 +185,8 @@ class MujocoPlant:
         strokes = np.linspace(low, high, TABLE_SIZE)
         self._seat = np.array([low, high, strokes[1] - strokes[0]])
         self._angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
-        self._state = np.zeros(4)
+        self._state = np.zeros(kernels.DRIVES)
+        self._arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
         self._support = worst_support(chair, self.staircase.pitch_m)
 
     def _pose(self) -> None:
@@ -193,6 +210,12 @@ class MujocoPlant:
         self._set_pose(p_WB, R_WB)
         angle = slope if scenario.start.seat == "level" else 0.0
         self._state[:] = 0.0
+        if self._chair.arm is not None:
+            rest = tracks.approach_angle_deg * DEG
+            self._state[kernels.ARM_TARGET] = self._data.qpos[kernels.ARM_QPOS] = rest
+            self._data.ctrl[kernels.ARM_SERVO] = rest
+            self._model.dof_damping[kernels.ARM_QVEL] = ARM_FRICTION_N_M_S_RAD
+            self._model.actuator_forcerange[kernels.ARM_SERVO] = (-self._chair.arm.torque_n_m, self._chair.arm.torque_n_m)
         self._state[kernels.STROKE] = self._linkage.stroke(angle)
         self._data.qpos[7] = angle
         self._data.ctrl[0] = angle
@@ -204,7 +227,7 @@ class MujocoPlant:
     def _settle(self) -> None:
         mujoco.mj_forward(self._model, self._data)
         self._attach()
-        self._command = np.array([0.0, 0.0, 1.0, 0.0])
+        self._command = np.array([0.0, 0.0, 1.0, 0.0, 0.0])
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, np.full(2, SETTLE_FRICTION))
@@ -249,6 +272,9 @@ class MujocoPlant:
             self._chair.tracks.pulley_radius_m,
             self._seat,
             self._angles,
+            self._arm,
+            model.dof_damping,
+            data.actuator_force,
             data.ctrl,
             data.qpos,
             data.qvel,
@@ -271,9 +297,12 @@ class MujocoPlant:
 
     def _log_row(self) -> Float[np.ndarray, " c"]:
         row = np.zeros(kernels.COLUMNS)
-        row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos
-        row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel
+        row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos[:8]
+        row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[kernels.STROKE]
+        if self._chair.arm is not None:
+            row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
+            row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
         return row
 
     def _sense(self) -> None:
@@ -294,6 +323,9 @@ class MujocoPlant:
         self._readings.append(
             TrackReading(t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(row[kernels.BRAKE] > 0.5))
         )
+        if self._chair.arm is not None:
+            torque = float(row[kernels.ARM_TORQUE]) + ARM_TORQUE_NOISE_N_M * float(self._arm_rng.standard_normal())
+            self._readings.append(ArmReading(t_s=t_s, angle_rad=float(row[kernels.ARM]), torque_n_m=torque))
         if tick % CAMERA_TICKS == 0:
             self._readings.append(self._look(t_s, row, R_WB, truth))
 
@@ -337,12 +369,19 @@ class MujocoPlant:
             left_m_s=float(row[kernels.BELTS]),
             right_m_s=float(row[kernels.BELTS + 1]),
             stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._scenario.chair, angle),
+                centre_of_mass(self._chair, self._scenario.chair, angle, float(row[kernels.ARM])),
                 (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
                 self._support,
             ).worst,
             friction_use=friction_use(self.staircase.slope_rad, heading, self.staircase.friction),
         )
+
+
+def _arm_limits(arm: Arm) -> Float[np.ndarray, " n"]:
+    """Return the arm's numbers as the compiled loop takes them."""
+    low, high = (angle * DEG for angle in arm.range_deg)
+    wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
+    return np.array([low, high, arm.max_rate_deg_s * DEG, wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD])
 
 
 def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:

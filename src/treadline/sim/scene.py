@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.chair import Arm, ChairDescription
 from treadline.mechanics.stability import payload_com, seat_mass_kg
 from treadline.mechanics.staircase import Box, Staircase
 from treadline.scenario import Chair
@@ -20,6 +20,14 @@ FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box: inside the pulleys' diameter."""
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
+
+ARM_STIFFNESS_N_M_RAD = 6000.0
+"""Of the arm's gear and servo: 200 N·m turn it by 2°."""
+ARM_LAG_S = 0.1
+"""Damping over stiffness of that servo: a chair that leans on its arm does not swing."""
+ARM_ROTOR_KG_M2 = 0.3
+"""The motor's inertia seen through its gear."""
+ARM_FRICTION_N_M_S_RAD = 1.0
 
 HEADER = """\
 <mujoco model="treadline">
@@ -70,6 +78,7 @@ def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair) -> 
         + f"  <worldbody>\n{world}\n{_chair(chair, payload, loading.seat_shift_m)}\n  </worldbody>\n"
         + "  <actuator>\n"
         + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
+        + ("" if chair.arm is None else _arm_servo(chair.arm))
         + "  </actuator>\n</mujoco>\n"
     )
 
@@ -106,15 +115,55 @@ def _chair(chair: ChairDescription, payload: Payload, seat_shift_m: float) -> st
         '    <body name="chair">',
         "      <freejoint/>",
         f'      <inertial pos="{_row(masses.chassis_com_m)}" mass="{masses.chassis_kg}" diaginertia="{_row(inertia)}"/>',
-        *_belt(chair, "left", 0.5 * chair.tracks.gauge_m),
-        *_belt(chair, "right", -0.5 * chair.tracks.gauge_m),
+        *(line for side, y_m in _sides(chair) for line in _belt(chair, side, y_m)),
         f'      <body name="seat" pos="{_row(hinge)}">',
         '        <joint name="seat" type="hinge" axis="0 1 0"/>',
         f'        <inertial pos="{_row(payload.com_m)}" mass="{payload.mass_kg!r}" diaginertia="{_row(payload.inertia)}"/>',
         "      </body>",
+        *([] if chair.arm is None else _arm(chair, chair.arm)),
         "    </body>",
     ]
     return "\n".join(lines)
+
+
+def _sides(chair: ChairDescription) -> tuple[tuple[str, float], ...]:
+    return ("left", 0.5 * chair.tracks.gauge_m), ("right", -0.5 * chair.tracks.gauge_m)
+
+
+def _arm(chair: ChairDescription, arm: Arm) -> list[str]:
+    """Return the approach section of both belts as one body that turns about the front pulleys' axis."""
+    tracks = chair.tracks
+    low, high = (math.radians(angle) for angle in arm.range_deg)
+    across = arm.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
+    along = arm.mass_kg * tracks.approach_m**2 / 12.0
+    return [
+        f'      <body name="arm" pos="{0.5 * tracks.flat_run_m!r} 0 {tracks.pulley_radius_m}">',
+        f'        <joint name="arm" type="hinge" axis="0 -1 0" range="{low!r} {high!r}" limited="true" '
+        f'armature="{ARM_ROTOR_KG_M2}" damping="{ARM_FRICTION_N_M_S_RAD}"/>',
+        f'        <inertial pos="{0.5 * tracks.approach_m!r} 0 0" mass="{arm.mass_kg!r}" '
+        f'diaginertia="{across!r} {along!r} {across + along!r}"/>',
+        *(line for side, y_m in _sides(chair) for line in _section(chair, side, y_m)),
+        "      </body>",
+    ]
+
+
+def _section(chair: ChairDescription, side: str, y_m: float) -> list[str]:
+    tracks = chair.tracks
+    r, half_width, length = tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.approach_m
+    return [
+        f'        <geom class="belt" name="{side}_nose" type="cylinder" zaxis="0 1 0" size="{r} {half_width}" '
+        f'pos="{length!r} {y_m!r} 0" surfacevel="0 0 0 0 0 1e-9"/>',
+        f'        <geom class="belt" name="{side}_approach" type="box" size="{0.5 * length!r} {half_width} {FLAT_THICKNESS_M}" '
+        f'pos="{0.5 * length!r} {y_m!r} {FLAT_THICKNESS_M - r!r}" surfacevel="1e-9 0 0 0 0 0"/>',
+    ]
+
+
+def _arm_servo(arm: Arm) -> str:
+    k, d = ARM_STIFFNESS_N_M_RAD, ARM_STIFFNESS_N_M_RAD * ARM_LAG_S
+    return (
+        f'    <general name="arm" joint="arm" biastype="affine" gainprm="{k!r}" biasprm="0 {-k!r} {-d!r}" '
+        f'forcelimited="true" forcerange="{-arm.torque_n_m!r} {arm.torque_n_m!r}"/>\n'
+    )
 
 
 def _belt(chair: ChairDescription, side: str, y_m: float) -> list[str]:
@@ -126,12 +175,13 @@ def _belt(chair: ChairDescription, side: str, y_m: float) -> list[str]:
     # The lower face of the approach lies one radius below the line between the pulley centres.
     down = np.array([math.sin(angle), -math.cos(angle)]) * (r - FLAT_THICKNESS_M)
     middle = np.array([0.5 * (half_run + nose_x), 0.5 * (r + nose_z)]) + down
+    is_fixed = chair.arm is None
     pulleys = [
         f'      <geom class="belt" name="{side}_{name}" type="cylinder" zaxis="0 1 0" size="{r} {half_width}" '
         f'pos="{x!r} {y_m!r} {z!r}" surfacevel="0 0 0 0 0 1e-9"/>'
-        for name, x, z in (("rear", -half_run, r), ("front", half_run, r), ("nose", nose_x, nose_z))
+        for name, x, z in (("rear", -half_run, r), ("front", half_run, r), ("nose", nose_x, nose_z))[: 3 if is_fixed else 2]
     ]
-    return [
+    lines = [
         *pulleys,
         f'      <geom class="belt" name="{side}_flat" type="box" size="{half_run!r} {half_width} {FLAT_THICKNESS_M}" '
         f'pos="0 {y_m!r} {FLAT_THICKNESS_M}" surfacevel="1e-9 0 0 0 0 0"/>',
@@ -139,6 +189,7 @@ def _belt(chair: ChairDescription, side: str, y_m: float) -> list[str]:
         f'size="{0.5 * tracks.approach_m!r} {half_width} {FLAT_THICKNESS_M}" '
         f'pos="{float(middle[0])!r} {y_m!r} {float(middle[1])!r}" euler="0 {-angle!r} 0" surfacevel="1e-9 0 0 0 0 0"/>',
     ]
+    return lines if is_fixed else lines[:-1]
 
 
 def _box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> tuple[float, float, float]:
