@@ -1,0 +1,178 @@
+"""The sequencer of a crossing, on readings made by hand: no plant, no truth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.control.crest import ArmGeometry, Crest, CrestCommand, CrestConfig, centre_of_mass_level, pitch_of
+from treadline.errors import MechanicsError
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.stability import centre_of_mass
+from treadline.scenario import Chair
+from treadline.signals import ArmReading, ImuSample, TrackReading
+
+CHAIR = read_chair("wheelchair-arm")
+GEOMETRY = ArmGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
+
+
+def imu(t_s: float, pitch_deg: float) -> ImuSample:
+    return ImuSample(
+        t_s=t_s,
+        orientation=quaternion_of(rotation_y(-pitch_deg * DEG)),
+        angular_velocity_rad_s=np.zeros(3),
+        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
+    )
+
+
+class Chassis:
+    """A chair that does what it is told, on a stair that is not there."""
+
+    def __init__(self, ahead_m: float, *, pitch_deg: float = 28.0) -> None:
+        self.crest = Crest(CrestConfig(chair=CHAIR, payload_kg=50.0), ahead_m)
+        self.ahead_m, self.pitch_deg = ahead_m, pitch_deg
+        self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
+
+    def run(self, duration_s: float, tip_n: float = 0.0) -> CrestCommand:
+        """Go on under one load of the tip and return the last command."""
+        for _ in range(round(duration_s / 0.01)):
+            self.t_s += 0.01
+            lever = 0.45 * math.cos(self.angle_rad + self.pitch_deg * DEG)
+            torque = 0.5 * 3.0 * 9.81 * lever - tip_n * lever
+            command = self.crest.step(
+                imu(self.t_s, self.pitch_deg),
+                ArmReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=torque),
+                TrackReading(t_s=self.t_s, left_m_s=self.speed_m_s, right_m_s=self.speed_m_s, brake_on=False),
+            )
+            self.speed_m_s = command.speed_m_s
+            self.ahead_m -= self.speed_m_s * 0.01
+            self.angle_rad = max(self.angle_rad + command.arm.rate_rad_s * 0.01, -75.0 * DEG)
+        return command
+
+    def until(self, stage: str, tip_n: float = 0.0) -> CrestCommand:
+        """Go on until a stage begins."""
+        for _ in range(2000):
+            command = self.run(0.01, tip_n)
+            if command.stage == stage:
+                return command
+        raise AssertionError(f"still in stage {command.stage!r} after 20 s")
+
+
+@pytest.mark.parametrize(("slope_deg", "below_deg"), [(28.0, 61.0), (30.0, 66.0)])
+def test_the_arm_needs_more_than_45_degrees_below_the_belts(slope_deg: float, below_deg: float) -> None:
+    # β + asin(d sin β / L) at d = 0.53 m, less what two equal pulleys on ground of two slopes take off: under 2°.
+    slope = slope_deg * DEG
+    plain = (slope + math.asin(0.53 * math.sin(slope) / 0.45)) / DEG
+    assert plain == pytest.approx(below_deg, abs=0.6)
+    assert (slope + GEOMETRY.depression(slope, 0.53)) / DEG == pytest.approx(plain - 1.3, abs=0.5)
+
+
+@pytest.mark.parametrize("pitch_deg", [5.0, 15.0, 30.0])
+@pytest.mark.parametrize("past_m", [0.2, 0.5, 0.7])
+def test_the_arms_angle_tells_how_far_the_nosing_is(pitch_deg: float, past_m: float) -> None:
+    pitch = pitch_deg * DEG
+    angle = -(pitch + GEOMETRY.depression(pitch, past_m))
+    assert GEOMETRY.past(pitch, angle) == pytest.approx(past_m, abs=1e-9)
+
+
+def test_the_rates_are_the_derivatives() -> None:
+    def angle(pitch: float, past_m: float) -> float:
+        return -(pitch + GEOMETRY.depression(pitch, past_m))
+
+    pitch, past_m, h = 20.0 * DEG, 0.5, 1e-6
+    per_pitch = (angle(pitch + h, past_m) - angle(pitch - h, past_m)) / (2.0 * h)
+    per_metre = (angle(pitch, past_m + h) - angle(pitch, past_m - h)) / (2.0 * h)
+    # Central differences: h² and rounding, about 1e-9.
+    assert GEOMETRY.rates(pitch, past_m) == pytest.approx((per_pitch, per_metre), abs=1e-6)
+
+
+def test_the_believed_centre_of_mass_is_that_of_the_chairs_file() -> None:
+    x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
+    expected = centre_of_mass(CHAIR, Chair(payload_kg=50.0), 28.0 * DEG, -60.0 * DEG)
+    # The arm counts at its axis, and the seat's shell of 0.5 kg not at all.
+    assert (x, z) == pytest.approx((expected[0], expected[2]), abs=0.01)
+
+
+def test_pitch_is_read_from_the_orientation_whatever_the_yaw() -> None:
+    assert pitch_of(imu(0.0, 28.0)) == pytest.approx(28.0 * DEG, abs=1e-12)
+
+
+def test_a_chair_with_a_fixed_front_section_is_refused() -> None:
+    with pytest.raises(MechanicsError, match=r"'wheelchair' has no driven front section.*use wheelchair-arm"):
+        Crest(CrestConfig(chair=read_chair("wheelchair"), payload_kg=50.0), 1.0)
+
+
+def test_it_climbs_then_slows_down_half_a_metre_before_the_centre_of_mass_is_there() -> None:
+    chair = Chassis(2.0)
+    assert chair.run(1.0).stage == "climb"
+    assert chair.until("slow").speed_m_s == 0.1
+    x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
+    assert chair.ahead_m - (x - z * math.tan(28.0 * DEG)) >= 0.5 - 0.005  # two ticks at 0.2 m/s
+
+
+def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> None:
+    chair = Chassis(0.6)
+    reached = chair.run(12.0)
+    assert (reached.stage, reached.speed_m_s) == ("reach", 0.0)
+    assert chair.angle_rad == pytest.approx(-75.0 * DEG)
+    waiting = chair.ahead_m
+    chair.run(5.0)
+    assert chair.ahead_m == waiting
+
+
+def test_a_short_knock_on_the_arm_is_not_the_landing() -> None:
+    chair = Chassis(0.6)
+    chair.run(4.5)
+    chair.run(0.05, tip_n=300.0)
+    assert chair.run(0.05).stage == "reach"
+
+
+def test_it_leads_only_when_the_tip_carries_and_the_centre_of_mass_has_passed() -> None:
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    assert chair.run(0.4, tip_n=100.0).stage == "carry"
+    # 120 N: a little less than the tip should carry, so that the arm keeps up with the belts.
+    assert chair.until("lead", tip_n=120.0).speed_m_s < 0.1
+    # Leading raises the arm against the chair: from geometry, about 2.2 times the pitch rate.
+    assert chair.run(0.5, tip_n=140.0).arm.rate_rad_s > 10.0 * DEG
+
+
+def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.until("lead", tip_n=120.0)
+    chair.run(0.3, tip_n=140.0)
+    command = chair.run(0.5)
+    assert command.stage == "carry"
+    assert command.arm.rate_rad_s < 0.0
+
+
+def test_it_waits_with_its_centre_of_mass_near_the_nosing_and_nothing_under_the_tip() -> None:
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.run(0.4, tip_n=100.0)
+    command = chair.run(8.0)  # the tip has lost the landing
+    assert (command.stage, command.speed_m_s) == ("carry", 0.0)
+
+
+def test_level_it_stows_the_arm_and_ends_when_the_rear_has_left_the_nosing() -> None:
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.until("lead", tip_n=120.0)
+    chair.pitch_deg = 0.3
+    assert chair.run(0.1, tip_n=140.0).stage == "land"
+    assert chair.run(15.0).stage == "done"
+    assert chair.angle_rad == pytest.approx(40.0 * DEG, abs=1.0 * DEG)
+
+
+def test_a_better_place_of_the_nosing_is_taken_until_the_arm_reaches() -> None:
+    chair = Chassis(0.6)
+    chair.crest.nosing_seen(0.9)
+    chair.run(4.5)
+    assert chair.run(0.5).stage == "slow"
+
+
+def test_the_same_readings_get_the_same_answers() -> None:
+    first, again = (Chassis(0.6) for _ in range(2))
+    assert [first.run(0.05, tip_n=90.0) for _ in range(60)] == [again.run(0.05, tip_n=90.0) for _ in range(60)]
