@@ -8,11 +8,13 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.errors import SettingsError
+from treadline.experiments.traverse import traverse
+from treadline.io.messages import messages_of
 from treadline.mechanics.chair import SHIPPED, ChairDescription, read_chair
 from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import build_staircase
 from treadline.ports import Truth
-from treadline.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.scenario import Chair, Control, Drive, Scenario, Stair, Start
 from treadline.signals import ArmCommand, ArmReading, Reading, SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, open_plant
 from treadline.sim.scene import scene_xml
@@ -168,3 +170,18 @@ def test_an_arm_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest
     path.write_text(text.replace("range_deg = [-75.0, 60.0]", "range_deg = [-75.0, 30.0]"), encoding="utf-8")
     with pytest.raises(SettingsError, match=r"approach_angle_deg is 40, where the arm rests; arm\.range_deg is -75 to 30"):
         read_chair(str(path))
+
+
+def test_a_mission_logs_its_arm() -> None:
+    scenario = Scenario(
+        chair=Chair(model="wheelchair-arm"),
+        stair=Stair(walls="none"),
+        start=Start(place="flight"),
+        drive=Drive(duration_s=0.5),
+        control=Control(vision="truth", loop="open"),
+    )
+    logged: list[object] = []
+    traverse(scenario, seed=0, sink=logged.append)
+    arms = [signal for signal in logged if isinstance(signal, ArmReading)]
+    assert len(arms) == 51
+    assert {topic for arm in arms for topic, _, _ in messages_of(arm)} == {"/arm/state"}

@@ -17,6 +17,8 @@ from treadline.io.cdr import HEADER, seconds_of
 from treadline.io.messages import TRUTH_NAMES
 from treadline.ports import Truth
 from treadline.signals import (
+    ArmCommand,
+    ArmReading,
     Event,
     HeadingEstimate,
     HeadingMeasurement,
@@ -242,6 +244,17 @@ def _track_reading(r: CdrReader) -> TrackReading:
     return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=brake)
 
 
+def _arm_command(r: CdrReader) -> ArmCommand:
+    t_s, _, _, rates = _joints(r)
+    return ArmCommand(t_s=t_s, rate_rad_s=_counted(rates, 1)[0])
+
+
+def _arm_reading(r: CdrReader) -> ArmReading:
+    t_s, _, places, _ = _joints(r)
+    angle, torque = _counted(places, 2)
+    return ArmReading(t_s=t_s, angle_rad=angle, torque_n_m=torque)
+
+
 def _seat_command(r: CdrReader) -> SeatCommand:
     t_s, _, _, speeds = _joints(r)
     return SeatCommand(t_s=t_s, rate_m_s=_counted(speeds, 1)[0])
@@ -287,6 +300,8 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/tracks/state": (JOINTS, _track_reading),
     "/seat/cmd": (JOINTS, _seat_command),
     "/seat/state": (JOINTS, _seat_reading),
+    "/arm/cmd": (JOINTS, _arm_command),
+    "/arm/state": (JOINTS, _arm_reading),
     "/operator": (JOINTS, _operator),
     "/stair/heading/detail": (JOINTS, _estimate),
     HEADINGS: (JOINTS, _measurement),

@@ -14,6 +14,8 @@ import numpy as np
 from treadline.io.cdr import CdrWriter
 from treadline.ports import Truth
 from treadline.signals import (
+    ArmCommand,
+    ArmReading,
     Event,
     HeadingEstimate,
     HeadingMeasurement,
@@ -212,6 +214,8 @@ _WRITERS: dict[type, Callable[[Any], list[Message]]] = {
     TrackReading: lambda s: _tracks("/tracks/state", s.t_s, s.left_m_s, s.right_m_s, brake=s.brake_on),
     SeatCommand: lambda s: [joints("/seat/cmd", s.t_s, ("stroke",), (), (s.rate_m_s,), "chair")],
     SeatReading: lambda s: [joints("/seat/state", s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair")],
+    ArmCommand: lambda s: [joints("/arm/cmd", s.t_s, ("arm",), (), (s.rate_rad_s,), "chair")],
+    ArmReading: lambda s: [joints("/arm/state", s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair")],
     OperatorInput: lambda s: [
         joints(
             "/operator",

@@ -24,6 +24,7 @@ from treadline.mission.guard import Guard
 from treadline.mission.rates import TICK_S, Rate
 from treadline.ports import Plant
 from treadline.signals import (
+    ArmCommand,
     Event,
     HeadingEstimate,
     HeadingMeasurement,
@@ -36,7 +37,7 @@ from treadline.signals import (
     TrackCommand,
 )
 
-Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | Event
+Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | ArmCommand | Event
 """All that a run's log may hold, truth aside."""
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
