@@ -1,13 +1,17 @@
-"""Logs as others write them: messages by rosbags, an implementation of ROS's formats that is not ours."""
+"""What all tests share: logs as others write them, by rosbags, whose ROS formats are not ours; patience on busy machines."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 
 from treadline.signals import PinholeCamera
+
+hypothesis.settings.register_profile("busy machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+hypothesis.settings.load_profile("busy machine")
 
 START_NS = 1_700_000_000_123_456_789
 """Recordings count from 1970."""

@@ -17,7 +17,12 @@ LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "f
 def interrupted(arguments: list[str], ready: Path, *, after_s: float) -> subprocess.CompletedProcess[str]:
     """Start a command, wait until a file is there, and interrupt it."""
     started = subprocess.Popen(
-        [sys.executable, "-m", "treadline", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "treadline", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell that runs the tests in the background has them ignore Ctrl-C; a person's shell does not.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads are started here
     )
     limit = time.monotonic() + 60.0
     while not ready.exists() and time.monotonic() < limit:
