@@ -47,7 +47,7 @@ def axes_of(
     for tread in treads:
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
         tilts.append(float(np.arctan2(n @ ahead, n @ d)))
-        variances.append(float(ahead @ tread.covariance @ ahead) / float(tread.normal @ tread.normal))
+        variances.append(float(ahead @ tread.unit_covariance @ ahead))
     variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
     regular = np.zeros(len(tilts), dtype=bool)
     regular[0] = True
