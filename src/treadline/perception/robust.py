@@ -119,6 +119,8 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
     tilted = axes_of(edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = shape_of(seen.nosings, axes, seen.direction)
+    if shape is None:
+        return refused("edges a step apart, but no telling how high the step is", edge_count=len(seen.nosings))
     doubt = _doubt(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
     if doubt is not None:
         return refused(doubt, edge_count=len(seen.nosings))
@@ -134,18 +136,16 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
         shape=shape,
         stages=None,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=None if shape is None else directions_of(frame.t_s, seen.nosings, tilted, shape, sigma),
-        stair_map=None if shape is None else map_of(frame, blocks, seen.nosings, axes, shape),
+        axes=directions_of(frame.t_s, seen.nosings, tilted, shape, sigma),
+        stair_map=map_of(frame, blocks, seen.nosings, axes, shape),
         parts=Parts(risers=tuple(seen.risers), treads=tuple(seen.treads), flight=tuple(seen.nosings), blocks=blocks),
     )
 
 
 def _doubt(
-    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape | None, seen: Flight, down: _Down, levels: int
+    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, levels: int
 ) -> str | None:
     """Return why this is no stair to steer by, or None."""
-    if shape is None:
-        return "edges a step apart, but no telling how high the step is"
     if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is no stair to drive on"
     if levels < down.least_levels:
