@@ -161,7 +161,23 @@ class StairMap:
     """Free width from the chair's middle to the wall or rail at the left, square to it; None if none is seen."""
     right_wall_m: float | None
     obstacle_m: float | None
-    """Along x to the nearest thing that stands in the volume the chair will sweep; None if that is free."""
+    """Along x, to the side that the camera looks to, from B to the nearest thing that stands in the volume the chair will sweep;
+    None if that is free."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameQuality:
+    """What tells a frame worth looking at from one that is dark, frozen or empty."""
+
+    t_s: float
+    fingerprint: int
+    """Equal for frames whose pixels are equal, and for no others that a camera makes."""
+    brightness: float
+    """Mean of the colour image, 0 to 1."""
+    contrast: float
+    """Standard deviation of the colour image, 0 to 0.5."""
+    valid_share: float
+    """Of the depth image that has a depth, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,6 +235,32 @@ class ArmCommand:
     rate_rad_s: float
 
 
+Phase = Literal[
+    "search", "align", "approach", "mount", "traction", "climb", "crest", "land",
+    "edge", "descend", "leave", "back_off", "drive", "arrived", "refused",
+]  # fmt: skip
+"""Where a traversal is. ``drive`` is the flight alone, for experiments; the last two are ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What a traversal is about now, and what it asks of belts and arm."""
+
+    t_s: float
+    phase: Phase
+    speed_m_s: float
+    """Of both belts; negative backs down."""
+    heading_rad: float = 0.0
+    """To steer to."""
+    stand: bool = False
+    """Belts at rest now, whatever the driver said last."""
+    arm: ArmCommand | None = None
+    needs_stair: bool = True
+    """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""
+    cause: str = ""
+    """Why this phase began: what was seen, with its number."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something worth telling a person: a refusal, a hold, a limit reached."""
@@ -230,5 +272,5 @@ class Event:
     """What was seen, with its number."""
 
 
-Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | OperatorInput
-"""What a plant can hand over; a ``HeadingMeasurement`` comes from a camera that measures heading itself."""
+Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | OperatorInput
+"""What a plant can hand over; ``HeadingMeasurement`` and ``StairMap`` come from a camera that measures them itself."""

@@ -13,7 +13,7 @@ from treadline.mechanics.stability import centre_of_mass
 from treadline.scenario import Chair
 from treadline.signals import ArmReading, ImuSample, TrackReading
 
-CHAIR = read_chair("wheelchair-arm")
+CHAIR = read_chair("wheelchair")
 GEOMETRY = ArmGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
 
 
@@ -99,8 +99,8 @@ def test_pitch_is_read_from_the_orientation_whatever_the_yaw() -> None:
 
 
 def test_a_chair_with_a_fixed_front_section_is_refused() -> None:
-    with pytest.raises(MechanicsError, match=r"'wheelchair' has no driven front section.*use wheelchair-arm"):
-        Crest(CrestConfig(chair=read_chair("wheelchair"), payload_kg=50.0), 1.0)
+    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven front section.*use wheelchair"):
+        Crest(CrestConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), 1.0)
 
 
 def test_it_climbs_then_slows_down_half_a_metre_before_the_centre_of_mass_is_there() -> None:

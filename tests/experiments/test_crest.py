@@ -41,7 +41,7 @@ def test_a_motor_that_dies_half_way_lets_the_chair_down_on_its_brake() -> None:
 @pytest.mark.parametrize(
     "case",
     [
-        CrestCase(chair="wheelchair", duration_s=16.0),
+        CrestCase(chair="wheelchair-fixed", duration_s=16.0),
         CrestCase(torque_n_m=40.0, duration_s=18.0),
         CrestCase(range_deg=(-45.0, 60.0), com_error_m=-0.10, duration_s=18.0),
         CrestCase(motor_lost_below_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=18.0),

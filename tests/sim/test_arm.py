@@ -19,11 +19,11 @@ from treadline.signals import ArmCommand, ArmReading, Reading, SeatCommand, Trac
 from treadline.sim import MujocoPlant, open_plant
 from treadline.sim.scene import scene_xml
 
-ARMED = read_chair("wheelchair-arm")
+ARMED = read_chair("wheelchair")
 NOISE_N_M = 2.0
 
 
-def standing(chair: ChairDescription = ARMED, *, model: str = "wheelchair-arm", payload_kg: float = 50.0) -> MujocoPlant:
+def standing(chair: ChairDescription = ARMED, *, model: str = "wheelchair", payload_kg: float = 50.0) -> MujocoPlant:
     """Return a chair at rest on the landing."""
     scenario = Scenario(
         stair=Stair(walls="none", width_m=4.0, steps=3, landing_m=6.0),
@@ -57,14 +57,14 @@ def with_arm(**changes: object) -> ChairDescription:
 
 def test_a_chair_without_an_arm_is_the_chair_it_was() -> None:
     staircase = build_staircase(Stair(), np.random.default_rng(0))
-    scene = scene_xml(staircase, read_chair("wheelchair"), Chair())
+    scene = scene_xml(staircase, read_chair("wheelchair-fixed"), Chair())
     # The scene as it was before there were arms. Nine digits: the last ones are the platform's sine.
     rounded = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: f"{float(number[0]):.9g}", scene)
     assert hashlib.sha256(rounded.encode()).hexdigest() == "19ea56015149566bef8ef9a8657a24ed5549774e3aad80bd7ccef5b12a67ca6d"
 
 
 def test_a_chair_without_an_arm_reports_none_and_ignores_its_command() -> None:
-    told, alone = (standing(read_chair("wheelchair"), model="wheelchair") for _ in range(2))
+    told, alone = (standing(read_chair("wheelchair-fixed"), model="wheelchair-fixed") for _ in range(2))
     arms, truth, readings = turn(told, 20.0, 0.0, 1.0, speed_m_s=0.2)
     alone.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))
     alone.advance(1.0)
@@ -165,7 +165,7 @@ def test_the_centre_of_mass_follows_the_arm() -> None:
 
 
 def test_an_arm_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
-    text = (SHIPPED / "wheelchair-arm.toml").read_text(encoding="utf-8")
+    text = (SHIPPED / "wheelchair.toml").read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("chairs") / "short.toml"
     path.write_text(text.replace("range_deg = [-75.0, 60.0]", "range_deg = [-75.0, 30.0]"), encoding="utf-8")
     with pytest.raises(SettingsError, match=r"approach_angle_deg is 40, where the arm rests; arm\.range_deg is -75 to 30"):
@@ -174,7 +174,7 @@ def test_an_arm_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest
 
 def test_a_mission_logs_its_arm() -> None:
     scenario = Scenario(
-        chair=Chair(model="wheelchair-arm"),
+        chair=Chair(model="wheelchair"),
         stair=Stair(walls="none"),
         start=Start(place="flight"),
         drive=Drive(duration_s=0.5),

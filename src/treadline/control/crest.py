@@ -285,6 +285,6 @@ def _arm_of(chair: ChairDescription) -> Arm:
     if chair.arm is None:
         raise MechanicsError(
             f"chair {chair.name!r} has no driven front section, and falls over a crest at 120 degrees a second; "
-            "use wheelchair-arm, or end the run before the last nosing"
+            "use wheelchair, or end the run before the last nosing"
         )
     return chair.arm

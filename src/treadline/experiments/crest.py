@@ -36,7 +36,7 @@ class CrestCase:
     """One crossing: the stair, the load, and what is wrong."""
 
     slope_deg: float = 28.0
-    chair: str = "wheelchair-arm"
+    chair: str = "wheelchair"
     payload_kg: float = 50.0
     heading_deg: float = 0.0
     nosing_error_m: float = 0.0
