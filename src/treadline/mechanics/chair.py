@@ -109,6 +109,8 @@ class ChairDescription(Settings):
     seat: Seat
     drives: Drives
     camera: CameraMount
+    rear_camera: CameraMount | None = None
+    """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
     arm: Arm | None = None
     """None: the approach section is fixed."""
 
@@ -122,11 +124,17 @@ class ChairDescription(Settings):
             )
         return self
 
-    def camera_at(self, height_px: int) -> PinholeCamera:
-        """Return the chair's Kinect 1 camera at 320×240 or 640×480.
+    def camera_at(self, height_px: int, *, rear: bool = False) -> PinholeCamera:
+        """Return the chair's front or rear Kinect 1 camera at 320×240 or 640×480.
 
         575 px focal length at 640×480 is the value of the Kinect's own driver.
+
+        Raises:
+            SettingsError: If the chair has no rear camera.
         """
+        mount = self.rear_camera if rear else self.camera
+        if mount is None:
+            raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
         scale = height_px / 480.0
         return PinholeCamera(
             width_px=round(640 * scale),
@@ -135,10 +143,10 @@ class ChairDescription(Settings):
             fy_px=575.0 * scale,
             cx_px=(640 * scale - 1) / 2,
             cy_px=(height_px - 1) / 2,
-            mount_pitch_rad=self.camera.pitch_deg * DEG,
-            mount_roll_rad=self.camera.roll_deg * DEG,
-            mount_yaw_rad=self.camera.yaw_deg * DEG,
-            mount_m=self.camera.position_m,
+            mount_pitch_rad=mount.pitch_deg * DEG,
+            mount_roll_rad=mount.roll_deg * DEG,
+            mount_yaw_rad=mount.yaw_deg * DEG,
+            mount_m=mount.position_m,
         )
 
     @property

@@ -129,12 +129,9 @@ class Staircase:
                     Box(
                         kind="wall",
                         index=-1,
-                        centre_W=(
-                            0.5 * (end_x - FLOOR_LENGTH_M),
-                            sign * (half_width + 0.05),
-                            0.5 * last.z_m + 0.5,
-                        ),
-                        half_m=(0.5 * (end_x + FLOOR_LENGTH_M), 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
+                        # Beside the flight alone: floor and landing are rooms in which a chair can turn.
+                        centre_W=(0.5 * last.x_m, sign * (half_width + 0.05), 0.5 * last.z_m + 0.5),
+                        half_m=(0.5 * last.x_m, 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
                         yaw_rad=0.0,
                     )
                 )

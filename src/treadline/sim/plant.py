@@ -47,6 +47,8 @@ BRAKE_M_S2 = 10.0
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
+FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
+"""Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 ARM_TORQUE_NOISE_N_M = 2.0
 """Of the torque that the arm's drive tells from its current: 1 % of full torque."""
@@ -149,7 +151,7 @@ class MujocoPlant:
             return None
         return Camera(
             self.staircase,
-            self._chair.camera_at(sensors.image_height_px),
+            self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down"),
             kind=sensors.camera,
             texture=stair.texture,
             light=stair.light,
@@ -203,10 +205,11 @@ class MujocoPlant:
             p_WS = np.array([step.x_m, 0.0, step.z_m])
             p_WB = p_WS + self.staircase.R_WS @ np.array([-along, scenario.start.lateral_m, 0.001 - drop])
         elif scenario.start.place == "floor":
-            p_WB = np.array([-along - 1.0, scenario.start.lateral_m, 0.001])
+            p_WB = np.array([-along - FLOOR_START_M, scenario.start.lateral_m, 0.001])
         else:
             top = self.staircase.steps[-1]
-            p_WB = np.array([top.x_m + along + 0.2, scenario.start.lateral_m, top.z_m + 0.001])
+            room = self.staircase.landing_m - tracks.flat_run_m - LANDING_SPARE_M
+            p_WB = np.array([top.x_m + along + min(max(room, 0.2), LANDING_START_M), scenario.start.lateral_m, top.z_m + 0.001])
         self._set_pose(p_WB, R_WB)
         angle = slope if scenario.start.seat == "level" else 0.0
         self._state[:] = 0.0
@@ -352,7 +355,8 @@ class MujocoPlant:
         p_SB = self._R_SW @ (row[kernels.QPOS : kernels.QPOS + 3] - self.staircase.p_WS)
         rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
         angle = float(row[kernels.QPOS + 7])
-        heading = math.atan2(R_SB[1, 0], R_SB[0, 0])
+        # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
+        heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
         pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
         roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
         return Truth(
