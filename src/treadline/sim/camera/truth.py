@@ -90,20 +90,25 @@ def stair_truth(
     )
 
 
+def crossings(
+    places_W: Float[np.ndarray, "n 3"],
+    along_W: Float[np.ndarray, "n 3"],
+    R_WB: Float[np.ndarray, "3 3"],
+    p_WB: Float[np.ndarray, " 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return where edges, extended beyond the stair's width, meet the chair's middle plane, in B."""
+    places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB
+    points = places - (places[:, 1] / along[:, 1])[:, None] * along
+    points[:, 1] = 0.0
+    return np.asarray(points)
+
+
 def _nosings(flight: Flight, pose: Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
-    """Return where the nosings ahead of the chair's middle, extended beyond the stair's width, meet its middle plane."""
-    x_B, y_B, z_B = pose.R_WB.T
-    points = []
-    for step in flight.staircase.steps if direction == "up" else reversed(flight.staircase.steps):
-        if step.missing:
-            continue
-        nosing = np.array([step.x_m, 0.0, step.z_m]) - pose.p_WB
-        along = flight.along(step)
-        aside = -float(y_B @ nosing) / float(y_B @ along)
-        point = nosing + aside * along
-        if x_B @ point > 0.0:
-            points.append([float(x_B @ point), 0.0, float(z_B @ point)])
-    return np.array(points).reshape(-1, 3)
+    """Return the nosings ahead of the chair's middle, the nearest first."""
+    steps = [step for step in flight.staircase.steps[:: 1 if direction == "up" else -1] if not step.missing]
+    places = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
+    points = crossings(places, np.array([flight.along(step) for step in steps]), pose.R_WB, pose.p_WB)
+    return points[points[:, 0] > 0.0]
 
 
 def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: ExactView) -> Bool[np.ndarray, " n"]:
