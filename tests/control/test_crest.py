@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.crest import ArmGeometry, Crest, CrestCommand, CrestConfig, centre_of_mass_level, pitch_of
+from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of
+from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.stability import centre_of_mass

@@ -1,0 +1,166 @@
+"""The front section as an arm: its geometry on landing and last nosing, and the load on its tip.
+
+What crest and edge share (``control/crest.py``, ``control/edge.py``). ``ImuSample, ArmReading -> load on the tip``.
+"""
+
+import math
+from dataclasses import dataclass
+
+from treadline.angles import DEG
+from treadline.errors import MechanicsError
+from treadline.mechanics.chair import Arm, ChairDescription
+from treadline.signals import ArmReading, ImuSample
+
+G_M_S2 = 9.81
+CARRIES_N = 80.0
+"""Load from which the tip counts as standing: five times what torque noise and the arm's weight leave in doubt."""
+CARRIES_SHARE, PRESS_SHARE = 0.2, 0.3
+"""Of the chair's weight, where that is less: a light chair would be lifted off its last nosing."""
+CARRIES_S = 0.1
+"""For so long: a stop of the rotor is over by then."""
+UNLOADED_N = 30.0
+TIP_S = 0.05
+"""Smoothing of the tip's load."""
+ARM_RAD_S2 = 120.0 * DEG
+"""Change of the arm's rate: the rotor's inertia then stays under 2 N·m and is no load."""
+SMALL_RAD = 8.0 * DEG
+"""Below this pitch the arm's angle tells the pivot's distance no more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loading:
+    """The chair and what is believed of its load."""
+
+    chair: ChairDescription
+    payload_kg: float
+    com_error_m: float = 0.0
+    """Added to the centre of mass along the chair: what a belief is off by, in tests."""
+
+    @property
+    def weight_n(self) -> float:
+        """Of chair and payload."""
+        arm_kg = 0.0 if self.chair.arm is None else self.chair.arm.mass_kg
+        return G_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.payload_kg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmGeometry:
+    """Chair, arm and landing in the plane: belts on the last nosing, tip on the landing."""
+
+    pivot_m: float
+    """Of the front pulley's axis ahead of mid-track."""
+    radius_m: float
+    arm_m: float
+
+    def depression(self, pitch_rad: float, past_m: float) -> float:
+        """Return the arm's angle below the level when its tip stands on the landing.
+
+        Args:
+            past_m: Of the pivot beyond the nosing, along the belts.
+        """
+        drop = past_m * math.sin(pitch_rad) - self.radius_m * (1.0 - math.cos(pitch_rad))
+        return math.asin(min(max(drop / self.arm_m, -0.99), 0.99))
+
+    def past(self, pitch_rad: float, angle_rad: float) -> float:
+        """Return how far the pivot is beyond the nosing when the tip stands at this angle of the arm: the inverse."""
+        drop = self.arm_m * math.sin(-(angle_rad + pitch_rad))
+        return (drop + self.radius_m * (1.0 - math.cos(pitch_rad))) / math.sin(pitch_rad)
+
+    def rates(self, pitch_rad: float, past_m: float) -> tuple[float, float]:
+        """Return the arm's change of angle per pitch, and per metre past the nosing [rad/m], tip on the landing."""
+        level = self.arm_m * math.cos(self.depression(pitch_rad, past_m))
+        per_pitch = (past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad)) / level
+        return -(1.0 + per_pitch), -math.sin(pitch_rad) / level
+
+    def reach(self, pitch_rad: float, past_m: float) -> float:
+        """Return how far ahead of the nosing the tip stands, on the level."""
+        level = self.arm_m * math.cos(self.depression(pitch_rad, past_m))
+        return past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad) + level
+
+
+class Tip:
+    """Load on the arm's tip, smoothed, and for how long it has carried."""
+
+    def __init__(self, loading: Loading) -> None:
+        self._arm = arm_of(loading.chair)
+        self._arm_m = loading.chair.tracks.approach_m
+        self._carries_n = min(CARRIES_N, CARRIES_SHARE * loading.weight_n)
+        self._carried_s = 0.0
+        self.load_n = 0.0
+
+    @property
+    def carries(self) -> bool:
+        """Whether it stands on something."""
+        return self._carried_s > CARRIES_S
+
+    def step(self, pitch_rad: float, arm: ArmReading, dt_s: float) -> None:
+        """Take one tick's reading."""
+        self.load_n += (self._load(pitch_rad, arm) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
+        self._carried_s = self._carried_s + dt_s if self.load_n > self._carries_n else 0.0
+
+    def _load(self, pitch_rad: float, arm: ArmReading) -> float:
+        """Return the tip's load from the motor's torque: what holds the arm up, less its weight."""
+        lever = self._arm_m * math.cos(arm.angle_rad + pitch_rad)
+        if lever < 0.3 * self._arm_m:
+            return 0.0
+        return 0.5 * self._arm.mass_kg * G_M_S2 - arm.torque_n_m / lever
+
+
+class ArmRate:
+    """The rate asked of the arm, bounded in itself and in its change."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._limit_rad_s = arm.max_rate_deg_s * DEG
+        self._rate_rad_s = 0.0
+
+    def step(self, wanted_rad_s: float, dt_s: float) -> float:
+        """Return what of a rate can be had now."""
+        change = ARM_RAD_S2 * dt_s
+        rate = min(max(wanted_rad_s, self._rate_rad_s - change), self._rate_rad_s + change)
+        self._rate_rad_s = min(max(rate, -self._limit_rad_s), self._limit_rad_s)
+        return self._rate_rad_s
+
+
+def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
+    """Return the believed centre of mass (x, z) in B while the seat is level."""
+    chair, c, s = loading.chair, math.cos(pitch_rad), math.sin(pitch_rad)
+    (hx, _, hz), (px, _, pz) = chair.seat.hinge_m, chair.seat.payload_com_m
+    chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
+    # The arm reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
+    arm, pivot = 0.0 if chair.arm is None else chair.arm.mass_kg, 0.5 * chair.tracks.flat_run_m
+    total = chassis + arm + loading.payload_kg
+    x = (chassis * cx + arm * pivot + loading.payload_kg * (hx + c * px + s * pz)) / total
+    z = (chassis * cz + arm * chair.tracks.pulley_radius_m + loading.payload_kg * (hz - s * px + c * pz)) / total
+    return x + loading.com_error_m, z
+
+
+def plumb(loading: Loading, pitch_rad: float) -> float:
+    """Return where the plumb line through the believed centre of mass meets the belts, ahead of mid-track."""
+    x, z = centre_of_mass_level(loading, pitch_rad)
+    return x - z * math.tan(pitch_rad)
+
+
+def pitch_of(imu: ImuSample) -> float:
+    """Return the chassis' pitch, front up positive."""
+    w, x, y, z = (float(q) for q in imu.orientation)
+    return math.asin(min(max(2.0 * (x * z - w * y), -1.0), 1.0))
+
+
+def geometry_of(chair: ChairDescription) -> ArmGeometry:
+    """Return the chair's arm in the plane."""
+    tracks = chair.tracks
+    return ArmGeometry(pivot_m=0.5 * tracks.flat_run_m, radius_m=tracks.pulley_radius_m, arm_m=tracks.approach_m)
+
+
+def arm_of(chair: ChairDescription) -> Arm:
+    """Return the chair's arm.
+
+    Raises:
+        MechanicsError: If it has none.
+    """
+    if chair.arm is None:
+        raise MechanicsError(
+            f"chair {chair.name!r} has no driven front section, and falls over a crest at 120 degrees a second; "
+            "use wheelchair, or end the run before the last nosing"
+        )
+    return chair.arm
