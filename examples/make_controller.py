@@ -1,30 +1,36 @@
-"""Make the controller that is shipped for the wheelchair: excite at 28°, identify, tune with the default weights.
+"""Make the controller that is shipped for a vehicle: excite at 28°, identify, tune with the default weights.
 
-    python examples/make_controller.py src/treadline/data/controllers/wheelchair.json
+    python examples/make_controller.py wheelchair
 
 Seed 100 is none of those that ``treadline reproduce`` reports.
 """
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 from treadline.control import tune
 from treadline.experiments.excite import PERIOD_S, excite
 from treadline.experiments.plan import CONTROLLER_SLOPE_DEG, excitation
+from treadline.experiments.shipped import SHIPPED
 from treadline.identification import identify
 
 SEED, SAMPLES = 100, 1000
+PAYLOAD_KG = {"wheelchair": 50.0, "rescue": 3.0}
+"""Table I's person; a camera head with a lamp and a radio."""
 
-excited = excite(excitation(CONTROLLER_SLOPE_DEG), samples=SAMPLES, period_s=PERIOD_S, seed=SEED)
+vehicle = sys.argv[1] if len(sys.argv) > 1 else "wheelchair"
+scenario = excitation(CONTROLLER_SLOPE_DEG)
+loading = scenario.chair.model_copy(update={"model": vehicle, "payload_kg": PAYLOAD_KG[vehicle]})
+excited = excite(scenario.model_copy(update={"chair": loading}), samples=SAMPLES, period_s=PERIOD_S, seed=SEED)
 found = identify(excited.record, method="okid-era")
 origin = {
-    "made_by": "examples/make_controller.py",
+    "made_by": f"examples/make_controller.py {vehicle}",
     "slope_deg": CONTROLLER_SLOPE_DEG,
+    "payload_kg": PAYLOAD_KG[vehicle],
     "seed": SEED,
     "samples": len(excited.record),
     "yaw_rate_vaf_percent": round(found.report.one_step_vaf_percent["yaw_rate_rad_s"], 1),
 }
-design = tune(found.model)
-replace(design, provenance=design.provenance | origin).save(Path(sys.argv[1]))
+design = tune(found.model, vehicle=vehicle)
+replace(design, provenance=design.provenance | origin).save(SHIPPED / f"{vehicle}.json")
 print(f"order {found.report.order}, yaw-rate VAF {origin['yaw_rate_vaf_percent']} %, K = {design.K.round(4).tolist()}")
