@@ -16,7 +16,7 @@ FLIGHT = """\
 [stair]
 slope_deg = 28
 run_m = 0.30
-steps = 14
+steps = 18
 width_m = 2.4
 [chair]
 model = "rescue"
