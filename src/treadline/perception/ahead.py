@@ -1,4 +1,7 @@
-"""The map of what lies ahead: nosings, the flight's end, walls and rails, and what stands in the way."""
+"""The map of what lies ahead: nosings, the flight's end, walls and rails, and what stands in the way.
+
+Ahead is where the camera looks, which may be back over the chair: it then drives that way.
+"""
 
 from collections.abc import Sequence
 
@@ -7,7 +10,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import kernels
-from treadline.perception.geometry import normal_of, points_of
+from treadline.perception.geometry import normal_of, points_of, way_of
 from treadline.perception.nosings import Axes, Nosing
 from treadline.perception.planes import Blocks
 from treadline.perception.sight import StairShape
@@ -41,6 +44,7 @@ def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axe
     """Return what lies ahead, in the chair's frame."""
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
     points = points_of(flight, axes, shape)
+    way = way_of(R_BC)
     nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
     ends = _ends(frame, points, axes, shape)
@@ -49,18 +53,19 @@ def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axe
     rails = rails[np.abs(rails - middle) > RAIL_ASIDE_M]
     walls = _side_walls(blocks, axes, middle)
     aside = rails - middle
-    left, right = _nearest(walls[0], -aside[aside < 0.0]), _nearest(walls[1], aside[aside > 0.0])
+    free = (_nearest(walls[0], -aside[aside < 0.0]), _nearest(walls[1], aside[aside > 0.0]))
+    left, right = free if way > 0.0 else free[::-1]
     return StairMap(
         t_s=frame.t_s,
         direction=shape.direction,
-        nosings_B=nosings[np.argsort(nosings[:, 0])],
+        nosings_B=nosings[np.argsort(way * nosings[:, 0])],
         rise_m=shape.rise_m,
         run_m=shape.run_m,
         slope_rad=shape.slope_rad,
         ends=ends,
         left_wall_m=left,
         right_wall_m=right,
-        obstacle_m=_obstacle(standing, left, right, axes, R_BC, p_BC),
+        obstacle_m=_obstacle(standing, free, axes, R_BC, p_BC),
     )
 
 
@@ -73,7 +78,7 @@ def _crossing(
 
 
 def _side_walls(blocks: Blocks, axes: Axes, middle: float) -> tuple[float | None, float | None]:
-    """Return the distances of the nearest walls along the flight, left and right of the chair's middle."""
+    """Return the distances of the nearest walls along the flight, left and right of the chair's middle as the camera sees it."""
     along = np.abs(blocks.unit @ axes.right) > np.cos(SIDE_WALL)
     places = blocks.centres[along] @ axes.right - middle
     return _group_nearest(-places), _group_nearest(places)
@@ -134,13 +139,17 @@ def _along_the_flight(standing: Float[np.ndarray, "k 3"], axes: Axes) -> Float[n
 
 def _obstacle(
     standing: Float[np.ndarray, "k 3"],
-    left_m: float | None,
-    right_m: float | None,
+    free_m: tuple[float | None, float | None],
     axes: Axes,
     R_BC: Float[np.ndarray, "3 3"],
     p_BC: Float[np.ndarray, " 3"],
 ) -> float | None:
-    """Return how far ahead of the chair something stands between its sides; walls and rails and what is behind them left out."""
+    """Return how far ahead of the chair something stands between its sides; walls and rails and what is behind them left out.
+
+    Args:
+        free_m: Distance to what goes along the flight at the left and at the right, as the camera sees it.
+    """
+    left_m, right_m = free_m
     aside = standing @ axes.right + float((R_BC.T @ p_BC) @ axes.right)
     within = np.ones(len(standing), dtype=bool)
     if left_m is not None:
@@ -148,7 +157,8 @@ def _obstacle(
     if right_m is not None:
         within &= aside < right_m - RAIL_THICK_M
     x, y, _ = (standing[within] @ R_BC.T + p_BC).T
-    return _first_crowd(np.sort(x[(np.abs(y) < SWEPT_HALF_M) & (x > 0.0)]))
+    far = way_of(R_BC) * x
+    return _first_crowd(np.sort(far[(np.abs(y) < SWEPT_HALF_M) & (far > 0.0)]))
 
 
 def _first_crowd(places: Float[np.ndarray, " k"]) -> float | None:

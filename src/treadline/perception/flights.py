@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.perception.geometry import way_of
 from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
 from treadline.perception.planes import Blocks, Surface, joined
 from treadline.perception.stopwatch import Stopwatch
@@ -23,7 +24,7 @@ LEAST_BLOCKS = 8
 CONCLUSIVE = 3
 """Nosings in a row after which no other azimuth is tried."""
 LEVEL_LEAST = 0.2
-"""Of the chair's forward axis that must be level to tell where ahead is."""
+"""Of the chair's long axis that must be level to tell where ahead is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,8 +123,8 @@ def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
 
 
 def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
-    """Return level axes with ahead where the chair's front points, or up the image where the camera looks straight down."""
-    for towards in (R_BC[0], np.array([0.0, -1.0, 0.0])):
+    """Return level axes with ahead to the end of the chair that the camera looks to, or up the image where that is not level."""
+    for towards in (way_of(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
         ahead = towards - float(towards @ down) * down
         length = float(np.linalg.norm(ahead))
         if length > LEVEL_LEAST:

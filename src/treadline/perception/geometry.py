@@ -30,13 +30,22 @@ class Levelled:
     down_sigma_rad: float
 
 
+def way_of(R_BC: Float[np.ndarray, "3 3"]) -> float:
+    """Return 1 for a camera that looks where the chair's front points, and -1 for one that looks back over it.
+
+    A camera that looks straight down has its image's upper edge there.
+    """
+    look, image_up = R_BC[0, 2], -R_BC[0, 1]
+    return 1.0 if look + image_up > 0.0 else -1.0
+
+
 def axes_of(
     edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"], down_sigma_rad: float, treads: Sequence[Surface]
 ) -> Levelled:
     """Return the axes of the stair: level as treads and gravity, weighed, have it.
 
     Args:
-        edge: Unit vector along the edges, pointing right.
+        edge: Unit vector along the edges, pointing right as the camera looks at them.
         down: Down as the IMU or, without one, the bundle of treads tells it.
         treads: Surfaces that are taken for level.
     """
@@ -132,13 +141,24 @@ def _row(
     return places[row], np.concatenate([[0.0], np.cumsum(counts[row[:-1]])])
 
 
-def directions_of(t_s: float, flight: Sequence[Nosing], levelled: Levelled, shape: StairShape, edge_sigma_rad: float) -> StairAxes:
-    """Return the stair's directions in C, for whoever wants to know how the camera is mounted."""
+def directions_of(
+    t_s: float,
+    flight: Sequence[Nosing],
+    levelled: Levelled,
+    shape: StairShape,
+    edge: Float[np.ndarray, " 3"],
+    edge_sigma_rad: float,
+) -> StairAxes:
+    """Return the stair's directions in C, for whoever wants to know how the camera is mounted.
+
+    Args:
+        edge: Unit vector along the edges, to the chair's right.
+    """
     axes = levelled.axes
     span = max(len(flight) - 1, 1) * float(np.hypot(shape.rise_m, shape.run_m))
     return StairAxes(
         t_s=t_s,
-        edge_C=axes.right,
+        edge_C=edge,
         down_C=-axes.up,
         normal_C=normal_of(axes, shape),
         edge_sigma_rad=edge_sigma_rad,

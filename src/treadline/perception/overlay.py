@@ -34,8 +34,9 @@ def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
                 _tint(picture, surface, colour)
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     if sight.parts is not None and sight.axes is not None:
+        right = np.copysign(1.0, sight.axes.edge_C[0]) * sight.axes.edge_C  # as the camera sees it, wherever the chair's is
         for nosing in sight.parts.flight:
-            ends = [nosing.point + (side - float(nosing.point @ sight.axes.edge_C)) * sight.axes.edge_C for side in nosing.sides_m]
+            ends = [nosing.point + (side - float(nosing.point @ right)) * right for side in nosing.sides_m]
             _line(picture, frame.camera, np.array(ends), scale)
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture

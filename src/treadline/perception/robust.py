@@ -16,7 +16,7 @@ from treadline.perception.ahead import map_of
 from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.down import down_of_treads, levelled
 from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
-from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of
+from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, way_of
 from treadline.perception.nosings import SAME_RISE_M, Axes, Direction
 from treadline.perception.planes import Blocks, Surface, surface_blocks
 from treadline.perception.sight import Parts, Sight, StairShape, refused
@@ -109,6 +109,7 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
 
 def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: _Down) -> Sight:
     R_BC = frame.camera.R_BC
+    # To the chair's right, which is the image's left where the camera looks back.
     edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
     heading = _heading(edge, R_BC)
     # How the heading turns with the edge, in C.
@@ -116,7 +117,7 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
     sigma = fit.sigma_of(change)
-    tilted = axes_of(edge, down.reference, down.sigma_rad, seen.treads)
+    tilted = axes_of(way_of(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = shape_of(seen.nosings, axes, seen.direction)
     if shape is None:
@@ -136,7 +137,7 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
         shape=shape,
         stages=None,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=directions_of(frame.t_s, seen.nosings, tilted, shape, sigma),
+        axes=directions_of(frame.t_s, seen.nosings, tilted, shape, edge, sigma),
         stair_map=map_of(frame, blocks, seen.nosings, axes, shape),
         parts=Parts(risers=tuple(seen.risers), treads=tuple(seen.treads), flight=tuple(seen.nosings), blocks=blocks),
     )

@@ -20,7 +20,7 @@ class StairShape:
     distance_m: float
     """From the camera to the nearest nosing in view, level and square to it."""
     direction: Direction
-    """Whether the flight ahead rises or falls."""
+    """Whether the flight that the camera looks at rises or falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +52,7 @@ class Sight:
     heading_rad: float | None
     sigma_rad: float | None
     edge_direction_C: Float[np.ndarray, " 3"] | None
-    """Unit vector along the stair's edges in C, pointing right."""
+    """Unit vector along the stair's edges in C, pointing to the chair's right."""
     edge_count: int
     box_px: tuple[int, int, int, int] | None
     """Smallest and largest column and row of the stair: u0, v0, u1, v1."""

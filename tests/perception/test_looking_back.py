@@ -1,0 +1,139 @@
+"""A camera over the chair's back: the chair faces uphill and backs down what falls away behind it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rms, rotation_z
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.perception import Sight, StairDetector
+from treadline.perception.overlay import overlay
+from treadline.scenario import Stair
+from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.sim.camera import Camera, Recipe, View, draw_view
+
+DETECTOR = StairDetector()
+REAR = read_chair("wheelchair").camera_at(240, rear=True)
+DOWN_W = np.array([0.0, 0.0, -1.0])
+AROUND = np.array([-1.0, -1.0, 1.0])
+"""Half a turn about the chair's z."""
+
+
+def turned_around(camera: PinholeCamera) -> PinholeCamera:
+    """Return the calibration of the same camera on a chair that stands the other way round."""
+    x, y, z = camera.mount_m
+    return replace(camera, mount_yaw_rad=camera.mount_yaw_rad + math.pi, mount_m=(-x, -y, z))
+
+
+def both_ways(view: View) -> tuple[Sight, Sight]:
+    """Return what a camera in front of a chair facing down sees, and the same one at the back of a chair facing up."""
+    back = replace(view.frame, camera=turned_around(view.frame.camera))
+    return DETECTOR.look(view.frame, view.gravity_C), DETECTOR.look(back, view.gravity_C)
+
+
+@pytest.mark.parametrize("scene", ["down", "edge", "bottom", "up"])
+def test_a_chair_the_other_way_round_is_told_the_same_stair(scene: str) -> None:
+    recipe = Recipe(scenes=(scene,), walls=("left", "right", "both"), clutter=("legs",), clutter_chance=0.5)
+    obstacles = walls = 0
+    for seed in range(42_000, 42_020):
+        front, back = both_ways(draw_view(np.random.default_rng(seed), recipe))
+        assert front.accepted == back.accepted
+        if front.stair_map is None or back.stair_map is None or front.heading_rad is None:
+            continue
+        assert back.heading_rad == pytest.approx(front.heading_rad, abs=1e-9)
+        assert back.sigma_rad == pytest.approx(front.sigma_rad, rel=1e-9)
+        there, here = front.stair_map, back.stair_map
+        np.testing.assert_allclose(here.nosings_B, there.nosings_B * AROUND, atol=1e-9)
+        assert (here.direction, here.ends) == (there.direction, there.ends)
+        assert (here.left_wall_m, here.right_wall_m) == pytest.approx((there.right_wall_m, there.left_wall_m))
+        assert here.obstacle_m == pytest.approx(there.obstacle_m)
+        assert here.slope_rad == pytest.approx(there.slope_rad)
+        assert front.edge_direction_C is not None
+        assert back.edge_direction_C == pytest.approx(-front.edge_direction_C)  # right of the one is left of the other
+        obstacles += here.obstacle_m is not None
+        walls += here.left_wall_m is not None
+    assert walls >= 3
+    assert obstacles >= 1
+
+
+def backing(
+    seed: int, heading_rad: float, *, behind_m: float, level: bool
+) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], np.ndarray]:
+    """Return a frame of the rear camera, down in C, and the nosings behind the chair, in B, the nearest first.
+
+    Args:
+        behind_m: From the landing's edge up to the chair's middle: on the landing, where ``level``, else down the flight.
+    """
+    rng = np.random.default_rng(seed)
+    staircase = build_staircase(Stair(slope_deg=28.0, steps=14, walls="right"), rng)
+    R_WB, p_WB = _pose(staircase, heading_rad, behind_m, level=level)
+    R_WC = R_WB @ REAR.R_BC
+    frame = Camera(staircase, REAR, rng=rng).frame(0.0, R_WC, p_WB + R_WB @ np.array(REAR.mount_m))
+    places = np.array([[step.x_m, 0.0, step.z_m] for step in staircase.steps]) - p_WB
+    nosings, along = places @ R_WB, R_WB.T @ np.array([0.0, 1.0, 0.0])
+    nosings = nosings - (nosings[:, 1] / along[1])[:, None] * along
+    behind = nosings[nosings[:, 0] < 0.0]
+    return frame, R_WC.T @ DOWN_W, behind[np.argsort(-behind[:, 0])]
+
+
+def _pose(staircase: Staircase, heading_rad: float, behind_m: float, *, level: bool) -> tuple[np.ndarray, np.ndarray]:
+    last = staircase.steps[-1]
+    if level:
+        return rotation_z(heading_rad), np.array([last.x_m + behind_m, 0.1, last.z_m])
+    R_WB = staircase.R_WS @ rotation_z(heading_rad)
+    return R_WB, np.array([last.x_m, 0.1, last.z_m]) - behind_m * staircase.R_WS[:, 0]
+
+
+@pytest.mark.parametrize(("level", "behind_m"), [(True, 0.95), (True, 1.2), (False, 0.3), (False, 1.5)])
+def test_nosings_behind_the_chair_are_where_they_are(level: bool, behind_m: float) -> None:
+    headings, nearest, count = [], [], 0
+    for seed in range(43_000, 43_012):
+        heading = float(np.random.default_rng(seed).uniform(-0.3, 0.3))
+        frame, down, true = backing(seed, heading, behind_m=behind_m, level=level)
+        sight = DETECTOR.look(frame, down)
+        seen = sight.stair_map
+        if seen is None or sight.heading_rad is None:
+            continue
+        count += 1
+        headings.append(sight.heading_rad - heading)
+        assert seen.direction == "down"
+        assert not seen.ends
+        assert seen.obstacle_m is None
+        assert (np.diff(seen.nosings_B[:, 0]) < 0.0).all()
+        assert seen.nosings_B[0, 0] < 0.0
+        assert np.abs(seen.nosings_B[:, 1]).max() < 1e-9
+        gaps = np.linalg.norm(seen.nosings_B[:, None] - true[None], axis=2)
+        assert gaps.min(axis=1).max() < 0.05
+        if level:  # the edge itself is the first
+            assert int(gaps[0].argmin()) == 0
+        nearest.append(gaps[0].min())
+        assert seen.left_wall_m is None
+        assert seen.right_wall_m is None or seen.right_wall_m == pytest.approx(0.7, abs=0.02)
+    assert count >= 11
+    assert rms(np.array(headings)) < 0.15 * DEG
+    assert rms(np.array(nearest)) < 0.010
+
+
+def test_the_floor_behind_the_last_nosing_ends_the_flight() -> None:
+    told = []
+    for seed in range(44_000, 44_012):
+        # Of fourteen nosings four are left behind the chair.
+        frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False)
+        seen = DETECTOR.look(frame, down).stair_map
+        if seen is not None:
+            gaps = np.linalg.norm(seen.nosings_B[-1] - true, axis=1)
+            told.append(seen.ends)
+            assert not seen.ends or int(gaps.argmin()) == len(true) - 1
+    assert sum(told) >= 11
+
+
+def test_the_picture_of_what_lies_behind_has_its_nosings_where_they_are() -> None:
+    frame, down, _ = backing(45_000, 0.0, behind_m=1.5, level=False)
+    picture = overlay(frame, DETECTOR.look(frame, down))
+    drawn = (picture[: 3 * REAR.height_px] == (255, 235, 60)).all(axis=2)
+    middle = drawn[:, 3 * REAR.width_px // 2 - 60 : 3 * REAR.width_px // 2 + 60]
+    assert middle.any(axis=1).sum() >= 2
