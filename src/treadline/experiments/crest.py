@@ -6,12 +6,13 @@ The crest gets the last nosing's place with an error and a belief of the load; t
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from treadline.angles import DEG
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
+from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mission.rates import TICK_S
 from treadline.ports import Truth
@@ -22,8 +23,12 @@ from treadline.signals import ArmReading, ImuSample, Reading, SeatReading, Track
 from treadline.sim import MujocoPlant, open_plant
 
 STEPS = 8
-OPEN_LOOP_M_S = 0.1
-"""Without an arm nothing is sequenced."""
+STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
+    ("foot", "up"): "floor",
+    ("foot", "down"): "flight",
+    ("top", "up"): "flight",
+    ("top", "down"): "landing",
+}
 LEVEL_RAD = 2.0 * DEG
 HEADING_GAIN_M_S_RAD = 0.3
 """Stands in for the heading controller: the belts' difference keeps the heading that the run began with."""
@@ -35,6 +40,12 @@ COMFORT_TICKS = 5
 class CrestCase:
     """One crossing: the stair, the load, and what is wrong."""
 
+    direction: Literal["up", "down"] = "up"
+    """Up over the crest, or rearwards down over the edge."""
+    at: Literal["top", "foot"] = "top"
+    """At the foot nothing is sequenced, and the arm rests: up mounts the flight, down leaves it rearwards."""
+    speed_m_s: float = 0.1
+    """Of the belts where nothing is sequenced: at the foot, and without an arm."""
     slope_deg: float = 28.0
     chair: str = "wheelchair"
     payload_kg: float = 50.0
@@ -42,9 +53,13 @@ class CrestCase:
     nosing_error_m: float = 0.0
     """Believed place less the true one: positive has the nosing further ahead than it is."""
     com_error_m: float = 0.0
+    slope_error_deg: float = 0.0
+    """Of the flight's slope as the edge believes it."""
+    keep_m: float | None = None
+    """Of the centre of mass before the edge; far below zero the belts go on whatever the arm does."""
     range_deg: tuple[float, float] | None = None
     torque_n_m: float | None = None
-    motor_lost_below_deg: float | None = None
+    motor_lost_at_deg: float | None = None
     """Pitch at which the arm's motor dies."""
     lost_damping_n_m_s_rad: float | None = None
     seed: int = 0
@@ -64,13 +79,13 @@ class CrestCase:
         return chair.model_copy(update={"arm": arm})
 
     def scenario(self) -> Scenario:
-        """Return the stair and the start: the front pulley on the last nosing but one."""
+        """Return the stair and the start: upwards the front pulley two nosings before the last, or all of it on the floor."""
         return Scenario(
             stair=Stair.model_validate(
                 {"slope_deg": self.slope_deg, "steps": STEPS, "walls": "none", "width_m": 4.0, "landing_m": 3.0}
             ),
             chair=Chair(model=self.chair, payload_kg=self.payload_kg),
-            start=Start(place="flight", step=STEPS - 3, heading_deg=self.heading_deg),
+            start=Start(place=STARTS[self.at, self.direction], step=STEPS - 3, heading_deg=self.heading_deg),
             control=Control(vision="truth"),
             sensors=Sensors(),
         )
@@ -81,7 +96,7 @@ class Moment:
     """One tick of a crossing."""
 
     truth: Truth
-    command: CrestCommand | None
+    command: CrestCommand | EdgeCommand | None
     arm: ArmReading | None
     height_m: float
     """Of the passenger's centre."""
@@ -130,8 +145,9 @@ class _Ride:
         self._case, self._chair, self._plant = case, chair, plant
         self._leveller = Leveller(LevellerConfig(seat=chair.seat))
         self._feed_forward = PitchFeedForward(chair.seat)
-        self._last_m = (STEPS - 1) * plant.staircase.pitch_m
-        self._crest: Crest | None = None
+        self._slope_rad = plant.staircase.slope_rad
+        self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0
+        self._sequencer: Crest | Edge | None = None
         self._moments: list[Moment] = []
         self._is_lost = False
 
@@ -139,12 +155,13 @@ class _Ride:
         """Feel, decide, act; say whether the chair is across."""
         imu, seat, tracks, arm = _newest(self._plant.read())
         truth = self._plant.truth()[-1]
-        command = None if arm is None else self._sequencer(truth).step(imu, arm, tracks)
+        command = None if arm is None or self._case.at == "foot" else self._sequence(truth).step(imu, arm, tracks)
         self._moments.append(Moment(truth=truth, command=command, arm=arm, height_m=self._plant.passenger_height_m))
         if self._is_across():
             return True
         self._fail(truth)
-        speed = OPEN_LOOP_M_S if command is None else command.speed_m_s
+        open_loop = self._case.speed_m_s if self._case.direction == "up" else -self._case.speed_m_s
+        speed = open_loop if command is None else command.speed_m_s
         turn = HEADING_GAIN_M_S_RAD * (truth.heading_rad - self._case.heading_deg * DEG)
         self._plant.write(
             TrackCommand(t_s=imu.t_s, left_m_s=speed + turn, right_m_s=speed - turn),
@@ -167,22 +184,36 @@ class _Ride:
             moments=tuple(self._moments),
         )
 
-    def _sequencer(self, truth: Truth) -> Crest:
-        if self._crest is None:
-            ahead_m = (self._last_m - truth.x_m) / math.cos(truth.heading_rad) + self._case.nosing_error_m
-            belief = CrestConfig(chair=self._chair, payload_kg=self._case.payload_kg, com_error_m=self._case.com_error_m)
-            self._crest = Crest(belief, ahead_m)
-        return self._crest
+    def _sequence(self, truth: Truth) -> Crest | Edge:
+        """Return the sequencer; at the first tick truth and the case's errors make what it believes."""
+        if self._sequencer is None:
+            case = self._case
+            load: Any = {"chair": self._chair, "payload_kg": case.payload_kg, "com_error_m": case.com_error_m}
+            if case.direction == "up":
+                ahead_m = (self._nosing_m - truth.x_m) / math.cos(truth.heading_rad)
+                self._sequencer = Crest(CrestConfig(**load), ahead_m + case.nosing_error_m)
+            else:
+                behind_m = (truth.x_m - self._nosing_m) / (math.cos(self._slope_rad) * math.cos(truth.heading_rad))
+                belief = EdgeConfig(**load, **({} if case.keep_m is None else {"keep_m": case.keep_m}))
+                slope_rad = self._slope_rad + case.slope_error_deg * DEG
+                self._sequencer = Edge(belief, behind_m - case.nosing_error_m, slope_rad)
+        return self._sequencer
 
     def _is_across(self) -> bool:
         now = self._moments[-1]
         if now.command is not None:
             return now.command.stage == "done"
-        return now.truth.pitch_rad < LEVEL_RAD and now.truth.x_m - self._last_m > 0.25 * self._chair.tracks.flat_run_m
+        case = self._case
+        ahead_m = (now.truth.x_m - self._nosing_m) * (1.0 if case.direction == "up" else -1.0)
+        goes_level = (case.direction == "up") == (case.at == "top")
+        left_rad = now.truth.pitch_rad if goes_level else self._slope_rad - now.truth.pitch_rad
+        return left_rad < LEVEL_RAD and ahead_m > 0.25 * self._chair.tracks.flat_run_m
 
     def _fail(self, truth: Truth) -> None:
-        below_deg = self._case.motor_lost_below_deg
-        if below_deg is not None and not self._is_lost and truth.pitch_rad < below_deg * DEG:
+        lost_deg = self._case.motor_lost_at_deg
+        if lost_deg is None or self._is_lost:
+            return
+        if truth.pitch_rad < lost_deg * DEG if self._case.direction == "up" else truth.pitch_rad > lost_deg * DEG:
             self._plant.lose_arm_motor()
             self._is_lost = True
 

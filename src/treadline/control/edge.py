@@ -1,0 +1,224 @@
+"""Down over the edge, rearwards, on an arm: the front section stands on the landing and lifts the chair's front first.
+
+The crest run backwards (``control/crest.py``); sequence and figures are ours, see
+docs/decisions/0013-the-front-section-is-an-arm.md. ``ImuSample, ArmReading, TrackReading -> EdgeCommand``.
+
+Without an arm a chair whose centre of mass is backed over the edge falls onto the flight. With it, five stages: back to
+the edge; stand still and press the tip on the landing; lift the front until the belts point down the flight, centre of
+mass still on the landing's side of the nosing; back on until the belts lie; stow the arm. What the tip carries tells
+where the centre of mass is: the belts keep it where the arm can still lower the chair onto the landing again.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from treadline.angles import DEG
+from treadline.control.arm import SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
+from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
+
+Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
+
+LIFTED_RAD = 1.0 * DEG
+"""Of pitch on the landing: the tip carries, however little it weighs."""
+CLOSE_RAD = 0.5 * DEG
+"""To the pitch it is lifted to."""
+SUNK_RAD = 4.0 * DEG
+"""Below the pitch it was lifted to: the arm has given way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeConfig(Loading):
+    """The chair, what is believed of its load, and the pace."""
+
+    cruise_m_s: float = 0.2
+    edge_m_s: float = 0.1
+    slow_within_m: float = 0.5
+    """Of the place where the tip is pressed down."""
+    early_m: float = 0.25
+    """Before the chair stands where it can be lifted all the way: 15 cm too late and 10 cm of centre of mass are borne."""
+    keep_m: float = 0.05
+    """Of the centre of mass on the landing's side of the nosing, once the front is lifted."""
+    keep_per_s: float = 1.0
+    """Belt speed per metre that is wrong of it."""
+    lift_m_s: float = 0.08
+    reach_rad_s: float = 12.0 * DEG
+    lift_rad_s: float = 9.0 * DEG
+    lift_rad_s2: float = 20.0 * DEG
+    soften_per_s: float = 2.0
+    """Lead per angle that is left."""
+    trim_per_s: float = 2.0
+    """Arm rate per angle by which the pitch is behind its lead."""
+    behind_rad: float = 1.0 * DEG
+    """A lead never runs further ahead of the pitch."""
+    steeper_rad: float = 0.5 * DEG
+    """Than the slope the front is lifted: a chair lifted too little falls the rest, and that is 3 m/s² from 2.5° on."""
+    patience_s: float = 8.0
+    """For one more degree: a motor that is too weak, or dead, gets no further."""
+    spare_rad: float = 3.0 * DEG
+    """Of the arm's range."""
+    settle_m_s: float = 0.05
+    let_go_m: float = 0.15
+    """Of the centre of mass past the nosing: 10 cm of error leave 5."""
+    stow_rad_s: float = 20.0 * DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeCommand:
+    """What the edge asks of belts and arm."""
+
+    t_s: float
+    stage: Stage
+    speed_m_s: float
+    """Of both belts; negative backs down."""
+    arm: ArmCommand
+    tip_n: float
+    """Load on the arm's tip, as the torque tells it."""
+
+
+class Edge:
+    """Sequencer of one way down over the edge, facing up.
+
+    Args:
+        nosing_behind_m: Of the landing's nosing behind mid-track along the belts, at the first step; from the stair map.
+        slope_rad: Of the flight; from the stair map.
+    """
+
+    def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
+        self._config = config
+        self._geometry = geometry_of(config.chair)
+        self._tip = Tip(config)
+        arm = arm_of(config.chair)
+        self._rate = ArmRate(arm)
+        self._max_rate_rad_s = arm.max_rate_deg_s * DEG
+        self._lowest_rad = arm.range_deg[0] * DEG
+        self._slope_rad = slope_rad
+        self._stage: Stage = "approach"
+        self._behind_m = nosing_behind_m
+        self._press_from_m = config.early_m - plumb(config, slope_rad)
+        self._t_s: float | None = None
+        self._lead_rad = self._lead_rad_s = 0.0
+        self._highest_rad = self._waited_s = 0.0
+
+    def nosing_seen(self, behind_m: float) -> None:
+        """Take a better place of the nosing, as long as no contact tells it."""
+        if self._stage == "approach":
+            self._behind_m = behind_m
+
+    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> EdgeCommand:
+        """Answer one tick's readings."""
+        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
+        self._t_s = imu.t_s
+        speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
+        self._behind_m += speed * dt_s
+        pitch = pitch_of(imu)
+        self._tip.step(pitch, arm, dt_s)
+        self._sequence(pitch)
+        belts, rate = self._act(pitch, arm, speed, dt_s)
+        return EdgeCommand(
+            t_s=imu.t_s,
+            stage=self._stage,
+            speed_m_s=belts,
+            arm=ArmCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
+            tip_n=self._tip.load_n,
+        )
+
+    @property
+    def _past_m(self) -> float:
+        return self._geometry.pivot_m + self._behind_m
+
+    @property
+    def _lifted_rad(self) -> float:
+        return self._slope_rad + self._config.steeper_rad
+
+    def _begin(self, stage: Stage, pitch: float) -> None:
+        """Begin to turn the chair, from where it is."""
+        self._stage = stage
+        self._lead_rad, self._lead_rad_s = pitch, 0.0
+        self._highest_rad, self._waited_s = pitch, 0.0
+
+    def _sequence(self, pitch: float) -> None:
+        config = self._config
+        match self._stage:
+            case "approach" if self._behind_m < self._press_from_m:
+                self._stage = "press"
+            case "press" if self._tip.carries or pitch > LIFTED_RAD:
+                self._begin("lift", pitch)
+            case "lift" if pitch > self._lifted_rad - CLOSE_RAD:
+                self._stage = "settle"
+            case "lift" if self._waited_s > config.patience_s:
+                self._begin("lower", pitch)
+            case "settle" if pitch < self._lifted_rad - SUNK_RAD:
+                self._begin("lift", pitch)
+            case "lower" if pitch < LIFTED_RAD:
+                self._stage = "barred"
+            case "settle" if plumb(config, self._slope_rad) + self._behind_m < -config.let_go_m:
+                self._stage = "leave"
+            case "leave" if self._past_m < 0.0:
+                self._stage = "done"
+            case _:
+                pass
+
+    def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
+        """Return belt speed and arm rate."""
+        config = self._config
+        match self._stage:
+            case "approach":
+                is_near = self._behind_m < self._press_from_m + config.slow_within_m
+                return -(config.edge_m_s if is_near else config.cruise_m_s), (2.0 * (5.0 * DEG - arm.angle_rad) if is_near else 0.0)
+            case "press":
+                return 0.0, -config.reach_rad_s
+            case "lift":
+                return self._balance(pitch), self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+            case "settle":
+                return -config.settle_m_s, self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+            case "lower":
+                return max(self._balance(pitch), 0.0), self._turn(-LIFTED_RAD, pitch, arm, speed, dt_s)
+            case "barred":
+                return 0.0, min(2.0 * (self._rest_rad - arm.angle_rad), config.stow_rad_s)
+            case _:
+                return -config.edge_m_s, min(2.0 * (self._rest_rad - arm.angle_rad), config.stow_rad_s)
+
+    def _balance(self, pitch: float) -> float:
+        """Return the belt speed that keeps the centre of mass where the whole lift leaves it before the nosing."""
+        config = self._config
+        reach = self._geometry.reach(pitch, self._past_m)
+        before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
+        left_over = before + plumb(config, self._slope_rad) - plumb(config, pitch)
+        speed = config.keep_per_s * (config.keep_m - left_over)
+        highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
+        return min(max(speed, -config.lift_m_s), highest)
+
+    def _turn(self, target: float, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
+        """Return the arm rate that leads the pitch to a target, tip on the landing."""
+        config = self._config
+        self._refine(pitch, arm, dt_s)
+        self._watch(pitch, dt_s)
+        per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
+        to_go = target - self._lead_rad
+        fastest = min(config.lift_rad_s, config.soften_per_s * abs(to_go), 0.9 * self._max_rate_rad_s / -per_pitch)
+        has_range = pitch + self._geometry.depression(pitch, self._past_m) < -self._lowest_rad - config.spare_rad
+        if to_go > 0.0 and not has_range:
+            fastest = 0.0
+        self._lead_rad_s = min(self._lead_rad_s + config.lift_rad_s2 * dt_s, fastest)
+        lead_rad_s = math.copysign(self._lead_rad_s, to_go)
+        lead_rad = self._lead_rad + lead_rad_s * dt_s
+        self._lead_rad = min(max(lead_rad, pitch - config.behind_rad), pitch + config.behind_rad)
+        trim = config.trim_per_s * (self._lead_rad - pitch)
+        return per_pitch * (lead_rad_s + trim) + per_metre * speed
+
+    def _refine(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+        """Let the arm's angle tell where the nosing is: belts on it, tip on the landing."""
+        if pitch > SMALL_RAD and self._tip.load_n > UNLOADED_N:
+            seen = self._geometry.past(pitch, arm.angle_rad) - self._geometry.pivot_m
+            self._behind_m += (seen - self._behind_m) * (1.0 - math.exp(-dt_s / 0.2))
+
+    def _watch(self, pitch: float, dt_s: float) -> None:
+        """Count how long the pitch has not grown by a degree."""
+        self._waited_s += dt_s
+        if pitch > self._highest_rad + LIFTED_RAD:
+            self._highest_rad, self._waited_s = pitch, 0.0
+
+    @property
+    def _rest_rad(self) -> float:
+        return self._config.chair.tracks.approach_angle_deg * DEG
