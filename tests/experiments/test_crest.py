@@ -35,7 +35,7 @@ def test_it_bears_what_the_chair_believes_wrongly(case: CrestCase) -> None:
 
 
 def test_a_motor_that_dies_half_way_lets_the_chair_down_on_its_brake() -> None:
-    assert_gentle(cross(CrestCase(payload_kg=110.0, motor_lost_below_deg=14.0)), WITH_ERRORS_DEG_S)
+    assert_gentle(cross(CrestCase(payload_kg=110.0, motor_lost_at_deg=14.0)), WITH_ERRORS_DEG_S)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_motor_that_dies_half_way_lets_the_chair_down_on_its_brake() -> None:
         CrestCase(chair="wheelchair-fixed", duration_s=16.0),
         CrestCase(torque_n_m=40.0, duration_s=18.0),
         CrestCase(range_deg=(-45.0, 60.0), com_error_m=-0.10, duration_s=18.0),
-        CrestCase(motor_lost_below_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=18.0),
+        CrestCase(motor_lost_at_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=18.0),
     ],
     ids=["no arm", "40 N·m", "-45 degrees, centre of mass believed too far back", "dead motor without a brake"],
 )
