@@ -155,6 +155,20 @@ def test_a_refusal_is_no_measurement(view) -> None:
     assert seen.heading_rad == ROBUST.look(frame, down).heading_rad
 
 
+def test_a_mission_sees_heading_and_map_at_once_and_makes_the_map_only_when_asked(view) -> None:
+    frame, down = view(7, 0.1, STAIR)
+    seen = ROBUST.see(frame, down)
+    assert seen.measurement == ROBUST.step(frame, down)
+    assert "map" not in ROBUST.timings
+    assert ROBUST.see(frame, down).stair_map is not None
+    assert "map" in ROBUST.timings
+    assert seen.stair_map is seen.stair_map is not None
+    empty = ROBUST.see(replace(frame, depth_m=np.full_like(frame.depth_m, np.nan)), down)
+    assert empty.measurement is empty.stair_map is None
+    other_size = ROBUST.see(replace(frame, rgb=frame.rgb[::2, ::2], depth_m=frame.depth_m[::2, ::2]), down)
+    assert other_size.measurement is other_size.stair_map is None
+
+
 def test_the_same_frame_gets_the_same_answer(view) -> None:
     frame, down = view(8, 0.1, STAIR)
     first = ROBUST.look(frame, down)

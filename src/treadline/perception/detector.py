@@ -1,6 +1,7 @@
 """The block: a frame in, a heading out, or nothing.
 
-``RgbdFrame -> HeadingMeasurement | None``; ``look`` gives the whole answer, with the reason of a refusal.
+``RgbdFrame -> HeadingMeasurement | None``; ``see`` gives the map of the stair as well, ``look`` the whole answer, with the
+reason of a refusal.
 """
 
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import look_robust
 from treadline.perception.sight import Sight
 from treadline.perception.stopwatch import Stopwatch
-from treadline.signals import HeadingMeasurement, RgbdFrame
+from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap
 
 PAPER_SIGMA_RAD = 2.0 * DEG
 """Declared uncertainty of Algorithm 1: the printed method has none, its RMSE on frames it does not fail on is 2.2°."""
@@ -29,13 +30,27 @@ class DetectorConfig:
     paper: PaperConfig = field(default_factory=PaperConfig)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Seen:
+    """What one frame says to a mission."""
+
+    measurement: HeadingMeasurement | None
+    sight: Sight | None
+    """The whole answer; None for a frame that cannot be looked at."""
+
+    @property
+    def stair_map(self) -> StairMap | None:
+        """The stair where the camera looks, made when it is first asked for; None without a heading."""
+        return None if self.sight is None else self.sight.stair_map
+
+
 class StairDetector:
     """Looks at one frame at a time and remembers nothing but how long it took."""
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config or DetectorConfig()
         self.timings: dict[str, float] = {}
-        """Milliseconds by stage of the last look; the robust method's only."""
+        """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
     def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
         """Return the heading seen in a frame, or None.
@@ -43,15 +58,15 @@ class StairDetector:
         Args:
             gravity_C: Unit vector that points down, in the camera's frame; without it the robust method takes it from the treads.
         """
+        return self.see(frame, gravity_C).measurement
+
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Seen:
+        """Return heading and map of one frame."""
         try:
             sight = self.look(frame, gravity_C)
         except ImageError:
-            return None  # a frame that cannot be looked at says nothing; the guard sees that nothing comes
-        if sight.heading_rad is None or sight.sigma_rad is None:
-            return None
-        return HeadingMeasurement(
-            t_s=frame.t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count
-        )
+            return Seen(measurement=None, sight=None)  # a frame that cannot be looked at says nothing; the guard sees that
+        return Seen(measurement=_measured(frame.t_s, sight), sight=sight)
 
     def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
         """Return all that a frame says; ``stages`` asks the paper's method for its pictures.
@@ -71,3 +86,9 @@ class StairDetector:
             self.timings = watch.laps_ms
             return look_robust(frame, gravity_C, watch)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
+
+
+def _measured(t_s: float, sight: Sight) -> HeadingMeasurement | None:
+    if sight.heading_rad is None or sight.sigma_rad is None:
+        return None
+    return HeadingMeasurement(t_s=t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count)

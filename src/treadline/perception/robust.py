@@ -7,6 +7,7 @@ shelves and tables do not. Without gravity the treads tell down, and more of a s
 """
 
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -22,7 +23,7 @@ from treadline.perception.planes import Blocks, Surface, surface_blocks
 from treadline.perception.sight import Parts, Sight, StairShape, refused
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
-from treadline.signals import RgbdFrame
+from treadline.signals import RgbdFrame, StairMap
 
 HALF = 0.5
 """Of the image, below which it is for want of depth that no plane is found."""
@@ -102,12 +103,12 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
         return refused(seen)
     fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing))
     watch.lap("direction")
-    sight = _answer(frame, blocks, seen, fit, down)
+    sight = _answer(frame, blocks, seen, fit, down, watch)
     watch.lap("geometry")
     return sight
 
 
-def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: _Down) -> Sight:
+def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: _Down, watch: Stopwatch) -> Sight:
     R_BC = frame.camera.R_BC
     # To the chair's right, which is the image's left where the camera looks back.
     edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
@@ -138,9 +139,16 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
         stages=None,
         planes_against_lines_rad=None if apart is None else apart[0],
         axes=directions_of(frame.t_s, seen.nosings, tilted, shape, edge, sigma),
-        stair_map=map_of(frame, blocks, seen.nosings, axes, shape),
         parts=Parts(risers=tuple(seen.risers), treads=tuple(seen.treads), flight=tuple(seen.nosings), blocks=blocks),
+        draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, watch)),
     )
+
+
+def _drawn_map(frame: RgbdFrame, blocks: Blocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch) -> StairMap:
+    watch.resume()
+    stair_map = map_of(frame, blocks, seen.nosings, axes, shape)
+    watch.lap("map")
+    return stair_map
 
 
 def _doubt(

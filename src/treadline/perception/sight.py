@@ -1,5 +1,6 @@
 """What one frame says: a heading with its uncertainty, or a reason why not."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,8 +62,14 @@ class Sight:
     planes_against_lines_rad: float | None = None
     """The edges' angle about the vertical by risers less that by lines; None unless both are seen."""
     axes: StairAxes | None = None
-    stair_map: StairMap | None = None
     parts: Parts | None = None
+    draw_map: Callable[[], StairMap] | None = None
+    """Makes the map at its first call."""
+
+    @property
+    def stair_map(self) -> StairMap | None:
+        """What lies ahead, made when it is first asked for: who wants the heading alone need not wait for it."""
+        return None if self.draw_map is None else self.draw_map()
 
 
 def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> Sight:

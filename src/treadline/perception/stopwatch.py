@@ -11,6 +11,10 @@ class Stopwatch:
         """Milliseconds by stage, in the order in which the stages first ended."""
         self._last_s = time.perf_counter()
 
+    def resume(self) -> None:
+        """Start the next stage now: what went before it belongs to none."""
+        self._last_s = time.perf_counter()
+
     def lap(self, stage: str) -> None:
         """End a stage."""
         now_s = time.perf_counter()
