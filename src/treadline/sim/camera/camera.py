@@ -1,5 +1,6 @@
 """An RGB-D camera without GL: exact depth by casting rays on boxes, colour and the sensor's errors on top."""
 
+import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -119,28 +120,41 @@ class Camera:
         self.calibration = calibration
         self._told = told or calibration
         self._sensor = SENSORS.get(kind)
-        self._patterns = np.array([TEXTURES.index(solid.texture or texture) for solid in solids])
+        self._texture = texture
         self._light = light
         self._blur_px = blur_px
         self._holes = holes
-        self._shadows = np.array([[*band.normal_W, band.level_m, band.half_m] for band in shadows]).reshape(-1, 5)
+        self._shadows = _bands(shadows)
         self._puddles = np.array([[*pool.centre_W, *pool.half_m] for pool in puddles]).reshape(-1, 5)
         self._rng = rng
-        self._centres = np.array([solid.centre_W for solid in solids])
-        self._halves = np.array([solid.half_m for solid in solids])
-        self._turns = np.array([solid.R_WK for solid in solids])
-        colours = {"wall": WALL_COLOUR, "floor": FLOOR_COLOUR}
-        self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[texture]) for solid in solids])
-        # Near infrared: what is dark to the eye is less so to the sensor.
-        self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
-        self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
-        self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         # Drawn once; each frame reads its streams from places of its own. Fresh numbers would cost as much as the rest.
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
         self._depth_normal = alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
+        self._face(solids)
+
+    def facing(self, things: Sequence[Solid], shadows: Sequence[Shadow] = ()) -> "Camera":
+        """Return this camera in front of more things; both take their random numbers from the same stream."""
+        other = copy.copy(self)
+        other._face((*self._solids, *things))  # noqa: SLF001 - its own copy
+        other._shadows = np.concatenate([self._shadows, _bands(shadows)])  # noqa: SLF001 - as above
+        return other
+
+    def _face(self, solids: Sequence[Solid]) -> None:
+        """Lay the scene out in arrays, as the compiled loops take it."""
+        self._solids = tuple(solids)
+        self._patterns = np.array([TEXTURES.index(solid.texture or self._texture) for solid in solids])
+        self._centres = np.array([solid.centre_W for solid in solids])
+        self._halves = np.array([solid.half_m for solid in solids])
+        self._turns = np.array([solid.R_WK for solid in solids])
+        colours = {"wall": WALL_COLOUR, "floor": FLOOR_COLOUR}
+        self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[self._texture]) for solid in solids])
+        # Near infrared: what is dark to the eye is less so to the sensor.
+        self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
+        self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
+        self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
@@ -296,6 +310,10 @@ class Camera:
             measured,
         )
         return measured
+
+
+def _bands(shadows: Sequence[Shadow]) -> Float[np.ndarray, "n 5"]:
+    return np.array([[*band.normal_W, band.level_m, band.half_m] for band in shadows]).reshape(-1, 5)
 
 
 def _shades(solid: Solid) -> Float[np.ndarray, " 6"]:

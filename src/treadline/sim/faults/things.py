@@ -1,0 +1,94 @@
+"""Things that come to stand in a chair's way or to lie in its view.
+
+``way`` is +1 for a chair that drives forwards and -1 for one that backs: the side that its camera looks to.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_z
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.staircase import Staircase
+from treadline.sim.camera.solids import Shadow, Solid, beam
+from treadline.sim.camera.truth import SWEPT_HEIGHT_M
+
+BOX_M = (0.25, 0.45, 0.5)
+"""Depth, width and height of the obstacle: a suitcase, or a child who sits."""
+BOX_COLOUR = (150.0, 40.0, 38.0)
+GRAIN_M = 0.02
+"""Between the points of the box that are asked whether the chair would sweep them."""
+BAR_M = (1.1, 0.04, 0.04)
+"""Length, width and height of the false edge: a broomstick, a rail left lying, the rim of a mat."""
+BAR_COLOUR = (200.0, 198.0, 190.0)
+SHADOW_ASIDE_M, SHADOW_HALF_M = 0.06, 0.03
+BAR_LEAST_M, BAR_MOST_M = 0.6, 2.0
+"""Where a bar may lie along the camera's axis; further away it would be no edge among others."""
+
+
+def leading_end_m(chair: ChairDescription, way: int) -> float:
+    """Return how far the tracks reach from B, the arm at rest."""
+    return chair.tracks.pulley_radius_m + (chair.nose_m[0] if way > 0 else 0.5 * chair.tracks.flat_run_m)
+
+
+def box_ahead(
+    staircase: Staircase,
+    chair: ChairDescription,
+    R_WB: Float[np.ndarray, "3 3"],
+    p_WB: Float[np.ndarray, " 3"],
+    ahead_m: float,
+    way: int,
+) -> Solid:
+    """Return a box on tread or floor, its face towards the chair ``ahead_m`` from the leading end along the belts."""
+    near = p_WB + way * (leading_end_m(chair, way) + ahead_m) * R_WB[:, 0]
+    yaw = math.atan2(way * R_WB[1, 0], way * R_WB[0, 0])
+    half = 0.5 * np.array(BOX_M)
+    far = near + rotation_z(yaw)[:, 0] * BOX_M[0]
+    centre = 0.5 * (near + far)
+    centre[2] = min(_ground_m(staircase, float(near[0])), _ground_m(staircase, float(far[0]))) + half[2]
+    return Solid(kind="bag", centre_W=centre, half_m=half, R_WK=rotation_z(yaw), colour=BOX_COLOUR, texture="dark")
+
+
+def distance_m(
+    box: Solid, chair: ChairDescription, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], way: int
+) -> float | None:
+    """Return how far from B along x the nearest of a box is that the chair would sweep; None if it would sweep none of it."""
+    axes = [np.linspace(-half, half, round(2.0 * half / GRAIN_M) + 1) for half in box.half_m]
+    points_K = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    x, y, z = ((box.centre_W + points_K @ box.R_WK.T - p_WB) @ R_WB).T
+    swept = (np.abs(y) <= 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)) & (way * x > 0.0)
+    swept &= (z >= SWEPT_HEIGHT_M[0]) & (z <= SWEPT_HEIGHT_M[1])
+    return float((way * x[swept]).min()) if swept.any() else None
+
+
+def bar_in_view(
+    staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], askew_rad: float
+) -> tuple[Solid, Shadow]:
+    """Return a bar on the nosings where the camera looks, turned to the left by ``askew_rad``, and a shadow along it."""
+    R_WS = staircase.R_WS
+    along = R_WS @ np.array([-math.sin(askew_rad), math.cos(askew_rad), 0.0])
+    across = R_WS @ np.array([math.cos(askew_rad), math.sin(askew_rad), 0.0])
+    centre = _looked_at(staircase, R_WC, p_WC) + 0.5 * BAR_M[2] * R_WS[:, 2]
+    reach = 0.5 * BAR_M[0] * along
+    bar = beam("rail", centre - reach, centre + reach, BAR_M[1:], colour=BAR_COLOUR)
+    shadow = Shadow(
+        normal_W=(float(across[0]), float(across[1]), float(across[2])),
+        level_m=float(across @ centre) - SHADOW_ASIDE_M,
+        half_m=SHADOW_HALF_M,
+    )
+    return bar, shadow
+
+
+def _looked_at(staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """Return where the camera's axis meets the plane of the nosings, on the flight."""
+    p_SC, axis_S = staircase.R_WS.T @ (p_WC - staircase.p_WS), staircase.R_WS.T @ R_WC[:, 2]
+    depth = -p_SC[2] / axis_S[2] if axis_S[2] < 0.0 else BAR_MOST_M
+    p_S = p_SC + min(max(depth, BAR_LEAST_M), BAR_MOST_M) * axis_S
+    length = staircase.pitch_m * (len(staircase.steps) - 1)
+    return np.asarray(staircase.p_WS + staircase.R_WS @ np.array([min(max(p_S[0], 0.0), length), p_S[1], 0.0]))
+
+
+def _ground_m(staircase: Staircase, x_m: float) -> float:
+    """Return the height of what one stands on at ``x_m``."""
+    return max((step.z_m for step in staircase.steps if step.x_m <= x_m and not step.missing), default=0.0)
