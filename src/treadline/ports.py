@@ -56,7 +56,7 @@ class Truth:
     """Belt speed as run, actuator lag and mismatch included."""
     right_m_s: float
     stability_margin_rad: float
-    """Smallest static tipping margin of the whole, at this attitude."""
+    """Smallest static tipping margin of the whole, at this attitude, on the nosings, floors and tips that it touches now."""
     friction_use: float
     """Share of the friction circle needed to hold this heading on this slope; 1 slides."""
 

@@ -249,16 +249,18 @@ class Plan:
     t_s: float
     phase: Phase
     speed_m_s: float
-    """Of both belts; negative backs down."""
+    """Mean of the belts; negative backs down."""
+    turn_m_s: float | None = None
+    """Half the belts' difference, right less left; None leaves steering to the heading controller."""
     heading_rad: float = 0.0
-    """To steer to."""
-    stand: bool = False
-    """Belts at rest now, whatever the driver said last."""
+    """What the heading controller steers to."""
     arm: ArmCommand | None = None
     needs_stair: bool = True
     """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""
     cause: str = ""
     """Why this phase began: what was seen, with its number."""
+    hold: str | None = None
+    """Why the chair must stop for good, where the plan knows no further; the guard latches it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,5 +274,7 @@ class Event:
     """What was seen, with its number."""
 
 
-Reading = RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | OperatorInput
-"""What a plant can hand over; ``HeadingMeasurement`` and ``StairMap`` come from a camera that measures them itself."""
+Reading = (
+    RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | FrameQuality | OperatorInput
+)
+"""What a plant can hand over; a camera that looks for itself gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""

@@ -74,7 +74,7 @@ def test_the_margin_downhill_is_the_plumb_lines(slope: float, payload: float) ->
 def test_the_margin_is_zero_exactly_when_the_plumb_line_meets_the_edge(
     point: tuple[float, float], pitch: float, roll: float, height: float, edge: str
 ) -> None:
-    support = Support(half_length_m=0.3, half_width_m=0.35)
+    support = Support(front_m=0.3, rear_m=0.3, left_m=0.35, right_m=0.35)
     x, y = point
     foot = {"uphill": (0.3, y, 0.0), "downhill": (-0.3, y, 0.0), "left": (x, 0.35, 0.0), "right": (x, -0.35, 0.0)}[edge]
     outwards = {"uphill": (1, 0, 0), "downhill": (-1, 0, 0), "left": (0, 1, 0), "right": (0, -1, 0)}[edge]
@@ -165,8 +165,8 @@ def test_the_support_lies_within_the_nosings_touched_at_every_phase(pitch: float
     touched = np.arange(-half + phase, half, pitch)
     support = worst_support(CHAIR, pitch)
     # Nowhere less, and (below) as little at the worst phase of either end.
-    assert touched[0] <= -support.half_length_m + 1e-12
-    assert touched[-1] >= support.half_length_m - 1e-12
+    assert touched[0] <= -support.front_m + 1e-12
+    assert touched[-1] >= support.front_m - 1e-12
 
 
 @given(angle=st.floats(-40.0 * DEG, 40.0 * DEG), payload=st.floats(0.0, 150.0), shift=st.floats(-0.3, 0.3))

@@ -2,6 +2,7 @@
 
 Turning on a stair slides the chair downhill unless both belts keep pulling up. ``climb-safe`` keeps the slower belt at
 half the climb speed at least and the faster at its limit at most: steering decides, the common speed follows.
+``back_safe`` backs down: no belt may run uphill while the other lets down, and none may let down faster than twice the pace.
 ``paper`` only clips, as the paper's "do not exceed the maximum speed" asks.
 """
 
@@ -42,3 +43,10 @@ def climb_safe(asked: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.n
     half = float(np.clip(0.5 * (asked[1] - asked[0]), -most, most))
     common = max(limits.climb_speed_m_s, abs(half) + limits.slowest_m_s)
     return np.array([common - half, common + half])
+
+
+def back_safe(asked: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
+    """Return belt speeds (left, right) [m/s] for backing down at the climb speed, steering as far as both belts let down."""
+    most = limits.climb_speed_m_s - limits.slowest_m_s
+    half = float(np.clip(0.5 * (asked[1] - asked[0]), -most, most))
+    return np.array([-limits.climb_speed_m_s - half, -limits.climb_speed_m_s + half])

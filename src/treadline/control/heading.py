@@ -1,6 +1,7 @@
-"""The heading controller: the estimate in, belt speeds out, once per period.
+"""The heading controller: the estimate and the plan in, belt speeds out, once per period.
 
-Paper: Section V, Eq. (11). ``HeadingEstimate -> TrackCommand``.
+Paper: Section V, Eq. (11). ``HeadingEstimate, Plan -> TrackCommand``. The plan says how fast (backing down is negative) and
+which heading; without one it is the configured climb speed and zero.
 """
 
 import math
@@ -10,14 +11,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import BeltLimits, climb_safe, clipped
+from treadline.control.allocate import BeltLimits, back_safe, climb_safe, clipped
 from treadline.control.lqr import closed_loop_poles
 from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT
 from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign
-from treadline.signals import HeadingEstimate, TrackCommand
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
 
 FASTEST_TURN_RAD_S = 35.0
 """Full scale of the gyro, 2000 °/s: ten times what the tracks can do (Table I: 3.07 rad/s)."""
@@ -51,7 +52,6 @@ class HeadingController:
         model = design.model
         self._design = design
         self._config = config
-        self._limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
         self._observer = Observer(model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
         self._inverse = None
         if (config.reconstruct or design.reconstruct) == "static":
@@ -66,23 +66,31 @@ class HeadingController:
         """Time between calls."""
         return self._config.period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
         """Answer one estimate; without a usable one, stand still."""
         if estimate is None or not usable(estimate):
             # The state is seen again in one period; what the belts' mismatch is took many.
             self._last = None
             return TrackCommand.stop(t_s)
-        y = np.array([estimate.heading_rad, estimate.heading_rate_rad_s])
-        asked = self._asked(y)
-        given = (climb_safe if self._config.allocation == "climb-safe" else clipped)(asked, self._limits)
+        speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
+        target = 0.0 if plan is None else plan.heading_rad
+        y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
+        asked = self._asked(y, speed)
+        given = self._allocated(asked, speed)
         limited = abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9
         self._last = (given, y, limited)
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
 
-    def _asked(self, y: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " 2"]:
+    def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float) -> Float[np.ndarray, " 2"]:
+        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s)
+        if speed_m_s < 0.0:
+            return back_safe(asked, limits)
+        return (climb_safe if self._config.allocation == "climb-safe" else clipped)(asked, limits)
+
+    def _asked(self, y: Float[np.ndarray, " 2"], speed_m_s: float) -> Float[np.ndarray, " 2"]:
         model = self._design.model
-        # The climb speed is the operator's, not that of the day the model was identified.
-        centre = np.full(model.B.shape[1], self._config.climb_speed_m_s)
+        # The speed is the plan's, not that of the day the model was identified.
+        centre = np.full(model.B.shape[1], speed_m_s)
         if self._inverse is not None:
             return np.asarray(centre - self._design.K @ (self._inverse @ (y - model.output_offset)))
         if self._last is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from treadline.angles import DEG, rotation_of, wrap
 from treadline.estimation.aberration import AberrationRule
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample
+from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared uncertainty: the method gives none of its own."""
@@ -44,12 +44,18 @@ class OffsetEstimator:
         self._yaws: deque[tuple[float, float]] = deque()
         self.rejected_count = 0
 
-    def step(self, signal: ImuSample | HeadingMeasurement) -> HeadingEstimate | None:
-        """Take one signal; return the heading now, or None before the first heading."""
-        if isinstance(signal, ImuSample):
-            self._feel(signal)
-        else:
-            self._see(signal)
+    health: None = None
+    """The paper's rule watches nothing."""
+
+    def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
+        """Take one signal; return the heading now, or None before the first heading. Belts tell it nothing."""
+        match signal:
+            case ImuSample():
+                self._feel(signal)
+            case HeadingMeasurement():
+                self._see(signal)
+            case _:
+                pass
         if self._offset is None or self._yaw is None or self._t_s is None:
             return None
         return HeadingEstimate(

@@ -12,7 +12,7 @@ from treadline.experiments.traverse import Sink, Traverse, Watch, traverse
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.models import InputOutputRecord
 from treadline.scenario import Scenario
-from treadline.signals import HeadingEstimate, TrackCommand
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
 INPUTS = ("left_m_s", "right_m_s")
@@ -34,8 +34,9 @@ class ExcitationDriver:
         """Time between samples."""
         return self._period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
         """Return the next random speeds; outputs are read before they act."""
+        del plan
         heading = 0.0 if estimate is None else estimate.heading_rad
         left, right = self._excitation.step(heading)
         if estimate is not None:

@@ -60,13 +60,22 @@ class Scores:
     min_stability_margin_deg: float
     max_friction_use: float
     """Largest share of the friction circle that holding the heading took; 1 slides."""
+    aligned_s: float | None
+    """When the chair was square to the stair and went for it; None if it never was, or began on the flight."""
+    aligned_rms_heading_deg: float | None
+    """From then on."""
+    aligned_max_heading_deg: float | None
+    phases: tuple[tuple[float, str], ...]
+    """When each phase began."""
 
 
-def score(trace: Trace) -> Scores:
-    """Return the figures of a run."""
+def score(trace: Trace, phases: tuple[tuple[float, str], ...] = ()) -> Scores:
+    """Return the figures of a run; the phases are the mission's own word."""
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]
+    aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
+    aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
         duration_s=float(t[-1]),
         rms_heading_deg=rms(heading) / DEG,
@@ -83,6 +92,10 @@ def score(trace: Trace) -> Scores:
         max_pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
         min_stability_margin_deg=float(trace["stability_margin_rad"].min()) / DEG,
         max_friction_use=float(trace["friction_use"].max()),
+        aligned_s=aligned_s,
+        aligned_rms_heading_deg=rms(aligned) / DEG if aligned.size else None,
+        aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
+        phases=phases,
     )
 
 

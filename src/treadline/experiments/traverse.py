@@ -12,21 +12,26 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.errors import SettingsError, SimulationDiverged
+from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
 from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks
 from treadline.mission.drivers import Driver
 from treadline.mission.loop import Mission, Signal, Tick
+from treadline.mission.planner import Cruise
 from treadline.mission.rates import TICK_S
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import Event
+from treadline.signals import Event, Plan
 from treadline.sim import open_plant
 
 FALLEN_RAD = 25.0 * DEG
-"""Pitch away from the stair's slope, or roll, at which the chair counts as fallen."""
+"""Pitch beyond the stair's slope or below level, or roll, at which the chair counts as fallen."""
+LEVEL_RAD = 4.0 * DEG
+SEAT_SHIFT_M = 0.10
+"""How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
 
 Sink = Callable[[Signal | Truth], None]
 """Takes all that happens in a run, truth included: a log."""
@@ -69,42 +74,67 @@ class _Ending:
         self._slope_rad = scenario.stair.slope_rad
         self._duration_s = scenario.drive.duration_s
         pitch_m = float(np.hypot(scenario.stair.rise_m, scenario.stair.run_m))
-        # The front pulley at the last nosing: crossing the crest is another manoeuvre.
-        self._end_x_m = (scenario.stair.steps - 1) * pitch_m - 0.5 * chair.tracks.flat_run_m
+        half_run_m = 0.5 * chair.tracks.flat_run_m
+        self._last_x_m = (scenario.stair.steps - 1) * pitch_m
+        # Where only the flight is driven, it ends with the front pulley at the last nosing.
+        self._end_x_m = self._last_x_m - half_run_m
+        self._is_up = scenario.drive.direction == "up"
 
-    def verdict(self, truth: Truth, holding: str | None) -> tuple[str, str | None] | None:
-        tilted = max(abs(truth.pitch_rad - self._slope_rad), abs(truth.roll_rad))
-        if tilted > FALLEN_RAD:
-            return "fell", f"tilted {tilted / DEG:.0f}° away from the stair at {truth.t_s:.2f} s"
+    def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
+        above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
+        if above > FALLEN_RAD:
+            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
         if holding is not None:
             return "held", holding
-        if truth.x_m >= self._end_x_m:
+        if plan.phase == "arrived":
+            if self._is_there(truth):
+                return "arrived", None
+            return "held", f"believed to have arrived at {truth.t_s:.2f} s, and has not"
+        if plan.phase == "refused":
+            return "refused", plan.cause
+        if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
             return "arrived", None
         if truth.t_s >= self._duration_s - 0.5 * TICK_S:
             return "time_up", None
         return None
 
+    def _is_there(self, truth: Truth) -> bool:
+        """Say whether the chair lies level, mid-track beyond the flight's last nosing."""
+        beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
+        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
+
 
 def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> MissionConfig:
     """Return what the operator would enter for this scenario: choices, files, and no truth."""
     chair = read_chair(scenario.chair.model)
-    if scenario.start.place != "flight":
-        raise SettingsError(
-            f"start.place is '{scenario.start.place}'; this version starts on the flight only: set place = \"flight\""
-        )
-    if scenario.drive.direction != "up":
-        raise SettingsError("drive.direction is 'down'; this version climbs only: set direction = \"up\"")
-    if scenario.fault:
-        raise SettingsError(f"fault.kind '{scenario.fault[0].kind}': this version injects no faults; remove [[fault]]")
     return MissionConfig(
         chair=chair,
         controller=controller,
+        direction=scenario.drive.direction,
+        payload_kg=scenario.chair.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
+
+
+def ready(scenario: Scenario, chair: ChairDescription) -> tuple[Scenario, str | None, str | None]:
+    """Return the scenario with the seat where it is wanted, why the traversal is refused, and what was done to the seat.
+
+    What ``treadline check`` says, before anything moves; only whole traversals ask for it.
+    """
+    report = check(scenario, chair)
+    if report.verdict == "go":
+        return scenario, None, None
+    shift_m = report.proposed_seat_shift_m
+    if shift_m is not None and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
+        moved = scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"seat_shift_m": shift_m})})
+        if check(moved, chair).verdict == "go":
+            was = scenario.chair.seat_shift_m
+            return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
+    return scenario, "; ".join(report.reasons), None
 
 
 def traverse(
@@ -115,57 +145,93 @@ def traverse(
     driver: Driver | None = None,
     sink: Sink | None = None,
     watch: Watch | None = None,
+    after_hold_s: float = 0.0,
 ) -> Traverse:
     """Return one run, driven by ``controller`` unless an experiment brings its own ``driver``.
 
+    Args:
+        after_hold_s: How long a held chair is watched before the run ends.
+
     Raises:
-        SettingsError: If the scenario asks for what this version cannot do.
+        SettingsError: If the scenario asks for what the chair cannot do.
     """
     config = mission_config(scenario, controller)
     blocks = build_blocks(config, driver)
-    plant = open_plant(scenario, seed)
-    truth: list[Truth] = []
-    estimates: list[float] = []
-    events: list[Event] = []
-
-    def log(signal: Signal) -> None:
-        if isinstance(signal, Event):
-            events.append(signal)
-        if sink is not None:
-            sink(signal)
-
+    ride = _Ride(scenario, seed, sink)
+    refusal = None
+    if not isinstance(blocks.planner, Cruise):
+        scenario, refusal, shifted = ready(scenario, config.chair)
+        if shifted is not None:
+            ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted))
+        if refusal is not None:
+            ride.log(Event(t_s=0.0, name="refused", cause=refusal))
+    plant: TruthPlant = open_plant(scenario, seed)
     started = time.process_time()
     ending = _Ending(scenario, config.chair)
+    over: tuple[str, str | None] | None = None if refusal is None else ("refused", refusal)
+    held_s = 0.0
     try:
-        mission = Mission(plant, blocks, log)
-        over: tuple[str, str | None] | None = None
-        while over is None:
+        mission = Mission(plant, blocks, ride.log)
+        if over is not None:
+            ride.collect(plant)
+        while over is None or (over[0] == "held" and held_s < after_hold_s):
             tick = mission.tick()
-            estimates.append(np.nan if tick.estimate is None else tick.estimate.heading_rad)
-            _collect(plant, truth, sink)
+            ride.note(tick, plant)
             if watch is not None:
                 watch(tick)
-            over = ending.verdict(truth[-1], blocks.guard.holding)
+            if over is not None:
+                held_s += TICK_S
+                continue
+            over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
     except SimulationDiverged as error:
         over = "diverged", str(error)
     finally:
         plant.close()
-    trace = Trace.of(truth)
-    return Traverse(
-        scenario=scenario,
-        seed=seed,
-        verdict=over[0],
-        cause=over[1],
-        scores=score(trace),
-        trace=trace,
-        estimate_rad=np.array(estimates),
-        events=tuple(events),
-        cpu_s=time.process_time() - started,
-    )
+    return ride.result(over, time.process_time() - started)
 
 
-def _collect(plant: TruthPlant, truth: list[Truth], sink: Sink | None) -> None:
-    for sample in plant.truth():
-        truth.append(sample)
-        if sink is not None:
-            sink(sample)
+class _Ride:
+    """What is kept of a run as it goes."""
+
+    def __init__(self, scenario: Scenario, seed: int, sink: Sink | None) -> None:
+        self._scenario, self._seed, self._sink = scenario, seed, sink
+        self.truth: list[Truth] = []
+        self._estimates: list[float] = []
+        self._phases: list[tuple[float, str]] = []
+        self._events: list[Event] = []
+
+    def log(self, signal: Signal) -> None:
+        """Take what the mission tells."""
+        if isinstance(signal, Event):
+            self._events.append(signal)
+        if self._sink is not None:
+            self._sink(signal)
+
+    def note(self, tick: Tick, plant: TruthPlant) -> None:
+        """Take one tick."""
+        self._estimates.append(np.nan if tick.estimate is None else tick.estimate.heading_rad)
+        if not self._phases or self._phases[-1][1] != tick.plan.phase:
+            self._phases.append((tick.t_s, tick.plan.phase))
+        self.collect(plant)
+
+    def collect(self, plant: TruthPlant) -> None:
+        """Take the truth of the ticks that have passed."""
+        for sample in plant.truth():
+            self.truth.append(sample)
+            if self._sink is not None:
+                self._sink(sample)
+
+    def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
+        """Return the run."""
+        trace = Trace.of(self.truth)
+        return Traverse(
+            scenario=self._scenario,
+            seed=self._seed,
+            verdict=over[0],
+            cause=over[1],
+            scores=score(trace, tuple(self._phases)),
+            trace=trace,
+            estimate_rad=np.array(self._estimates),
+            events=tuple(self._events),
+            cpu_s=cpu_s,
+        )

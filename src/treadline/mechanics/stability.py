@@ -33,19 +33,22 @@ class Margins:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Support:
-    """Half extents of the ground the chair stands on, at the worst phase, about B's origin."""
+    """How far the ground that the chair stands on reaches from B's origin, in B."""
 
-    half_length_m: float
-    half_width_m: float
+    front_m: float
+    rear_m: float
+    """Positive to the rear."""
+    left_m: float
+    right_m: float
+    """Positive to the right."""
 
 
 def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
     """Return the support that is there at every phase of the nosing cycle."""
     tracks = chair.tracks
-    return Support(
-        half_length_m=0.5 * tracks.flat_run_m - pitch_m,
-        half_width_m=0.5 * (tracks.gauge_m + tracks.belt_width_m),
-    )
+    half_length_m = 0.5 * tracks.flat_run_m - pitch_m
+    half_width_m = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    return Support(front_m=half_length_m, rear_m=half_length_m, left_m=half_width_m, right_m=half_width_m)
 
 
 def seat_mass_kg(loading: Chair) -> float:
@@ -108,10 +111,10 @@ def tipping_margins(com_B: Point, up_B: Point, support: Support) -> Margins:
     lengthwise, sidewise = math.atan2(ux, uz), math.atan2(uy, uz)
     return Margins(
         # Nose up (ux > 0) leans the plumb line to the rear.
-        uphill=math.atan2(support.half_length_m - x, z) + lengthwise,
-        downhill=math.atan2(support.half_length_m + x, z) - lengthwise,
-        left=math.atan2(support.half_width_m - y, z) + sidewise,
-        right=math.atan2(support.half_width_m + y, z) - sidewise,
+        uphill=math.atan2(support.front_m - x, z) + lengthwise,
+        downhill=math.atan2(support.rear_m + x, z) - lengthwise,
+        left=math.atan2(support.left_m - y, z) + sidewise,
+        right=math.atan2(support.right_m + y, z) - sidewise,
     )
 
 

@@ -12,12 +12,15 @@ from treadline.control import ControllerConfig, HeadingController
 from treadline.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.descent import Descent, DescentConfig
 from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import Blocks, Detector, Estimator
+from treadline.mission.planner import Cruise, Planner
 from treadline.models import ControllerDesign
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.seat import Leveller, LevellerConfig
+from treadline.seat import LevellerConfig, PitchLeveller
 
 PERIODS_MISSED = 3
 """Control periods without a command after which the guard holds."""
@@ -30,6 +33,9 @@ class MissionConfig:
     chair: ChairDescription
     controller: ControllerDesign | None = None
     """None only where an experiment brings its own driver, or the loop is open."""
+    direction: Literal["up", "down"] = "up"
+    payload_kg: float = 50.0
+    """What the passenger weighs, as entered; where in the seat is not known."""
     climb_speed_m_s: float = 0.2
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
@@ -63,16 +69,39 @@ def heading_driver(config: MissionConfig) -> Driver:
     )
 
 
+def planner_of(config: MissionConfig) -> Planner:
+    """Return the planner of a whole traversal, or of the flight alone where something needed for a whole one is missing.
+
+    The paper's vision sees no stair map, an open loop steers by nothing, and a chair without an arm must not cross a crest.
+
+    Raises:
+        SettingsError: If the chair cannot come down.
+    """
+    chair = config.chair
+    if config.loop == "open" or config.vision == "paper" or chair.arm is None:
+        if config.direction == "down":
+            raise SettingsError(
+                "coming down needs a chair with an arm, a closed loop and robust vision; set chair.model = 'wheelchair'"
+            )
+        return Cruise(config.climb_speed_m_s)
+    if config.direction == "down":
+        chair.camera_at(240, rear=True)
+        return Descent(DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s))
+    return Ascent(AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s))
+
+
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
-    """Return the blocks of one mission; an experiment may bring its own driver."""
+    """Return the blocks of one mission; an experiment may bring its own driver, which then drives on the flight alone."""
+    planner = planner_of(config) if driver is None or isinstance(driver, HeadingController) else Cruise(config.climb_speed_m_s)
     driver = driver or heading_driver(config)
     detector: Detector = StairDetector(DetectorConfig(method=config.vision))
     estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()
     return Blocks(
         detector=detector,
         estimator=estimator,
+        planner=planner,
         driver=driver,
-        leveller=Leveller(LevellerConfig(seat=config.chair.seat)),
+        leveller=PitchLeveller(LevellerConfig(seat=config.chair.seat)),
         guard=Guard(guard_config(config, driver.period_s)),
     )
 

@@ -1,12 +1,14 @@
-"""The loop that drives: sensors in, belt and seat commands out, 100 times a second.
+"""The loop that drives: sensors in, belt, arm and seat commands out, 100 times a second.
 
 Paper: Fig. 2 and Fig. 7, Table I (100 Hz IMU, 10 Hz camera, 4 Hz control). One tick, top to bottom, is the block
 diagram::
 
-    Plant.read() ── ImuSample ───────────────► heading filter ── HeadingEstimate ──► driver (4 Hz)
-         │                                         ▲                                    │ TrackCommand
-         ├─── RgbdFrame ──► stair detector ── HeadingMeasurement                        ▼
-         └─── SeatReading ──► leveller ── SeatCommand ───────────────────────────► guard ──► Plant.write()
+    Plant.read() ─► guard.admit ─┬─ ImuSample, TrackReading ──────► heading filter ─ HeadingEstimate ─┬──────────┐
+                                 ├─ RgbdFrame ─► stair detector ─┬─ HeadingMeasurement ─┘             ▼          ▼
+                                 │                               └─ StairMap ─────────────► planner ─ Plan ─► driver (4 Hz)
+                                 └─ SeatReading ─► leveller ─ SeatCommand ─┐                 │ ArmCommand        │ TrackCommand
+                                                                           └────────────► guard ◄────────────────┘
+                                                                                            └────► Plant.write()
 
 The mission knows what sensors, the chair's file and the operator tell it, and nothing else.
 """
@@ -19,51 +21,74 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_of
+from treadline.estimation import HeadingHealth
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
+from treadline.mission.planner import Planner
 from treadline.mission.rates import TICK_S, Rate
+from treadline.perception.quality import quality_of
 from treadline.ports import Plant
 from treadline.signals import (
     ArmCommand,
+    ArmReading,
     Event,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
-    OperatorInput,
+    Plan,
     Reading,
     RgbdFrame,
     SeatCommand,
     SeatReading,
+    StairMap,
     TrackCommand,
+    TrackReading,
 )
 
-Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | ArmCommand | Event
+Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | ArmCommand | Plan | Event
 """All that a run's log may hold, truth aside."""
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 @runtime_checkable
-class Detector(Protocol):
-    """Vision: a frame and the direction of gravity in, a heading out."""
+class Seen(Protocol):
+    """What a frame says to the mission."""
 
-    def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
-        """Return the heading seen in one frame, or None."""
+    @property
+    def measurement(self) -> HeadingMeasurement | None:
+        """The heading, if there is one."""
+
+    @property
+    def stair_map(self) -> StairMap | None:
+        """The stair ahead, if it is seen."""
+
+
+@runtime_checkable
+class Detector(Protocol):
+    """Vision: a frame and the direction of gravity in, heading and stair map out."""
+
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Seen:
+        """Return what one frame says."""
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Fusion: IMU samples and headings in, the heading now out."""
+    """Fusion: IMU samples, belt speeds and headings in, the heading now out."""
 
-    def step(self, signal: ImuSample | HeadingMeasurement) -> HeadingEstimate | None:
+    def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
         """Return the heading after one more signal, or None before the first heading."""
+
+    @property
+    def health(self) -> HeadingHealth | None:
+        """What is known to be wrong, or None before the first heading."""
 
 
 @runtime_checkable
 class SeatLeveller(Protocol):
     """The seat's own loop."""
 
-    def step(self, reading: SeatReading) -> SeatCommand:
+    def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
         """Return the actuator's rate."""
 
 
@@ -73,6 +98,7 @@ class Blocks:
 
     detector: Detector
     estimator: Estimator
+    planner: Planner
     driver: Driver
     leveller: SeatLeveller
     guard: Guard
@@ -84,6 +110,7 @@ class Tick:
 
     t_s: float
     estimate: HeadingEstimate | None
+    plan: Plan
     tracks: TrackCommand
     seat: SeatCommand
     proposed: bool
@@ -105,6 +132,8 @@ class Mission:
         self._control = Rate(blocks.driver.period_s)
         self._estimate: HeadingEstimate | None = None
         self._gravity_B: Float[np.ndarray, " 3"] | None = None
+        self._imu: ImuSample | None = None
+        self._phase = ""
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         plant.start()
 
@@ -114,60 +143,99 @@ class Mission:
         self._plant.advance(t_s)
         for reading in self._plant.read():
             self._log(reading)
-            self._feel(reading)
+            if self._blocks.guard.admit(reading):
+                self._feel(reading)
 
+        plan = self._decide(t_s)
+        proposed = self._propose(plan)
+        guard = self._blocks.guard
+        tracks, arm = guard.step(t_s, self._estimate), guard.pass_arm(plan.arm)
+        self._plant.write(tracks, self._seat, arm)
+        self._tell(tracks, arm, plan, proposed=proposed)
+        self._tick += 1
+        return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)
+
+    def _decide(self, t_s: float) -> Plan:
         blocks = self._blocks
-        proposed = self._control.due(self._tick)
-        if proposed:
+        plan = blocks.planner.step(t_s, self._estimate)
+        blocks.guard.notice(plan)
+        health = blocks.estimator.health
+        if health is not None:
+            blocks.guard.notice(health)
+        return plan
+
+    def _propose(self, plan: Plan) -> bool:
+        """Hand belt speeds to the guard: the plan's own at each tick, or the driver's when it is due."""
+        blocks = self._blocks
+        due = self._control.due(self._tick)
+        if plan.turn_m_s is not None:
+            if due:
+                blocks.driver.step(None, plan.t_s, plan)  # it does not steer: what it remembers of the belts is void
+            left, right = plan.speed_m_s - plan.turn_m_s, plan.speed_m_s + plan.turn_m_s
+            blocks.guard.propose(TrackCommand(t_s=plan.t_s, left_m_s=left, right_m_s=right))
+            return False
+        if due:
             # A held chair does not answer its belts: a driver that went on would learn from that.
             known = self._estimate if blocks.guard.holding is None else None
-            blocks.guard.propose(blocks.driver.step(known, t_s))
-        tracks = blocks.guard.step(t_s, self._estimate)
-
-        self._plant.write(tracks, self._seat)
-        self._tell(tracks, proposed=proposed)
-        self._tick += 1
-        return Tick(t_s=t_s, estimate=self._estimate, tracks=tracks, seat=self._seat, proposed=proposed)
+            blocks.guard.propose(blocks.driver.step(known, plan.t_s, plan))
+        return due
 
     def _feel(self, reading: Reading) -> None:
+        blocks = self._blocks
         match reading:
             case ImuSample():
-                self._feel_motion(reading)
+                self._imu = reading
+                self._gravity_B = rotation_of(reading.orientation).T @ DOWN_W
+                self._estimate = blocks.estimator.step(reading)
+                blocks.planner.feel(reading)
+            case TrackReading():
+                self._estimate = blocks.estimator.step(reading)
+                blocks.planner.feel(reading)
+            case ArmReading():
+                blocks.planner.feel(reading)
             case RgbdFrame():
-                self._blocks.guard.frame_arrived(reading.t_s)
-                measurement = self._blocks.detector.step(reading, self._gravity_in(reading))
-                if measurement is not None:
-                    self._log(measurement)
-                    self._feel_heading(measurement)
+                self._look(reading)
             case HeadingMeasurement():
-                self._blocks.guard.frame_arrived(reading.t_s)
                 self._feel_heading(reading)
+            case StairMap():
+                self._feel_stair(reading)
             case SeatReading():
-                self._seat = self._blocks.guard.pass_seat(self._blocks.leveller.step(reading))
-            case OperatorInput():
-                self._blocks.guard.operator(reading)
+                self._seat = blocks.guard.pass_seat(blocks.leveller.step(reading, self._imu))
             case _:
                 pass
 
-    def _feel_motion(self, sample: ImuSample) -> None:
-        if not (np.isfinite(sample.orientation).all() and np.isfinite(sample.angular_velocity_rad_s).all()):
-            return  # the guard sees the silence
-        self._blocks.guard.imu_arrived(sample.t_s)
-        self._gravity_B = rotation_of(sample.orientation).T @ DOWN_W
-        self._estimate = self._blocks.estimator.step(sample)
+    def _look(self, frame: RgbdFrame) -> None:
+        if not self._blocks.guard.admit(quality_of(frame)):
+            return
+        seen = self._blocks.detector.see(frame, self._gravity_in(frame))
+        measurement, stair_map = seen.measurement, seen.stair_map
+        if measurement is not None:
+            self._log(measurement)
+            self._feel_heading(measurement)
+        if stair_map is not None:
+            self._feel_stair(stair_map)
 
     def _feel_heading(self, measurement: HeadingMeasurement) -> None:
-        self._blocks.guard.stair_seen(measurement.t_s)
+        self._blocks.guard.notice(measurement)
         self._estimate = self._blocks.estimator.step(measurement)
+
+    def _feel_stair(self, stair_map: StairMap) -> None:
+        self._blocks.guard.notice(stair_map)
+        self._blocks.planner.feel(stair_map)
 
     def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
         return None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
 
-    def _tell(self, tracks: TrackCommand, *, proposed: bool) -> None:
+    def _tell(self, tracks: TrackCommand, arm: ArmCommand | None, plan: Plan, *, proposed: bool) -> None:
         if self._estimate is not None:
             self._log(self._estimate)
-        if proposed or tracks.brake:
+        if proposed or tracks.brake or plan.turn_m_s is not None:
             self._log(tracks)
+        if arm is not None:
+            self._log(arm)
         self._log(self._seat)
+        if plan.phase != self._phase:
+            self._phase = plan.phase
+            self._log(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
         for event in self._blocks.guard.take_events():
             self._log(event)

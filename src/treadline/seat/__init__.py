@@ -1,5 +1,6 @@
 """Keeping the seat level."""
 
+from treadline.seat.feed_forward import PitchLeveller
 from treadline.seat.leveller import Leveller, LevellerConfig
 
-__all__ = ["Leveller", "LevellerConfig"]
+__all__ = ["Leveller", "LevellerConfig", "PitchLeveller"]

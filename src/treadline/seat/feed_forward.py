@@ -6,10 +6,15 @@ the chassis turns 10° in a second, and a gain of 2/s would leave the seat 5° b
 
 import math
 
+from treadline.angles import DEG
 from treadline.mechanics.chair import Seat
 from treadline.mechanics.linkage import SeatLinkage
+from treadline.seat.leveller import Leveller, LevellerConfig
 from treadline.signals import ImuSample, SeatCommand, SeatReading
 
+QUIET_RAD_S, QUIET_SHARE = 1.0 * DEG, 0.05
+"""Mean pitch rate below which there is nothing to lead, and each sample's share in that mean: 0.2 s of them."""
+FRESH_S = 0.05
 SMOOTHING_S = 0.03
 """The lead 1 + lag·s needs a bound, or it would play the gyro's noise."""
 
@@ -35,3 +40,24 @@ class PitchFeedForward:
         limit = self._seat.max_rate_m_s
         rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(stroke)
         return SeatCommand(t_s=imu.t_s, rate_m_s=min(max(rate, -limit), limit))
+
+
+class PitchLeveller:
+    """The seat's loop with the feed-forward: what a chair that pitches needs.
+
+    Below ``QUIET_RAD_S`` of pitch rate the loop is alone: vibration is not a manoeuvre.
+    """
+
+    def __init__(self, config: LevellerConfig) -> None:
+        self._leveller = Leveller(config)
+        self._feed_forward = PitchFeedForward(config.seat)
+        self._slow_rad_s = 0.0
+
+    def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
+        """Answer one reading; without a fresh IMU sample the loop is alone."""
+        levelling = self._leveller.step(reading)
+        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S:
+            return levelling
+        self._slow_rad_s += (abs(float(imu.angular_velocity_rad_s[1])) - self._slow_rad_s) * QUIET_SHARE
+        led = self._feed_forward.step(imu, reading, levelling)
+        return led if self._slow_rad_s > QUIET_RAD_S else levelling

@@ -30,8 +30,10 @@ TICK_S = 0.01
 LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
 DRIVES = 6
 # Columns of the log, one row per tick.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE = 0, 8, 15, 17, 18, 19, 20, 21
-COLUMNS = 22
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT = 0, 8, 15, 17, 18, 19, 20, 21, 22
+COLUMNS = 26
+NO_SUPPORT_M = -1e3
+"""Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
 ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
 
@@ -103,6 +105,21 @@ def table(value, start, spacing, entries):
 
 @njit(cache=True)
 @no_type_check
+def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
+    """Widen ``reach`` (front, rear, left, right of B, each outward) to the belts' contacts."""
+    for i in range(count):
+        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            continue
+        # A contact's place stands before its frame.
+        dx, dy, dz = real[i, frame - 3] - qpos[0], real[i, frame - 2] - qpos[1], real[i, frame - 1] - qpos[2]
+        x = xmat[0] * dx + xmat[3] * dy + xmat[6] * dz
+        y = xmat[1] * dx + xmat[4] * dy + xmat[7] * dz
+        reach[0], reach[1] = max(reach[0], x), max(reach[1], -x)
+        reach[2], reach[3] = max(reach[2], y), max(reach[3], -y)
+
+
+@njit(cache=True)
+@no_type_check
 def advance(
     model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, log,
@@ -143,6 +160,8 @@ def advance(
             state[ARM_TARGET] = held
             control[ARM_SERVO] = held + (rate * arm[4] if held == target else 0.0)
 
+        row = log[k]
+        row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -152,6 +171,7 @@ def advance(
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
+            reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             _constrain(model, data)
             _transmit(model, data)
             _velocity(model, data)
@@ -160,7 +180,6 @@ def advance(
             _solve(model, data)
             _integrate(model, data)
 
-        row = log[k]
         row[QPOS : QPOS + 8] = qpos[:8]
         row[QVEL : QVEL + 7] = qvel[:7]
         row[BELTS] = state[0] * (1.0 + mismatch[0])

@@ -6,6 +6,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 
 import ctypes
 import math
+from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,7 +18,7 @@ from treadline.angles import DEG, rotation_of, rotation_y, rotation_z
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import centre_of_mass, tipping_margins, worst_support
+from treadline.mechanics.stability import Support, centre_of_mass, tipping_margins
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
@@ -25,7 +26,7 @@ from treadline.scenario import Scenario
 from treadline.signals import (
     ArmCommand,
     ArmReading,
-    HeadingMeasurement,
+    FrameQuality,
     ImuSample,
     Reading,
     SeatCommand,
@@ -38,6 +39,7 @@ from treadline.sim.camera import Camera
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD, TIMESTEP_S, scene_xml
+from treadline.sim.statistical import StatisticalCamera
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
@@ -47,15 +49,13 @@ BRAKE_M_S2 = 10.0
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
+SUPPORT_TICKS = 25
+"""How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 ARM_TORQUE_NOISE_N_M = 2.0
 """Of the torque that the arm's drive tells from its current: 1 % of full torque."""
-TRUTH_HEADING_SIGMA_RAD = 0.05 * DEG
-"""Declared noise of ``vision = "truth"``: small, so that a filter has something to weigh."""
-STATISTICAL_SIGMA_RAD = 0.2 * DEG
-"""Of ``camera = "statistical"``: provisional, until fitted on held-out frames."""
 CONTACTS_MAX = 128
 TABLE_SIZE = 257
 
@@ -83,6 +83,7 @@ class MujocoPlant:
         self._truth: list[Truth] = []
         self._command = np.zeros(5)
         self._velocity_W = np.zeros(3)
+        self._reaches: deque[Float[np.ndarray, " 4"]] = deque(maxlen=SUPPORT_TICKS)
 
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
@@ -94,6 +95,7 @@ class MujocoPlant:
         self._tick = 0
         self._readings.clear()
         self._truth.clear()
+        self._reaches.clear()
         self._velocity_W = self._data.qvel[:3].copy()
         self._pending = [(0, self._log_row())]
 
@@ -145,18 +147,12 @@ class MujocoPlant:
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _camera(self, rng: np.random.Generator) -> Camera | None:
-        sensors, stair = self._scenario.sensors, self._scenario.stair
-        if self._scenario.control.vision == "truth" or sensors.camera == "statistical":
-            return None
-        return Camera(
-            self.staircase,
-            self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down"),
-            kind=sensors.camera,
-            texture=stair.texture,
-            light=stair.light,
-            rng=rng,
-        )
+    def _camera(self, rng: np.random.Generator) -> Camera | StatisticalCamera:
+        sensors, stair, vision = self._scenario.sensors, self._scenario.stair, self._scenario.control.vision
+        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
+        if vision == "truth" or sensors.camera == "statistical":
+            return StatisticalCamera(self.staircase, calibration, self._vision_rng, exact=vision == "truth")
+        return Camera(self.staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=rng)
 
     def _build_physics(self) -> None:
         load_library()
@@ -189,7 +185,6 @@ class MujocoPlant:
         self._angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
         self._state = np.zeros(kernels.DRIVES)
         self._arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
-        self._support = worst_support(chair, self.staircase.pitch_m)
 
     def _pose(self) -> None:
         scenario, tracks = self._scenario, self._chair.tracks
@@ -235,6 +230,7 @@ class MujocoPlant:
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, np.full(2, SETTLE_FRICTION))
         self._check(ticks, log)
+        self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
         self._data.qvel[:] = 0.0
         self._command[:] = 0.0
 
@@ -303,6 +299,7 @@ class MujocoPlant:
         row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos[:8]
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[kernels.STROKE]
+        row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
@@ -330,7 +327,7 @@ class MujocoPlant:
             torque = float(row[kernels.ARM_TORQUE]) + ARM_TORQUE_NOISE_N_M * float(self._arm_rng.standard_normal())
             self._readings.append(ArmReading(t_s=t_s, angle_rad=float(row[kernels.ARM]), torque_n_m=torque))
         if tick % CAMERA_TICKS == 0:
-            self._readings.append(self._look(t_s, row, R_WB, truth))
+            self._readings.extend(self._look(t_s, row, R_WB))
 
     def _imu_sample(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> ImuSample:
         velocity = row[kernels.QVEL : kernels.QVEL + 3]
@@ -340,15 +337,20 @@ class MujocoPlant:
         rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
         return self._imu.sample(t_s, R_WB, rate_B, acceleration, moving=moving)
 
-    def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"], truth: Truth) -> Reading:
-        if self._eye is not None:
-            camera = self._eye.calibration
-            p_WC = row[kernels.QPOS : kernels.QPOS + 3] + R_WB @ np.array(camera.mount_m)
-            return self._eye.frame(t_s, R_WB @ camera.R_BC, p_WC)
-        exact = self._scenario.control.vision == "truth"
-        sigma = TRUTH_HEADING_SIGMA_RAD if exact else STATISTICAL_SIGMA_RAD
-        noise = sigma * float(self._vision_rng.standard_normal())
-        return HeadingMeasurement(t_s=t_s, heading_rad=truth.heading_rad + noise, sigma_rad=sigma, edge_count=6)
+    def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Sequence[Reading]:
+        p_WB = row[kernels.QPOS : kernels.QPOS + 3]
+        if isinstance(self._eye, StatisticalCamera):
+            arrived = FrameQuality(t_s=t_s, fingerprint=round(t_s / TICK_S), brightness=0.5, contrast=0.2, valid_share=1.0)
+            return [arrived, *self._eye.look(t_s, R_WB, p_WB)]
+        camera = self._eye.calibration
+        return [self._eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
+
+    def _support_of(self, row: Float[np.ndarray, " c"]) -> Support:
+        """Return what the chair stands on, of late: a chair that rocks over nosings touches now the one, now the other."""
+        reach = row[kernels.SUPPORT : kernels.SUPPORT + 4]
+        self._reaches.append(reach)
+        front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
+        return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
 
     def _truth_of(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Truth:
         R_SB = self._R_SW @ R_WB
@@ -375,7 +377,7 @@ class MujocoPlant:
             stability_margin_rad=tipping_margins(
                 centre_of_mass(self._chair, self._scenario.chair, angle, float(row[kernels.ARM])),
                 (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
-                self._support,
+                self._support_of(row),
             ).worst,
             friction_use=friction_use(self.staircase.slope_rad, heading, self.staircase.friction),
         )

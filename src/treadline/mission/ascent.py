@@ -1,0 +1,257 @@
+"""A traversal up: find the stair, turn square, approach, mount, test the traction, climb, cross the crest, land.
+
+Paper: Section II.A (the track on the stair, the variable angle of attack); the phases are ours. Each phase ends by what the
+camera, the IMU, the belts and the arm's motor tell; its cause is in the plan and so in the log.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from treadline.angles import DEG
+from treadline.control.crest import Crest, CrestCommand, CrestConfig
+from treadline.mechanics.chair import ChairDescription
+from treadline.mission.entry import refusal_of
+from treadline.mission.level import LevelConfig, LevelSteering
+from treadline.mission.planner import Felt
+from treadline.mission.traction import TractionConfig, TractionTest
+from treadline.mission.whereabouts import Whereabouts
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
+
+ON_THE_FLIGHT_RAD = 10.0 * DEG
+"""Pitch from which a chair that wakes up stands on a flight."""
+LEVEL_RAD = 3.0 * DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AscentConfig:
+    """The chair, what its user entered, and the pace."""
+
+    chair: ChairDescription
+    payload_kg: float
+    cruise_m_s: float = 0.2
+    slow_m_s: float = 0.1
+    """Onto the stair and off it."""
+    slow_from_m: float = 0.35
+    """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
+    mount_from_m: float = 0.22
+    touched_rad: float = 4.0 * DEG
+    """Pitch that belts on the first nosing cause, whatever the map said."""
+    mounted_rad: float = 4.0 * DEG
+    """Below the slope, from which on the belts lie on two nosings."""
+    beyond_second_m: float = 0.06
+    """Of the front pulley past the second nosing when the traction is tested; the rear is on the floor still."""
+    crest_from_m: float = 1.2
+    """Of the last nosing ahead of the front pulley when the crest's sequencer takes over: it slows down in time by itself."""
+    unseen_end_m: float = 0.10
+    """Of the front pulley before the last nosing ever seen: were there another, frames would have shown it long ago."""
+    landed_m: float = 0.05
+    """Of the rear pulley past the last nosing."""
+    back_off_m: float = 0.5
+    wall_m: float = 0.50
+    """Free width to a wall below which the chair steers away."""
+    aside_rad_m: float = 20.0 * DEG
+    """Heading per metre of missing width."""
+    aside_limit_rad: float = 3.0 * DEG
+    traction: TractionConfig = field(default_factory=TractionConfig)
+
+
+class Ascent:
+    """Planner of one traversal up."""
+
+    def __init__(self, config: AscentConfig) -> None:
+        self._config = config
+        tracks = config.chair.tracks
+        self._pivot_m = 0.5 * tracks.flat_run_m
+        self._where = Whereabouts()
+        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
+        self._phase: Phase = "search"
+        self._cause = "woken up"
+        self._hold: str | None = None
+        self._crest: Crest | None = None
+        self._crest_command: CrestCommand | None = None
+        self._traction: TractionTest | None = None
+        self._refusal = ""
+        self._back_from_m = 0.0
+        self._imu: ImuSample | None = None
+        self._tracks: TrackReading | None = None
+        self._arm: ArmReading | None = None
+        self._turned_rad = 0.0
+
+    def feel(self, signal: Felt) -> None:
+        """Take one signal."""
+        match signal:
+            case ImuSample():
+                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
+                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
+                self._imu = signal
+                self._where.feel(signal)
+                if self._traction is not None:
+                    self._traction.feel(signal)
+            case TrackReading():
+                self._tracks = signal
+                self._where.feel(signal)
+                if self._traction is not None:
+                    self._traction.feel(signal)
+            case StairMap():
+                if signal.direction == "up":
+                    self._where.feel(signal)
+            case ArmReading():
+                self._arm = signal
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        """Return what to do now."""
+        if estimate is not None:
+            self._where.heading_rad = estimate.heading_rad
+        match self._phase:
+            case "search":
+                return self._search(t_s, estimate)
+            case "align":
+                return self._align(t_s, estimate)
+            case "approach" | "mount":
+                return self._go_at_the_stair(t_s, estimate)
+            case "traction" if self._traction is not None:
+                return self._test_traction(t_s, self._traction)
+            case "climb" | "crest" | "land":
+                return self._climb(t_s, estimate)
+            case "back_off":
+                return self._back_off(t_s, estimate)
+            case _:
+                return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+
+    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        where = self._where
+        if where.pitch_rad > ON_THE_FLIGHT_RAD:
+            if estimate is not None:
+                return self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if estimate is not None and where.known:
+            return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
+        turned, self._turned_rad = self._turned_rad, 0.0
+        turn = self._level.sweep(t_s, turned)
+        if turn is None:
+            self._hold = "no stair in view, to neither side"
+        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+
+    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        if estimate is None:
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if self._level.is_square(estimate, t_s):
+            where = self._where
+            chair, payload_kg = self._config.chair, self._config.payload_kg
+            refusal = refusal_of(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
+            if refusal is not None:
+                return self._begin(t_s, "refused", refusal)
+            shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
+            return self._begin(t_s, "approach", f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}")
+        return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
+
+    def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        config, where = self._config, self._where
+        first = where.first_ahead_m()
+        before = math.inf if first is None else first - self._pivot_m
+        ahead = where.ahead_m()
+        if self._phase == "approach" and (before < config.mount_from_m or where.pitch_rad > config.touched_rad):
+            return self._begin(t_s, "mount", f"first nosing {before:.2f} m before the front pulley")
+        if (
+            self._phase == "mount"
+            and len(ahead) > 1
+            and ahead[1] < self._pivot_m - config.beyond_second_m
+            and where.pitch_rad > where.slope_rad - config.mounted_rad
+        ):
+            self._traction = TractionTest(config.traction, where.slope_rad)
+            return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
+        speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
+        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()))
+
+    def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
+        if not test.over:
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0)
+        self._traction = None
+        slip = f"{test.slip:.0%} of the belts' test pulse slipped"
+        if test.holds:
+            return self._begin(t_s, "climb", slip)
+        wanted = (1.0 + self._config.traction.wanted) * math.tan(self._where.slope_rad)
+        self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
+        self._back_from_m = self._where.travel_m
+        return self._begin(t_s, "back_off", self._refusal)
+
+    def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        config, where = self._config, self._where
+        top = where.top_ahead_m()
+        unseen = top is not None and top - self._pivot_m < config.unseen_end_m
+        near = top is not None and top - self._pivot_m < config.crest_from_m
+        if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
+            belief = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
+            self._crest = Crest(belief, top)
+            seen = "seen" if where.top_ends else "no nosing seen beyond"
+            self._cause = f"end of the flight {top - self._pivot_m:.2f} m before the front pulley, {seen}"
+        if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
+            return self._plan(t_s, config.cruise_m_s, heading_rad=self._aside())
+        if top is not None and where.top_ends:
+            self._crest.nosing_seen(top)
+        command = self._crest.step(self._imu, self._arm, self._tracks)
+        return self._follow(t_s, command, estimate)
+
+    def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
+        match command.stage:
+            case "climb" | "slow":
+                return self._plan(t_s, command.speed_m_s, arm=command.arm, needs_stair=False)
+            case "land" | "done":
+                phase: Phase = "land"
+            case _:
+                phase = "crest"
+        if phase != self._phase:
+            pitch = self._where.pitch_rad / DEG
+            self._phase = phase
+            self._cause = f"{command.stage}: pitch {pitch:.1f}°, {command.tip_n:.0f} N on the arm's tip"
+        if command.stage == "done" and abs(self._where.pitch_rad) < LEVEL_RAD:
+            return self._begin(
+                t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
+            )
+        return self._plan(t_s, command.speed_m_s, turn_m_s=self._level.keep(estimate), arm=command.arm, needs_stair=False)
+
+    def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        config, where = self._config, self._where
+        if where.pitch_rad < LEVEL_RAD and self._back_from_m - where.travel_m > config.back_off_m:
+            return self._begin(t_s, "refused", self._refusal)
+        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
+
+    def _aside(self) -> float:
+        """Return the heading that takes the chair off a wall that is near, or to the middle between two."""
+        config, where = self._config, self._where
+        left, right = where.left_wall_m, where.right_wall_m
+        if left is not None and right is not None:
+            lacking = 0.5 * (right - left)
+        elif left is not None:
+            lacking = max(config.wall_m - left, 0.0)
+        else:
+            lacking = 0.0 if right is None else -max(config.wall_m - right, 0.0)
+        # To the right, away from a wall at the left, is a negative heading.
+        return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
+
+    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
+        """Enter a phase; the chair stands for this one tick."""
+        self._phase, self._cause = phase, cause
+        return self._plan(t_s, self._where.speed_m_s if phase in ("mount", "climb", "approach") else 0.0, turn_m_s=0.0)
+
+    def _plan(
+        self,
+        t_s: float,
+        speed_m_s: float,
+        *,
+        turn_m_s: float | None = None,
+        heading_rad: float = 0.0,
+        arm: ArmCommand | None = None,
+        needs_stair: bool = True,
+    ) -> Plan:
+        return Plan(
+            t_s=t_s,
+            phase=self._phase,
+            speed_m_s=speed_m_s,
+            turn_m_s=turn_m_s,
+            heading_rad=heading_rad,
+            arm=arm,
+            needs_stair=needs_stair,
+            cause=self._cause,
+            hold=self._hold,
+        )

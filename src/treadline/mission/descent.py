@@ -1,0 +1,180 @@
+"""A traversal down, rearwards and facing up: find the flight behind, turn square, back to the edge, tip over, descend, leave.
+
+The rear camera sees where the chair goes: the edge, the flight below, the floor at its foot. Forwards is refused before it begins:
+without a rear section a chair that drives down forwards pitches onto its nose (docs/decisions/0013).
+"""
+
+import math
+from dataclasses import dataclass
+
+from treadline.angles import DEG
+from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
+from treadline.mechanics.chair import ChairDescription
+from treadline.mission.ascent import LEVEL_RAD, ON_THE_FLIGHT_RAD
+from treadline.mission.entry import refusal_of
+from treadline.mission.level import LevelConfig, LevelSteering
+from treadline.mission.planner import Felt
+from treadline.mission.whereabouts import Whereabouts
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DescentConfig:
+    """The chair, what its user entered, and the pace."""
+
+    chair: ChairDescription
+    payload_kg: float
+    cruise_m_s: float = 0.2
+    slow_m_s: float = 0.1
+    edge_level_m: float = 0.06
+    """A nosing within this height of the belts, seen from the landing, is the edge."""
+    slow_from_m: float = 0.5
+    """Of the rear pulley before the last nosing."""
+    left_m: float = 0.10
+    """Of the front pulley past the last nosing when the chair has left the stair."""
+    unseen_foot_m: float = 0.0
+    """Of the rear pulley before the lowest nosing ever seen, at which the pace is slow in any case."""
+
+
+class Descent:
+    """Planner of one traversal down."""
+
+    def __init__(self, config: DescentConfig) -> None:
+        self._config = config
+        tracks = config.chair.tracks
+        self._pivot_m = 0.5 * tracks.flat_run_m
+        self._where = Whereabouts()
+        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
+        self._phase: Phase = "search"
+        self._cause = "woken up"
+        self._hold: str | None = None
+        self._edge: Edge | None = None
+        self._imu: ImuSample | None = None
+        self._tracks: TrackReading | None = None
+        self._arm: ArmReading | None = None
+        self._turned_rad = 0.0
+
+    def feel(self, signal: Felt) -> None:
+        """Take one signal."""
+        match signal:
+            case ImuSample():
+                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
+                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
+                self._imu = signal
+                self._where.feel(signal)
+            case TrackReading():
+                self._tracks = signal
+                self._where.feel(signal)
+            case StairMap():
+                if signal.direction == "down":
+                    self._where.feel(signal)
+            case ArmReading():
+                self._arm = signal
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        """Return what to do now."""
+        if estimate is not None:
+            self._where.heading_rad = estimate.heading_rad
+        match self._phase:
+            case "search":
+                return self._search(t_s, estimate)
+            case "align":
+                return self._align(t_s, estimate)
+            case "approach" | "edge":
+                return self._over_the_edge(t_s, estimate)
+            case "descend" | "leave":
+                return self._down(t_s, estimate)
+            case _:
+                return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+
+    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        where = self._where
+        if where.pitch_rad > ON_THE_FLIGHT_RAD:
+            if estimate is not None:
+                return self._begin(t_s, "descend", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if estimate is not None and where.known:
+            return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
+        turned, self._turned_rad = self._turned_rad, 0.0
+        turn = self._level.sweep(t_s, turned)
+        if turn is None:
+            self._hold = "no stair in view behind, to neither side"
+        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+
+    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        if estimate is None:
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if not self._level.is_square(estimate, t_s):
+            return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
+        where, chair = self._where, self._config.chair
+        refusal = refusal_of(chair, self._config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+        if refusal is not None:
+            return self._begin(t_s, "refused", refusal)
+        edge = where.top_ahead_m()
+        if edge is None or edge > -self._pivot_m:
+            self._hold = "square to the flight, and its edge is not behind the chair"
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
+        self._edge = Edge(belief, -edge, where.slope_rad)
+        return self._begin(
+            t_s, "approach", f"square within {estimate.heading_rad / DEG:+.1f}°; edge {-edge - self._pivot_m:.2f} m behind"
+        )
+
+    def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        edge = self._where.top_ahead_m()
+        if edge is not None:
+            self._edge.nosing_seen(-edge)
+        command = self._edge.step(self._imu, self._arm, self._tracks)
+        if command.stage == "done":
+            return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
+        self._note(command)
+        turn = self._level.keep(estimate)
+        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
+
+    def _note(self, command: EdgeCommand) -> None:
+        if self._phase == "approach" and command.stage != "approach":
+            self._phase = "edge"
+            self._cause = f"{command.stage}: {command.tip_n:.0f} N on the arm's tip"
+
+    def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        config, where = self._config, self._where
+        foot = where.bottom_ahead_m()
+        before = math.inf if foot is None else -foot - self._pivot_m
+        ends = where.bottom_ends
+        if self._phase == "descend" and (before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)):
+            seen = "seen" if ends else "no nosing seen beyond"
+            self._phase, self._cause = "leave", f"rear pulley at the last nosing, {seen}"
+        if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
+            return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
+        slow = before < config.slow_from_m if ends else before < config.unseen_foot_m + config.slow_from_m
+        speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
+        if self._phase == "leave":
+            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), needs_stair=False)
+        return self._plan(t_s, speed, needs_stair=not slow)
+
+    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
+        """Enter a phase; the chair stands for this one tick."""
+        self._phase, self._cause = phase, cause
+        return self._plan(t_s, self._where.speed_m_s if phase == "descend" else 0.0, turn_m_s=0.0)
+
+    def _plan(
+        self,
+        t_s: float,
+        speed_m_s: float,
+        *,
+        turn_m_s: float | None = None,
+        arm: ArmCommand | None = None,
+        needs_stair: bool = True,
+    ) -> Plan:
+        return Plan(
+            t_s=t_s,
+            phase=self._phase,
+            speed_m_s=speed_m_s,
+            turn_m_s=turn_m_s,
+            arm=arm,
+            needs_stair=needs_stair,
+            cause=self._cause,
+            hold=self._hold,
+        )

@@ -1,0 +1,36 @@
+"""May this chair, with this load, enter the stair that it sees? Mechanics by what was measured, before anything touches a nosing.
+
+``treadline check`` judges a description; this judges the stair map. Measured slopes are known to some 0.3° (RMSE), so that a stair
+at a limit is let pass by a degree's reserve less than ``check`` wants: what ``check`` allows must not be refused by noise.
+"""
+
+import math
+
+from treadline.angles import DEG
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.stability import static_margins
+from treadline.mechanics.tracks import minimum_track_length
+from treadline.mechanics.verdict import MARGIN_LIMIT_RAD
+from treadline.scenario import Chair
+
+MEASURED_RAD = 1.0 * DEG
+"""Reserve for the slope's error: three of its standard deviations."""
+MEASURED_M = 0.01
+"""The same for the track's length."""
+
+
+def refusal_of(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:
+    """Return why the chair must not enter, with the number and what would help, or None."""
+    lacking_m = minimum_track_length(rise_m, run_m) - chair.tracks.flat_run_m
+    if lacking_m > MEASURED_M:
+        return f"the track is {lacking_m:.3f} m too short for steps of {rise_m:.3f} by {run_m:.3f} m; use a longer track"
+    reach = SeatLinkage(chair.seat).angle_range[1]
+    if reach < slope_rad - MEASURED_RAD:
+        return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
+    loading = Chair(model=chair.name, payload_kg=payload_kg)
+    worst = static_margins(chair, loading, slope_rad, math.hypot(rise_m, run_m), 0.0).worst
+    if worst < MARGIN_LIMIT_RAD - MEASURED_RAD - MEASURED_RAD:
+        least = MARGIN_LIMIT_RAD / DEG
+        return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; shift the seat or take less payload"
+    return None

@@ -1,0 +1,85 @@
+"""The traction test: on two nosings, the rear still on the floor, ask the belts for a little more than the stair will.
+
+Hazard 15. At rest, friction holds tan β of the normal force. Belts that speed up at a = share·g·sin β ask for (1 + share)·tan β;
+where friction gives less, the chair falls behind its belts. The IMU tells by how much: specific force along the chair, less what
+gravity and the sensor's bias were at rest.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from treadline.control.arm import G_M_S2, pitch_of
+from treadline.signals import ImuSample, TrackReading
+
+Stage = Literal["rest", "pulse", "brake", "over"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TractionConfig:
+    """How hard the belts ask, and what counts as no."""
+
+    share: float = 0.10
+    """Over tan β."""
+    wanted: float = 0.075
+    """Over tan β, which friction must give: between the 1.05 that must be refused and the 1.10 that must not."""
+    rest_s: float = 0.6
+    """To rest before the pulse; its second half is what gravity and bias are taken from."""
+    pulse_s: float = 0.6
+    brake_s: float = 0.3
+
+
+class TractionTest:
+    """One pulse of the belts and its verdict."""
+
+    def __init__(self, config: TractionConfig, slope_rad: float) -> None:
+        self._config = config
+        self._asked_m_s2 = config.share * G_M_S2 * math.sin(slope_rad)
+        self._began_s: float | None = None
+        self._t_s = 0.0
+        self._rest_sum, self._rest_count = 0.0, 0
+        self._moved_m_s = 0.0
+        self._belts_m_s = 0.0
+        self._slip: float | None = None
+
+    def feel(self, signal: ImuSample | TrackReading) -> None:
+        """Take one signal."""
+        if isinstance(signal, TrackReading):
+            self._belts_m_s = 0.5 * (signal.left_m_s + signal.right_m_s)
+            return
+        if self._began_s is None:
+            self._began_s = self._t_s = signal.t_s
+        since, dt_s = signal.t_s - self._began_s, signal.t_s - self._t_s
+        self._t_s = signal.t_s
+        push = float(signal.linear_acceleration_m_s2[0]) - G_M_S2 * math.sin(pitch_of(signal))
+        if 0.5 * self._config.rest_s < since <= self._config.rest_s:
+            self._rest_sum += push
+            self._rest_count += 1
+        elif since > self._config.rest_s and self._slip is None:
+            self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))
+            if since > self._config.rest_s + self._config.pulse_s:
+                self._slip = 1.0 - self._moved_m_s / max(self._belts_m_s, 1e-3)
+
+    @property
+    def speed_m_s(self) -> float:
+        """What the belts are to do now."""
+        since = 0.0 if self._began_s is None else self._t_s - self._began_s - self._config.rest_s
+        if since <= 0.0 or since > self._config.pulse_s:
+            return 0.0
+        return self._asked_m_s2 * since
+
+    @property
+    def over(self) -> bool:
+        """Whether the pulse and the stop after it are over."""
+        config = self._config
+        return self._began_s is not None and self._t_s - self._began_s > config.rest_s + config.pulse_s + config.brake_s
+
+    @property
+    def slip(self) -> float:
+        """Share of the belts' speed that the chair did not follow, at the pulse's end."""
+        return 0.0 if self._slip is None else self._slip
+
+    @property
+    def holds(self) -> bool:
+        """Whether friction gave what was wanted."""
+        return self.slip < 1.0 - self._config.wanted / self._config.share
