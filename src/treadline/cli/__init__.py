@@ -14,7 +14,7 @@ import cyclopts
 from cyclopts import App, Parameter
 
 from treadline import __version__
-from treadline.cli import check, climb, doctor, excite, frames, identify, mount, replay, report, reproduce, see, tune
+from treadline.cli import check, climb, doctor, excite, export, frames, identify, mount, replay, report, reproduce, seat, see, tune
 from treadline.cli.answer import Answer, say
 from treadline.errors import SimulationDiverged, TreadlineError
 
@@ -38,7 +38,9 @@ for verb in (
     excite.excite,
     identify.identify,
     tune.tune,
+    export.export,
     climb.climb,
+    seat.seat,
     see.see,
     frames.frames,
     mount.mount,

@@ -1,0 +1,32 @@
+"""``treadline seat``: the seat alone levels itself (Fig. 11)."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+
+
+def seat(scenario: str, /, *, out: Path, seed: int = 0) -> Answer:
+    """Level the seat of a chair that stands on a flight, from parallel to the chassis (Fig. 11).
+
+    Belts stand, the seat's loop is closed at t = 0. Exit code 1 if the seat does not settle within a degree.
+
+    Args:
+        scenario: A scenario file, or the name of a shipped one; its stair and chair are what counts.
+        out: The run folder: log.mcap, series.csv, result.json, manifest.json.
+        seed: Of everything that chance decides.
+    """
+    from treadline.experiments.fig11 import level_seat
+    from treadline.scenario import read_scenario
+
+    levelled = level_seat(out, seed, read_scenario(scenario))
+    settle = levelled["settle_s"]
+    settled = "did not settle" if settle is None else f"within 1° of level after {settle:.1f} s"
+    return Answer(
+        values=levelled | {"run": str(out)},
+        summary=[
+            f"from {levelled['start_deg']:.1f}° {settled}; then {levelled['steady_error_deg']:+.2f}° off on average, "
+            f"{levelled['max_error_deg']:.2f}° at most",
+            f"run folder: {out} (treadline report {out} draws it)",
+        ],
+        code=1 if settle is None else 0,
+    )

@@ -1,0 +1,247 @@
+"""The heading controller for other places: as C99, as parameters of a ROS node, as JSON.
+
+``ControllerDesign, ControllerConfig -> {file name: text}``. Each comes with a log and what the controller here answers to it, so
+that the copy can prove itself where it runs.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.control.allocate import BeltLimits
+from treadline.control.heading import FASTEST_TURN_RAD_S, ControllerConfig, HeadingController
+from treadline.control.observer import DISTURBANCE_LIMIT
+from treadline.control.reconstruct import static_reconstruction
+from treadline.control.tune import BELT_DIFFERENCE
+from treadline.models import ControllerDesign
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
+
+SOURCES = Path(__file__).parents[1] / "data" / "export"
+TOLERANCE_M_S = 1e-6
+"""Between the copy's belt speeds and ours: a hundredth of a drive's resolution, a million times what rounding differs by."""
+REHEARSAL_STEPS = 400
+SEED = 4
+
+Target = Literal["c", "ros", "json"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """One period: what the controller was told, and what it answered."""
+
+    estimate: HeadingEstimate | None
+    plan: Plan
+    answer: TrackCommand
+
+
+def exported(
+    target: Target, design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange] | None = None
+) -> dict[str, str]:
+    """Return the files of one target: name and text.
+
+    Args:
+        log: What the copy is tested with; a rehearsal on the design's own model when left out.
+    """
+    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": c_files, "ros": ros_files, "json": json_files}
+    return writers[target](design, config, rehearsal(design, config) if log is None else log)
+
+
+def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
+    """Return a drive on the design's own model that passes every branch of the controller.
+
+    From 30° up, a belt 2 % fast, noise; no estimate, one that is no number, a new heading, standing, backing down.
+    """
+    driver, model = HeadingController(design, config), design.model
+    rng = np.random.default_rng(SEED)
+    x = np.linalg.pinv(model.C) @ np.array([math.radians(30.0), 0.0])
+    exchanges = []
+    for k in range(steps):
+        t_s = k * config.period_s
+        y = model.C @ x + np.array([0.002, 0.01]) * rng.standard_normal(2)
+        plan = _rehearsed(k / steps, t_s, config.climb_speed_m_s)
+        estimate = _seen(k, t_s, y)
+        answer = driver.step(estimate, t_s, plan)
+        exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
+        belts = np.array([answer.left_m_s, answer.right_m_s * 1.02])
+        x = model.A @ x + model.B @ (belts - plan.speed_m_s)
+    return exchanges
+
+
+def _rehearsed(share: float, t_s: float, speed_m_s: float) -> Plan:
+    speed = speed_m_s if share < 0.5 else 0.0 if share < 0.55 else 0.5 * speed_m_s if share < 0.7 else -0.75 * speed_m_s
+    return Plan(t_s=t_s, phase="drive", speed_m_s=speed, heading_rad=0.1 if 0.3 < share < 0.4 else 0.0)
+
+
+def _seen(k: int, t_s: float, y: Float[np.ndarray, " 2"]) -> HeadingEstimate | None:
+    if 60 <= k < 63:
+        return None
+    heading = {80: math.nan, 81: 4.0}.get(k, float(y[0]))
+    return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=float(y[1]), sigma_rad=0.002, source="vision")
+
+
+def c_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return the controller as C99: source, header, numbers, and a test that replays the log."""
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("heading_*.[ch]"))} | {
+        "heading_numbers.h": _numbers(design, config),
+        "heading_log.h": _log(log),
+    }
+
+
+def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
+    macros = {
+        "HEADING_STATES": str(design.model.order),
+        "HEADING_PERIOD_S": repr(design.period_s),
+        "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
+        "HEADING_MAX_MEAN_M_S": repr(BeltLimits(climb_speed_m_s=0.0, max_speed_m_s=config.max_speed_m_s).max_mean_m_s),
+        "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
+        "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
+        "HEADING_CLIMB_SAFE": str(int(config.allocation == "climb-safe")),
+        "HEADING_STATIC": str(int(is_static(design, config))),
+        "HEADING_LEARNS": str(int(design.disturbance_gain is not None)),
+    } | {f"HEADING_{name.upper()}": _braces(matrix) for name, matrix in matrices(design, config).items()}
+    lines = [f"#define {name} {value}" for name, value in macros.items()]
+    return _guarded("HEADING_NUMBERS_H", f"The controller of '{design.vehicle}'.", lines)
+
+
+def is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
+    """Say whether the state comes from one output (Eq. 11b) and not from an observer."""
+    return (config.reconstruct or design.reconstruct) == "static"
+
+
+def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
+    """Return what the controller computes with, under the names of the equations."""
+    model = design.model
+    if is_static(design, config):
+        inverse = static_reconstruction(model.C, model.D, design.K)
+        return {"K": design.K, "inverse": inverse, "output_offset": model.output_offset}
+    found = {
+        "A": model.A,
+        "B": model.B,
+        "C": model.C,
+        "D": model.D,
+        "K": design.K,
+        "output_offset": model.output_offset,
+        "observer_gain": design.observer_gain,
+        "correction": np.linalg.pinv(model.A) @ design.observer_gain,
+        "start": np.linalg.pinv(model.C),
+    }
+    return found if design.disturbance_gain is None else found | {"disturbance_gain": design.disturbance_gain}
+
+
+def _braces(matrix: Float[np.ndarray, "..."]) -> str:
+    """Return an array as C initialises one; doubles keep all their digits."""
+    return repr(matrix.tolist()).replace("[", "{").replace("]", "}")
+
+
+def _log(log: Sequence[Exchange]) -> str:
+    rows = ",\n    ".join(_row(exchange) for exchange in log)
+    return _guarded(
+        "HEADING_LOG_H",
+        "What treadline was told, and what it answered.",
+        [
+            f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
+            f"#define HEADING_LOG_LENGTH {len(log)}",
+            "static const struct {",
+            "    heading_input input; /* is there an estimate; heading, rate, speed, heading to steer to */",
+            "    heading_command answer;",
+            "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
+            f"    {rows},",
+            "};",
+        ],
+    )
+
+
+def _row(exchange: Exchange) -> str:
+    seen, plan, answer = exchange.estimate, exchange.plan, exchange.answer
+    heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
+    told = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad))
+    said = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
+    return f"{{{{{_truth(seen is not None)}, {told}}}, {{{said}, {_truth(answer.brake)}}}}}"
+
+
+def _literal(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
+
+
+def _truth(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _guarded(guard: str, what: str, lines: Iterable[str]) -> str:
+    body = "\n".join(lines)
+    return f"/* {what} Written by `treadline export`; do not edit. */\n#ifndef {guard}\n#define {guard}\n\n{body}\n\n#endif\n"
+
+
+TOPICS = {
+    "heading": "/stair/heading",
+    "imu": "/imu",
+    "tracks": "/tracks/cmd",
+    "tracks_state": "/tracks/state",
+    "diagnostics": "/diagnostics",
+}
+"""Those of the graph of Fig. 7."""
+
+
+def ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return a parameter file for the controller's node; ROS knows lists of numbers only, so matrices go row by row."""
+    del log
+    lines = [
+        f"# The heading controller of '{design.vehicle}'. Written by `treadline export`. Matrices row by row; SI units.",
+        "# ROS 2: --params-file heading_controller.yaml. ROS 1: rosparam load heading_controller.yaml.",
+        "heading_controller:",
+        "  ros__parameters:",
+    ]
+    lines += [f"    {name}: {json.dumps(value)}" for name, value in settings_of(design, config).items()]
+    lines += ["    topics:", *(f"      {name}: {topic}" for name, topic in TOPICS.items())]
+    lines += ["    gains:", f"      states: {design.model.order}"]
+    lines += [f"      {name}: {matrix.ravel().tolist()!r}" for name, matrix in matrices(design, config).items()]
+    return {"heading_controller.yaml": "\n".join(lines) + "\n"}
+
+
+def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return design, settings and the log in one file."""
+    told = [
+        {
+            "heading_rad": _number(exchange.estimate, "heading_rad"),
+            "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
+            "speed_m_s": exchange.plan.speed_m_s,
+            "target_heading_rad": exchange.plan.heading_rad,
+            "left_m_s": exchange.answer.left_m_s,
+            "right_m_s": exchange.answer.right_m_s,
+            "brake": exchange.answer.brake,
+        }
+        for exchange in log
+    ]
+    values = {
+        "settings": settings_of(design, config),
+        "matrices": {name: matrix.tolist() for name, matrix in matrices(design, config).items()},
+        "provenance": design.provenance,
+        "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": told},
+    }
+    return {"heading_controller.json": json.dumps(values, indent=1, allow_nan=False) + "\n"}
+
+
+def _number(estimate: HeadingEstimate | None, name: str) -> float | None:
+    """Return what JSON can say: neither a missing estimate nor NaN is a number, and both stop the chair."""
+    value = math.nan if estimate is None else float(getattr(estimate, name))
+    return value if math.isfinite(value) else None
+
+
+def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
+    """Return how the design is driven."""
+    limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
+    return {
+        "vehicle": design.vehicle,
+        **asdict(config),
+        "reconstruct": "static" if is_static(design, config) else "observer",
+        "max_mean_m_s": limits.max_mean_m_s,
+        "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
+        "disturbance_limit_m_s": DISTURBANCE_LIMIT,
+        "belt_difference": BELT_DIFFERENCE.tolist(),
+    }

@@ -1,0 +1,66 @@
+"""``treadline export``: files that say what they are, and one line for what cannot be exported."""
+
+from pathlib import Path
+
+import pytest
+
+from treadline.experiments.literal import paper_model
+from treadline.experiments.shipped import SHIPPED
+
+CONTROLLER = SHIPPED / "wheelchair.json"
+
+
+@pytest.mark.parametrize(
+    ("target", "files"),
+    [
+        ("c", ["heading_controller.c", "heading_controller.h", "heading_log.h", "heading_numbers.h", "heading_selftest.c"]),
+        ("ros", ["heading_controller.yaml"]),
+        ("json", ["heading_controller.json"]),
+    ],
+)
+def test_export_writes_the_files_of_its_target(run, tmp_path: Path, target: str, files: list[str]) -> None:
+    out = tmp_path / "exported"
+    outcome = run("export", CONTROLLER, "--to", target, "--out", out, "--json")
+    assert outcome.code == 0, outcome.err
+    assert outcome.values["path"] == str(out)
+    assert outcome.values["files"] == files
+    assert sorted(path.name for path in out.iterdir()) == files
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (["--to", "rust"], "--to"),
+        (["--to", "c", "--allocation", "bold"], "--allocation"),
+        (["--to", "c", "--reconstruct", "guess"], "--reconstruct"),
+        (["--to", "c", "--speed", "nan"], "--speed"),
+        (["--to", "c", "--speed", "3"], "--speed"),
+        (["--to", "c", "--chair", "throne"], "chair.model"),
+        ([], "--to"),
+    ],
+)
+def test_export_names_what_it_cannot_do(run, tmp_path: Path, options: list[str], word: str) -> None:
+    out = tmp_path / "exported"
+    outcome = run("export", CONTROLLER, *options, "--out", out)
+    assert outcome.code == 2
+    assert outcome.err.count("\n") == 1
+    assert word in outcome.err
+    assert not out.exists()
+
+
+def test_a_file_that_is_no_controller_is_not_exported(run, tmp_path: Path) -> None:
+    model = tmp_path / "model.json"
+    paper_model(0.2).save(model)
+    outcome = run("export", model, "--to", "c", "--out", tmp_path / "exported")
+    assert outcome.code == 2
+    assert "not a controller" in outcome.err
+
+
+def test_a_controller_whose_loop_is_not_stable_is_not_exported(run, tmp_path: Path) -> None:
+    turned = CONTROLLER.read_text().replace('"K": [\n  [\n   0.0', '"K": [\n  [\n   -0.0')
+    assert turned != CONTROLLER.read_text()
+    path = tmp_path / "controller.json"
+    path.write_text(turned)
+    outcome = run("export", path, "--to", "c", "--out", tmp_path / "exported")
+    assert outcome.code == 2
+    assert "spectral radius" in outcome.err

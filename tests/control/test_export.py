@@ -1,0 +1,177 @@
+"""The exported controller answers as ours does: compiled, and fed with what a run's controller was told."""
+
+import json
+import math
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.control import ControllerConfig, HeadingController, tune
+from treadline.control.export import SOURCES, Exchange, exported, rehearsal
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import traverse
+from treadline.models import ControllerDesign, LinearModel
+from treadline.scenario import Control, Drive, Scenario, Stair, Start
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
+
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on the path")
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wshadow", "-Wconversion", "-O2")
+CONFIG = ControllerConfig()
+
+
+def write(folder: Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def verdict_of(folder: Path) -> tuple[int, str]:
+    """Compile as strictly as C99 allows, with no library but C's own, and run the test that comes with the code."""
+    assert COMPILER is not None
+    program = folder / "heading_selftest"
+    built = subprocess.run(
+        [COMPILER, *STRICT, "heading_controller.c", "heading_selftest.c", "-o", program],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout
+
+
+def three_states() -> ControllerDesign:
+    """Return a design with more states than outputs, and a D of its own."""
+    A = np.array([[0.97, 0.1, 0.0], [0.0, 0.5, 0.1], [0.0, 0.0, 0.2]])
+    B = np.array([[-0.1, 0.1], [-0.3, 0.35], [-0.2, 0.1]])
+    C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.5]])
+    D = np.array([[0.0, 0.0], [-0.02, 0.03]])
+    offsets = {"input_offset": np.array([0.18, 0.22]), "output_offset": np.zeros(2)}
+    return tune(LinearModel(A=A, B=B, C=C, D=D, dt_s=0.25, **offsets))
+
+
+def without_memory_of_belts() -> ControllerDesign:
+    return replace(shipped_controller("wheelchair"), disturbance_gain=None)
+
+
+DESIGNS = {
+    "wheelchair": (lambda: shipped_controller("wheelchair"), CONFIG),
+    "rescue": (lambda: shipped_controller("rescue"), ControllerConfig(climb_speed_m_s=0.3, max_speed_m_s=0.8)),
+    "as the paper clips": (lambda: shipped_controller("wheelchair"), ControllerConfig(allocation="paper")),
+    "static": (lambda: shipped_controller("wheelchair"), ControllerConfig(reconstruct="static")),
+    "learns nothing": (without_memory_of_belts, CONFIG),
+    "three states": (three_states, CONFIG),
+}
+
+
+@needs_a_compiler
+@pytest.mark.parametrize("case", DESIGNS)
+def test_the_c_code_answers_a_rehearsal_as_ours_does(tmp_path: Path, case: str) -> None:
+    make, config = DESIGNS[case]
+    write(tmp_path, exported("c", make(), config))
+    code, out = verdict_of(tmp_path)
+    assert code == 0, out
+    assert "400 steps agree" in out
+
+
+class Listener:
+    """The heading controller, and all that it is told and answers."""
+
+    def __init__(self, design: ControllerDesign) -> None:
+        self._driver = HeadingController(design, CONFIG)
+        self.log: list[Exchange] = []
+
+    @property
+    def period_s(self) -> float:
+        return self._driver.period_s
+
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
+        plan = plan or Plan(t_s=t_s, phase="drive", speed_m_s=CONFIG.climb_speed_m_s)
+        answer = self._driver.step(estimate, t_s, plan)
+        self.log.append(Exchange(estimate=estimate, plan=plan, answer=answer))
+        return answer
+
+
+@needs_a_compiler
+def test_the_c_code_answers_a_runs_log_within_a_millionth(tmp_path: Path) -> None:
+    design = shipped_controller("wheelchair")
+    listener = Listener(design)
+    flight = Scenario(
+        stair=Stair.model_validate({"slope_deg": 28.0, "width_m": 2.4, "steps": 30}),
+        start=Start(place="flight", step=6, heading_deg=20.0),
+        drive=Drive(duration_s=20.0),
+        control=Control(vision="truth"),
+    )
+    traverse(flight, controller=design, seed=1, driver=listener)
+    assert len(listener.log) > 60
+    assert any(exchange.estimate is not None for exchange in listener.log)
+    write(tmp_path, exported("c", design, CONFIG, listener.log))
+    code, out = verdict_of(tmp_path)
+    assert code == 0, out
+
+
+@needs_a_compiler
+def test_the_self_test_finds_a_gain_that_was_mistyped(tmp_path: Path) -> None:
+    design = shipped_controller("wheelchair")
+    files = exported("c", design, CONFIG)
+    gain = repr(float(design.K[0, 0]))
+    assert files["heading_numbers.h"].count(gain) == 1
+    files["heading_numbers.h"] = files["heading_numbers.h"].replace(gain, repr(float(design.K[0, 0]) * 1.001))
+    write(tmp_path, files)
+    code, out = verdict_of(tmp_path)
+    assert code == 1
+    assert "wanted" in out
+
+
+def test_the_c_code_takes_nothing_from_outside() -> None:
+    code = "".join((SOURCES / name).read_text() for name in ("heading_controller.c", "heading_controller.h"))
+    for word in ("malloc", "free(", "math.h", "stdlib", "extern", "float "):
+        assert word not in code
+    # What lives outside functions never changes.
+    assert all(line.startswith("static const") for line in code.splitlines() if line.startswith("static") and line.endswith(";"))
+
+
+def test_the_rehearsal_passes_every_state_that_a_drive_can_be_in() -> None:
+    log = rehearsal(shipped_controller("wheelchair"), CONFIG)
+    speeds = {exchange.plan.speed_m_s for exchange in log}
+    assert min(speeds) < 0.0 < max(speeds)
+    assert 0.0 in speeds
+    assert any(exchange.plan.heading_rad != 0.0 for exchange in log)
+    assert any(exchange.estimate is None for exchange in log)
+    assert any(exchange.estimate is not None and math.isnan(exchange.estimate.heading_rad) for exchange in log)
+    # From 30° the steering is at its limit at first, and free later.
+    belts = [exchange.answer.right_m_s - exchange.answer.left_m_s for exchange in log]
+    assert abs(belts[0]) > 0.5
+    assert 0.0 < abs(belts[50]) < 0.2
+    assert all(exchange.answer.brake for exchange in log if exchange.estimate is None)
+
+
+def test_the_ros_parameters_are_yaml_of_flat_lists() -> None:
+    yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+    design = shipped_controller("wheelchair")
+    told = yaml.safe_load(exported("ros", design, CONFIG)["heading_controller.yaml"])["heading_controller"]["ros__parameters"]
+    assert told["vehicle"] == "wheelchair"
+    assert told["topics"]["tracks"] == "/tracks/cmd"
+    np.testing.assert_array_equal(np.reshape(told["gains"]["K"], design.K.shape), design.K)
+    # ROS 2 knows a list's type by its first number; an integer among floats is refused there.
+    assert all(isinstance(x, float) for name, row in told["gains"].items() if name != "states" for x in row)
+
+
+def test_json_holds_what_a_copy_needs_and_a_log_to_test_it_with() -> None:
+    design = shipped_controller("wheelchair")
+    told = json.loads(exported("json", design, CONFIG)["heading_controller.json"])
+    np.testing.assert_array_equal(told["matrices"]["A"], design.model.A)
+    assert told["settings"]["period_s"] == 0.25
+    first = told["self_test"]["log"][0]
+    answer = rehearsal(design, CONFIG)[0].answer
+    assert (first["left_m_s"], first["right_m_s"]) == (answer.left_m_s, answer.right_m_s)
+
+
+def test_the_same_design_gives_the_same_bytes() -> None:
+    design = shipped_controller("rescue")
+    assert exported("c", design, CONFIG) == exported("c", design, CONFIG)
