@@ -1,23 +1,50 @@
-"""The crest on the plant: what the arm buys, what it bears, and that without it these figures fail."""
+"""Crest, edge and foot on the plant: what the arm buys, what it bears, and that without it these figures fail."""
 
+from collections.abc import Callable
+
+import jaxtyping
 import pytest
 
 from treadline.experiments.crest import CrestCase, Crossing, cross
 
-NOMINAL_DEG_S, WITH_ERRORS_DEG_S = 15.0, 20.0
+NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0
 SEAT_DEG, PASSENGER_M_S2 = 3.0, 2.5
+
+Ride = Callable[[CrestCase], Crossing]
+
+
+@pytest.fixture
+def ride(monkeypatch: pytest.MonkeyPatch) -> Ride:
+    """Cross without the tests' shape checks, two thirds of a run's time; the last test here has them."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    return cross
 
 
 def assert_gentle(crossing: Crossing, limit_deg_s: float) -> None:
-    assert crossing.is_across, crossing
     assert crossing.pitch_rate_deg_s <= limit_deg_s, crossing
     assert crossing.seat_deg <= SEAT_DEG, crossing
     assert crossing.vertical_m_s2 <= PASSENGER_M_S2, crossing
 
 
-@pytest.mark.parametrize("slope_deg", [25.0, 30.0])
-def test_the_arm_lets_the_chair_down_gently(slope_deg: float) -> None:
-    assert_gentle(cross(CrestCase(slope_deg=slope_deg)), NOMINAL_DEG_S)
+def last_stage(crossing: Crossing) -> str:
+    return crossing.stages[-1][1]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        CrestCase(slope_deg=25.0),
+        CrestCase(slope_deg=30.0),
+        CrestCase(direction="down", slope_deg=20.0),
+        CrestCase(direction="down", slope_deg=30.0),
+        CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0),
+    ],
+    ids=["up 25", "up 30", "down 20", "down 30", "down 26, heavy"],
+)
+def test_the_arm_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> None:
+    crossing = ride(case)
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, NOMINAL_DEG_S)
 
 
 @pytest.mark.parametrize(
@@ -30,37 +57,115 @@ def test_the_arm_lets_the_chair_down_gently(slope_deg: float) -> None:
     ],
     ids=["early", "weight behind", "empty", "heavy, late and askew"],
 )
-def test_it_bears_what_the_chair_believes_wrongly(case: CrestCase) -> None:
-    assert_gentle(cross(case), WITH_ERRORS_DEG_S)
-
-
-def test_a_motor_that_dies_half_way_lets_the_chair_down_on_its_brake() -> None:
-    assert_gentle(cross(CrestCase(payload_kg=110.0, motor_lost_at_deg=14.0)), WITH_ERRORS_DEG_S)
+def test_the_crest_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
+    crossing = ride(case)
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
 @pytest.mark.parametrize(
     "case",
     [
-        CrestCase(chair="wheelchair-fixed", duration_s=16.0),
-        CrestCase(torque_n_m=40.0, duration_s=18.0),
-        CrestCase(range_deg=(-45.0, 60.0), com_error_m=-0.10, duration_s=18.0),
-        CrestCase(motor_lost_at_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=18.0),
+        CrestCase(direction="down", slope_deg=28.0, nosing_error_m=-0.15, com_error_m=0.10, seed=1),
+        CrestCase(direction="down", slope_deg=30.0, nosing_error_m=0.10, com_error_m=-0.10, slope_error_deg=-2.0, seed=2),
+        CrestCase(direction="down", slope_deg=25.0, payload_kg=0.0, slope_error_deg=2.0, heading_deg=5.0, seed=3),
+        CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0, com_error_m=-0.10, heading_deg=-5.0, seed=4),
     ],
-    ids=["no arm", "40 N·m", "-45 degrees, centre of mass believed too far back", "dead motor without a brake"],
+    ids=["late, weight behind", "early, slope flatter", "empty, slope steeper, askew", "heavy, weight ahead, askew"],
 )
-def test_less_of_an_arm_falls(case: CrestCase) -> None:
-    # About 106, 54, 38 and 80 °/s: the limit above tells them apart with room to spare.
-    assert cross(case).pitch_rate_deg_s > 1.5 * WITH_ERRORS_DEG_S
+def test_the_edge_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
+    crossing = ride(case)
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
-def test_an_arm_too_short_in_range_stays_before_the_crest_when_it_knows_where_its_weight_is() -> None:
-    crossing = cross(CrestCase(range_deg=(-45.0, 60.0), duration_s=16.0))
+def test_a_motor_that_dies_half_way_over_the_crest_lets_the_chair_down_on_its_brake(ride: Ride) -> None:
+    crossing = ride(CrestCase(payload_kg=110.0, motor_lost_at_deg=14.0))
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
+
+
+def test_a_motor_that_dies_half_way_over_the_edge_lets_the_chair_back_onto_the_landing(ride: Ride) -> None:
+    case = CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0, motor_lost_at_deg=14.0, duration_s=20.0)
+    crossing = ride(case)
+    assert last_stage(crossing) == "barred"
+    assert abs(crossing.moments[-1].truth.pitch_rad) < 0.01
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
+
+
+def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
+    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=28.1))
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
+
+
+@pytest.mark.parametrize(
+    ("case", "about_deg_s"),
+    [
+        (CrestCase(chair="wheelchair-fixed", duration_s=16.0), 106.0),
+        (CrestCase(torque_n_m=40.0, duration_s=18.0), 43.0),
+        (CrestCase(range_deg=(-45.0, 60.0), com_error_m=-0.10, duration_s=18.0), 38.0),
+        (CrestCase(motor_lost_at_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=18.0), 80.0),
+        (CrestCase(direction="down", chair="wheelchair-fixed", duration_s=14.0), 114.0),
+        (CrestCase(direction="down", torque_n_m=40.0, keep_m=-1.0, duration_s=14.0), 77.0),
+        (CrestCase(direction="down", range_deg=(-45.0, 60.0), keep_m=-1.0, duration_s=14.0), 29.0),
+        (CrestCase(direction="down", payload_kg=110.0, motor_lost_at_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=14.0), 79.0),
+    ],
+    ids=[
+        "crest, no arm",
+        "crest, 40 N·m",
+        "crest, -45 degrees, centre of mass believed too far back",
+        "crest, dead motor without a brake",
+        "edge, no arm",
+        "edge, 40 N·m, belts that do not wait",
+        "edge, -45 degrees, belts that do not wait",
+        "edge, dead motor without a brake",
+    ],
+)
+def test_less_of_an_arm_falls(ride: Ride, case: CrestCase, about_deg_s: float) -> None:
+    # Contact in a fall hangs on the last digit: a fifth either way.
+    rate_deg_s = ride(case).pitch_rate_deg_s
+    assert rate_deg_s > NEVER_DEG_S
+    assert rate_deg_s == pytest.approx(about_deg_s, rel=0.2)
+
+
+def test_belts_that_do_not_wait_are_borne_by_the_whole_arm(ride: Ride) -> None:
+    # So what falls in the test above falls for want of arm.
+    assert ride(CrestCase(direction="down", keep_m=-1.0)).pitch_rate_deg_s <= NOMINAL_DEG_S
+
+
+def test_an_arm_too_short_in_range_stays_before_the_crest_when_it_knows_where_its_weight_is(ride: Ride) -> None:
+    crossing = ride(CrestCase(range_deg=(-45.0, 60.0), duration_s=16.0))
     assert not crossing.is_across
-    assert crossing.stages[-1][1] == "carry"
+    assert last_stage(crossing) == "carry"
     assert crossing.pitch_rate_deg_s < NOMINAL_DEG_S
 
 
-def test_the_same_case_gives_the_same_crossing_and_another_seed_another() -> None:
-    first, again, other = (cross(CrestCase(seed=seed, duration_s=3.0)) for seed in (3, 3, 4))
+@pytest.mark.parametrize(
+    "case",
+    [
+        CrestCase(direction="down", range_deg=(-45.0, 60.0), duration_s=22.0),
+        CrestCase(direction="down", torque_n_m=40.0, duration_s=18.0),
+    ],
+    ids=["-45 degrees", "40 N·m"],
+)
+def test_less_of_an_arm_that_is_heeded_goes_back_onto_the_landing(ride: Ride, case: CrestCase) -> None:
+    crossing = ride(case)
+    assert last_stage(crossing) == "barred"
+    assert crossing.moments[-1].truth.x_m > crossing.moments[0].truth.x_m - 1.0  # still on the landing
+    assert_gentle(crossing, NOMINAL_DEG_S)
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_arm_at_work(ride: Ride, direction: str) -> None:
+    crossing = ride(CrestCase(at="foot", direction="up" if direction == "up" else "down", slope_deg=30.0))
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, NOMINAL_DEG_S)
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_the_same_case_gives_the_same_crossing_and_another_seed_another(direction: str) -> None:
+    way = "up" if direction == "up" else "down"
+    first, again, other = (cross(CrestCase(direction=way, seed=seed, duration_s=1.0)) for seed in (3, 3, 4))
     assert first.moments == again.moments
     assert first.moments != other.moments

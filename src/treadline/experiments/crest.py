@@ -85,7 +85,11 @@ class CrestCase:
                 {"slope_deg": self.slope_deg, "steps": STEPS, "walls": "none", "width_m": 4.0, "landing_m": 3.0}
             ),
             chair=Chair(model=self.chair, payload_kg=self.payload_kg),
-            start=Start(place=STARTS[self.at, self.direction], step=STEPS - 3, heading_deg=self.heading_deg),
+            start=Start(
+                place=STARTS[self.at, self.direction],
+                step=STEPS - 3 if self.at == "top" else STEPS - 4,
+                heading_deg=self.heading_deg,
+            ),
             control=Control(vision="truth"),
             sensors=Sensors(),
         )
