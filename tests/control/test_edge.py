@@ -1,0 +1,204 @@
+"""The sequencer of the way down over the edge, on readings made by hand: no plant, no truth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.control.arm import ArmGeometry, plumb
+from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
+from treadline.errors import MechanicsError
+from treadline.mechanics.chair import read_chair
+from treadline.signals import ArmReading, ImuSample, TrackReading
+
+CHAIR = read_chair("wheelchair")
+CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)
+SLOPE = 28.0 * DEG
+GEOMETRY = ArmGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
+LIFTED_DEG = (SLOPE + CONFIG.steeper_rad) / DEG
+NEAR_M = 0.30
+"""Of the nosing behind mid-track: 5 cm before the tip is pressed down."""
+
+
+class Chassis:
+    """A chair that does what it is told, on a landing that is not there; its arm follows its pitch where the tip stands."""
+
+    def __init__(self, behind_m: float = NEAR_M) -> None:
+        self.edge = Edge(CONFIG, behind_m, SLOPE)
+        self.behind_m, self.pitch_deg = behind_m, 0.0
+        self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
+
+    def run(self, duration_s: float, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
+        """Go on under one load of the tip and return the last command."""
+        for _ in range(round(duration_s / 0.01)):
+            self.t_s += 0.01
+            self.pitch_deg += pitch_deg_s * 0.01
+            pitch = self.pitch_deg * DEG
+            lever = 0.45 * math.cos(self.angle_rad + pitch)
+            orientation = np.array([math.cos(0.5 * pitch), 0.0, -math.sin(0.5 * pitch), 0.0])
+            command = self.edge.step(
+                ImuSample(
+                    t_s=self.t_s,
+                    orientation=orientation,
+                    angular_velocity_rad_s=np.zeros(3),
+                    linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
+                ),
+                ArmReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=(0.5 * 3.0 * 9.81 - tip_n) * lever),
+                TrackReading(t_s=self.t_s, left_m_s=self.speed_m_s, right_m_s=self.speed_m_s, brake_on=False),
+            )
+            self.speed_m_s = command.speed_m_s
+            self.behind_m += self.speed_m_s * 0.01
+            self.angle_rad += command.arm.rate_rad_s * 0.01
+            if tip_n > 0.0:
+                self.angle_rad = -(pitch + GEOMETRY.depression(pitch, 0.475 + self.behind_m))
+        return command
+
+    def until(self, stage: str, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
+        """Go on until a stage begins."""
+        for _ in range(3000):
+            command = self.run(0.01, tip_n, pitch_deg_s)
+            if command.stage == stage:
+                return command
+        raise AssertionError(f"still in stage {command.stage!r} after 30 s")
+
+    def balanced_n(self, before_m: float) -> float:
+        """Return the tip's load when the plumb line is so far before the nosing, along the belts."""
+        pitch = self.pitch_deg * DEG
+        return CONFIG.weight_n * before_m * math.cos(pitch) / GEOMETRY.reach(pitch, 0.475 + self.behind_m)
+
+    def pressed(self) -> "Chassis":
+        """Bring it to where it is lifted."""
+        self.until("press")
+        self.until("lift", tip_n=130.0)
+        return self
+
+    def lifted(self) -> "Chassis":
+        """Lift it all the way, its centre of mass where it is believed to be."""
+        self.pressed()
+        while self.run(0.01, self.balanced_n(plumb(CONFIG, self.pitch_deg * DEG) + self.behind_m), 8.0).stage == "lift":
+            assert self.pitch_deg < 40.0
+        return self
+
+
+def test_a_chair_with_a_fixed_front_section_is_refused() -> None:
+    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven front section"):
+        Edge(EdgeConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), NEAR_M, SLOPE)
+
+
+def test_it_backs_to_the_edge_slows_down_and_lays_the_arm() -> None:
+    chair = Chassis(1.2)
+    assert chair.run(0.5).speed_m_s == -CONFIG.cruise_m_s
+    assert chair.until("press").speed_m_s == 0.0
+    assert chair.angle_rad == pytest.approx(5.0 * DEG, abs=0.5 * DEG)
+
+
+@pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])
+@pytest.mark.parametrize("payload_kg", [0.0, 50.0, 110.0])
+def test_it_presses_where_15_cm_and_10_cm_of_error_leave_it_on_the_landing(slope_deg: float, payload_kg: float) -> None:
+    config = EdgeConfig(chair=CHAIR, payload_kg=payload_kg)
+    pressed_m = config.early_m - plumb(config, slope_deg * DEG)
+    # Level, the plumb line meets the belts at plumb(0): still before the nosing when both errors add up.
+    assert pressed_m - 0.15 - 0.10 + plumb(config, 0.0) > 0.02
+    # And 10 cm early the rear pulley is at the nosing, not on the landing behind it.
+    assert pressed_m + 0.10 < GEOMETRY.pivot_m + 0.05
+
+
+def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> None:
+    chair = Chassis()
+    chair.until("press")
+    waiting = chair.behind_m
+    command = chair.run(5.0)
+    assert (command.stage, command.speed_m_s) == ("press", 0.0)
+    assert chair.behind_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stand
+
+
+def test_a_light_chair_that_rises_before_its_tip_carries_much_is_led_from_there() -> None:
+    chair = Chassis()
+    chair.until("press")
+    assert chair.run(0.3, tip_n=20.0, pitch_deg_s=4.0).stage == "lift"
+
+
+def test_the_lift_presses_the_arm_down_faster_than_the_front_rises() -> None:
+    chair = Chassis().pressed()
+    command = chair.run(1.0, tip_n=250.0, pitch_deg_s=7.0)
+    # The arm turns against a chassis that rises: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
+    assert -30.0 * DEG <= command.arm.rate_rad_s < -2.0 * 7.0 * DEG
+
+
+@pytest.mark.parametrize(("before_m", "sign"), [(0.60, -1.0), (0.0, 1.0)])
+def test_the_belts_keep_the_centre_of_mass_before_the_edge(before_m: float, sign: float) -> None:
+    chair = Chassis().pressed()
+    chair.run(0.5, tip_n=chair.balanced_n(0.60))  # back a little, so that there is room ahead
+    command = chair.run(0.5, tip_n=max(chair.balanced_n(before_m), 1.0))
+    assert math.copysign(1.0, command.speed_m_s) == sign
+
+
+def test_it_never_drives_further_ahead_than_where_it_pressed() -> None:
+    chair = Chassis().pressed()
+    pressed = chair.behind_m
+    chair.run(5.0, tip_n=1.0)
+    assert chair.behind_m <= pressed + 0.005
+
+
+def test_it_lifts_no_further_than_the_arm_reaches() -> None:
+    chair = Chassis().pressed()
+    chair.pitch_deg, far = 27.0, GEOMETRY.past(27.0 * DEG, -73.0 * DEG)
+    chair.behind_m = far - 0.475
+    chair.run(1.0, tip_n=chair.balanced_n(0.05))
+    assert chair.run(0.5, tip_n=chair.balanced_n(0.05)).arm.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
+
+
+def test_lifted_it_backs_on_until_the_centre_of_mass_is_well_past() -> None:
+    chair = Chassis().lifted()
+    assert chair.run(0.05, tip_n=40.0).speed_m_s == -CONFIG.settle_m_s
+    chair.until("leave", tip_n=40.0)
+    assert plumb(CONFIG, SLOPE) + chair.behind_m == pytest.approx(-CONFIG.let_go_m, abs=0.01)
+
+
+def test_then_it_stows_the_arm_and_ends_when_the_front_has_left_the_landing() -> None:
+    chair = Chassis().lifted()
+    chair.until("leave", tip_n=40.0)
+    chair.until("done")
+    assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(0.0, abs=0.01)
+    # Stowed clear of the landing it leaves behind: above the belts' line.
+    assert chair.angle_rad > 0.0
+
+
+def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:
+    chair = Chassis().lifted()
+    chair.pitch_deg = LIFTED_DEG - 5.0
+    command = chair.run(0.5)
+    assert command.stage == "lift"
+    assert command.speed_m_s > 0.0
+
+
+def test_an_arm_that_gets_no_further_lets_the_chair_down_and_says_so() -> None:
+    chair = Chassis().pressed()
+    chair.until("lower", tip_n=130.0)
+    command = chair.run(0.1, tip_n=130.0)
+    assert (command.stage, command.speed_m_s) == ("barred", 0.0)
+    chair.run(10.0)
+    assert chair.angle_rad == pytest.approx(40.0 * DEG, abs=1.0 * DEG)
+
+
+def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
+    chair = Chassis().pressed()
+    chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
+    lowering = chair.until("lower", tip_n=200.0)
+    assert lowering.speed_m_s >= 0.0
+    assert chair.run(0.5, tip_n=200.0, pitch_deg_s=-5.0).arm.rate_rad_s > 5.0 * DEG
+    chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
+
+
+def test_a_better_place_of_the_nosing_is_taken_until_contact() -> None:
+    chair = Chassis()
+    chair.edge.nosing_seen(0.20)
+    assert chair.run(0.01).stage == "press"
+    chair.edge.nosing_seen(5.0)
+    assert chair.run(0.1).stage == "press"
+
+
+def test_the_same_readings_get_the_same_answers() -> None:
+    first, again = (Chassis(0.4) for _ in range(2))
+    assert [first.run(0.05, tip_n=90.0) for _ in range(60)] == [again.run(0.05, tip_n=90.0) for _ in range(60)]
