@@ -1,0 +1,132 @@
+"""Belts that do what they are told: as fast as asked (rows 13 and 14), and as far as the nosings show (row 14)."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from treadline.mission.guard.config import GuardConfig
+from treadline.signals import TrackCommand, TrackReading
+
+BRAKE_M_S2 = 10.0
+"""Deceleration of a belt when the brake falls in."""
+GAP_S = 0.1
+"""Without a reading for longer, nobody knows what the belts did."""
+ROUNDING_S = 1e-6
+
+
+class BeltWatch:
+    """Compares each belt with what its drive should make of the command: a lag within an acceleration limit."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._asked = TrackCommand.stop(0.0)
+        self._t_s = -math.inf
+        self._expected = [0.0, 0.0]
+        self._since_s: list[float | None] = [None, None]
+        self.travel_m = 0.0
+        """Of the chair by its belts, backwards negative."""
+        self.speed_m_s = 0.0
+        self.cause: str | None = None
+        """Which belt does not obey."""
+
+    def ask(self, command: TrackCommand) -> None:
+        """Note what the belts are told."""
+        self._asked = command
+
+    def feel(self, reading: TrackReading) -> None:
+        """Take what the drives report."""
+        dt_s = reading.t_s - self._t_s
+        self._t_s = reading.t_s
+        belts = (reading.left_m_s, reading.right_m_s)
+        self.speed_m_s = 0.5 * (belts[0] + belts[1])
+        if dt_s > GAP_S:
+            self._expected = list(belts)
+            self._since_s = [None, None]
+            return
+        self.travel_m += dt_s * self.speed_m_s
+        for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
+            self._expected[side] = self._driven(self._expected[side], asked, dt_s)
+            self._compare(side, belts[side])
+
+    def forget(self) -> None:
+        """Take the next reading as it is."""
+        self._t_s = -math.inf
+        self.cause = None
+
+    def _driven(self, speed: float, asked: float, dt_s: float) -> float:
+        if self._asked.brake:
+            step = BRAKE_M_S2 * dt_s
+            return speed - min(max(speed, -step), step)
+        step = self._config.drive_acceleration_m_s2 * dt_s
+        change = (1.0 - math.exp(-dt_s / self._config.drive_lag_s)) * (asked - speed)
+        return speed + min(max(change, -step), step)
+
+    def _compare(self, side: int, speed: float) -> None:
+        limits, expected, since_s = self._config, self._expected[side], self._since_s[side]
+        if abs(speed - expected) <= limits.mismatch * abs(expected) + limits.mismatch_spare_m_s:
+            self._since_s[side] = None
+        elif since_s is None:
+            self._since_s[side] = self._t_s
+        elif self._t_s - since_s >= limits.mismatch_s - ROUNDING_S:
+            name, runs_away = ("left", "right")[side], abs(speed) > abs(expected)
+            fault = "runs away" if runs_away else "is stalled"
+            self.cause = f"{name} track {fault}: {speed:.2f} m/s where {expected:.2f} is expected"
+
+
+MATCH_S = 0.35
+"""Between two maps whose nosings are compared."""
+DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
+"""Of travel in a window: below, noise of the nosings' places would be slip."""
+
+
+class SlipWatch:
+    """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._t_s = -math.inf
+        self._travel_m = 0.0
+        self._places: Sequence[float] = ()
+        self._slid_m = 0.0
+        self._window: deque[tuple[float, float, float]] = deque()
+        self._since_s: float | None = None
+        self.slip = 0.0
+        """Share of the belts' travel, if it is too much; else zero."""
+        self.cause: str | None = None
+
+    def look(self, t_s: float, places_m: Sequence[float], travel_m: float) -> None:
+        """Take the nosings of one map: their distances along the chair, and the belts' travel towards them."""
+        if t_s - self._t_s > MATCH_S or not places_m:
+            self._start()
+        else:
+            predicted = [place - (travel_m - self._travel_m) for place in self._places]
+            apart = sorted(min((place - there for there in predicted), key=abs) for place in places_m)
+            self._slid_m += apart[len(apart) // 2]
+        self._t_s, self._places, self._travel_m = (t_s if places_m else -math.inf), places_m, travel_m
+        self._window.append((t_s, travel_m, self._slid_m))
+        self._judge(t_s)
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._t_s = -math.inf
+        self._start()
+
+    def _start(self) -> None:
+        self._window.clear()
+        self._since_s = self.cause = None
+        self.slip = 0.0
+
+    def _judge(self, t_s: float) -> None:
+        window_s = self._config.slip_s - ROUNDING_S
+        while len(self._window) > 1 and t_s - self._window[1][0] >= window_s:
+            self._window.popleft()
+        then_s, travel_m, slid_m = self._window[0]
+        driven, slid = abs(self._travel_m - travel_m), abs(self._slid_m - slid_m)
+        slips = t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M and slid > max(self._config.slip * driven, SLID_LEAST_M)
+        self.slip = slid / driven if slips else 0.0
+        if not slips:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = t_s
+        elif t_s - self._since_s >= window_s:
+            self.cause = f"slip {self.slip:.2f}: the chair stays {slid:.2f} m behind its belts in {t_s - then_s:.1f} s"

@@ -1,0 +1,100 @@
+"""The guard's limits, each with its reason."""
+
+from dataclasses import dataclass
+
+from treadline.angles import DEG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardConfig:
+    """Limits, each with its reason; "row" is one of the table of hazards in docs/decisions/0014."""
+
+    belt_limit_m_s: float = 1.0
+    """Table I: v_system(max)."""
+    cruise_limit_m_s: float = 0.30
+    """Mean of the belts when square to the stair: what can be stopped within a step."""
+    turn_limit_m_s: float = 0.55
+    """Mean of the belts while turning back to square: a turn with one belt at its limit needs it."""
+    turning_rad: float = 5.0 * DEG
+    """Beyond this heading the turn limit holds instead of the cruise limit."""
+    blind_limit_m_s: float = 0.10
+    """Mean of the belts while a sense is missing, or something is wrong that may pass."""
+    edge_limit_m_s: float = 0.10
+    """Mean of the belts where the chair pitches: mounting, over crest and edge, off the last step (row 18)."""
+    plan_margin: float = 0.25
+    """By how much the mean may exceed the plan's speed: steering on a stair adds to it."""
+    plan_spare_m_s: float = 0.02
+
+    imu_timeout_s: float = 0.05
+    vision_only_s: float = 1.0
+    """Without IMU (row 6)."""
+    frame_timeout_s: float = 0.3
+    blind_timeout_s: float = 3.0
+    """Without any frame."""
+    blind_travel_m: float = 0.5
+    """Of the belts, without any frame."""
+    estimate_timeout_s: float = 0.3
+    """Between the estimate's own time and now, either way: a clock that leapt, a gyro that is dead."""
+    lost_timeout_s: float = 12.0
+    """Frames arrive but none shows a stair: the gyro carries the heading this long."""
+    disagreement_s: float = 0.5
+    """Vision and gyro differ, and nobody knows who errs (row 7)."""
+    driver_timeout_s: float = 0.75
+    """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""
+    heartbeat_timeout_s: float = 0.75
+    """Of a process that has spoken once (row 22)."""
+    link_timeout_s: float = 0.3
+    """Of an operator who has spoken once (row 21)."""
+    clock_jump_s: float = 1.0
+    """A clock that leaps further is no longer believed (row 10)."""
+    frozen_travel_m: float = 0.05
+    """Of the belts, under headings or maps that repeat themselves (row 2)."""
+
+    valid_least: float = 0.15
+    """Share of a depth image without which nothing is seen in it (row 4)."""
+    valid_least_dark: float = 0.3
+    """The same where the colours do not help (row 3)."""
+    dark: float = 0.02
+    """Mean of the colours below which, or above one less which, they say nothing."""
+    contrast_least: float = 0.008
+
+    drive_lag_s: float = 0.15
+    drive_acceleration_m_s2: float = 4.0
+    """The belts' drives: what they may lag behind a command."""
+    mismatch: float = 0.3
+    """Share by which a belt's speed may differ from what its drive should make of the command (rows 13 and 14)."""
+    mismatch_spare_m_s: float = 0.03
+    mismatch_s: float = 0.2
+    slip: float = 0.3
+    """Share of the belts' travel that the nosings do not show (row 14)."""
+    slip_s: float = 0.5
+    """Over which slip is measured, and for which it may last."""
+
+    pitch_rate_rad_s: float = 25.0 * DEG
+    """Row 18: never above."""
+    front_up_rad: float = 40.0 * DEG
+    """The steepest flight of 32° and what a chair rocks when it mounts."""
+    front_down_rad: float = 15.0 * DEG
+    roll_rad: float = 20.0 * DEG
+    """At 35° across a flight of 30° it is 17°."""
+    seat_rad: float = 5.0 * DEG
+    seat_s: float = 1.0
+    """Row 19."""
+
+    front_m: float = 0.89
+    """From mid-track to the foremost part of the chair, its front section at rest."""
+    rear_m: float = 0.55
+    """From mid-track to the rearmost part of the tracks."""
+    track_span_m: float = 0.95
+    """Flat run: three neighbouring nosings lie closer together, or the track would rest on one (row 17)."""
+    gap_clear_m: float = 0.2
+    """Before a gap."""
+    obstacle_clear_m: float = 0.3
+    """Before whatever stands in the way (row 25)."""
+    stopping_s: float = 0.4
+    """Two frames' time, a control tick and the brake: the way of the chair in it is added to both."""
+
+    needs_heading: bool = True
+    """False only for runs whose purpose is to drive without: open loop."""
+    watches_motion: bool = True
+    """False only where no command moves the chair: a recording."""

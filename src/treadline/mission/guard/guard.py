@@ -1,0 +1,334 @@
+"""The guard itself: what every reading, plan and proposal means for it, and what may reach the plant.
+
+``Reading | FrameQuality -> whether it may be used``; ``TrackCommand -> TrackCommand``, and the same for seat and arm.
+"""
+
+import math
+from dataclasses import replace
+
+from treadline.estimation.health import HeadingHealth
+from treadline.mission.guard.ahead import AheadWatch
+from treadline.mission.guard.belts import BeltWatch, SlipWatch
+from treadline.mission.guard.body import SeatWatch, TiltWatch
+from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.latch import Latch
+from treadline.mission.guard.limits import ENDS, FLIGHT, finite, limited, mean_limit, stands
+from treadline.mission.guard.lost import SenseWatch, estimate_fault
+from treadline.mission.guard.sight import SightWatch
+from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.signals import (
+    ArmCommand,
+    ArmReading,
+    Event,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    Plan,
+    Reading,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+
+
+class Guard:
+    """Latched HOLD over a command stream."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._latch = Latch()
+        self._stamps = Stamps(config.clock_jump_s)
+        self._senses = SenseWatch(config)
+        self._sight = SightWatch(config)
+        self._belts = BeltWatch(config)
+        self._slip = SlipWatch(config)
+        self._ahead = AheadWatch(config)
+        self._tilt = TiltWatch(config)
+        self._seat = SeatWatch(config)
+        self._link = Silence(config.link_timeout_s, "")
+        self._processes = Silence(config.heartbeat_timeout_s, "process ")
+        self._command = TrackCommand.stop(0.0)
+        self._driver_s: float | None = None
+        self._t_s: float | None = None
+        self._map_s = -math.inf
+        self._heading_rad = math.inf
+        self._plan: Plan | None = None
+
+    @property
+    def holding(self) -> str | None:
+        """Why the guard holds, or None."""
+        return self._latch.cause
+
+    def admit(self, signal: Reading | FrameQuality) -> bool:
+        """See a reading before anybody else does; False: nobody may use it."""
+        if isinstance(signal, OperatorInput):
+            return self._obey(signal)
+        return self._is_new(type(signal).__name__, signal.t_s) and self._is_good(signal)
+
+    def notice(self, signal: HeadingMeasurement | StairMap | HeadingHealth | Plan) -> None:
+        """Note what others made of the readings."""
+        match signal:
+            case HeadingMeasurement():
+                self._senses.seen(signal.t_s)
+            case StairMap():
+                self._look_ahead(signal)
+            case HeadingHealth():
+                mended = self._senses.health(signal)
+                if mended is not None:
+                    self._latch.tell(mended.t_s, mended.name, mended.cause)
+            case Plan():
+                self._follow(signal)
+
+    def beat(self, process: str, t_s: float) -> None:
+        """Note that a process is alive; one that has spoken once must go on."""
+        self._processes.heard(process, t_s)
+
+    def propose(self, command: TrackCommand) -> None:
+        """Take the driver's newest command."""
+        if not finite(command.t_s, command.left_m_s, command.right_m_s):
+            self._latch.hold(self._now(command.t_s), "command is not finite")
+            return
+        self._driver_s = command.t_s
+        self._command = command
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:
+        """Return what may reach the belts at ``t_s``."""
+        if not math.isfinite(t_s):
+            t_s = self._now(t_s)
+            self._latch.hold(t_s, "mission clock is not finite")
+        late_s = self._lateness(t_s)
+        self._heading_rad = math.inf if estimate is None else estimate.heading_rad
+        self._latch.hold(t_s, self._alarm(t_s, estimate))
+        passed = self._limited(t_s, estimate, late_s)
+        self._latch.hold(t_s, self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)))
+        if self._latch.cause is not None:
+            passed = TrackCommand.stop(t_s)
+        self._belts.ask(passed)
+        return passed
+
+    def pass_seat(self, command: SeatCommand) -> SeatCommand:
+        """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone."""
+        if not finite(command.t_s, command.rate_m_s):
+            self._latch.hold(self._now(command.t_s), "seat rate is not finite")
+            return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
+        return command if self._seat.cause is None else replace(command, rate_m_s=0.0)
+
+    def pass_arm(self, command: ArmCommand | None) -> ArmCommand | None:
+        """Return what may reach the arm: under HOLD it stands."""
+        if command is None:
+            return None
+        if not finite(command.t_s, command.rate_rad_s):
+            self._latch.hold(self._now(command.t_s), "arm rate is not finite")
+            return ArmCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
+        return command if self._latch.cause is None else replace(command, rate_rad_s=0.0)
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call."""
+        return self._latch.take()
+
+    # Readings
+
+    def _is_new(self, kind: str, t_s: float) -> bool:
+        new = self._stamps.admit(kind, t_s, t_s if self._t_s is None else self._t_s)
+        self._latch.hold(self._now(t_s), self._stamps.leap)
+        return new
+
+    def _is_good(self, signal: Reading | FrameQuality) -> bool:
+        match signal:
+            case ImuSample():
+                return self._feel_motion(signal)
+            case TrackReading():
+                return self._feel_belts(signal)
+            case SeatReading():
+                return self._feel_seat(signal)
+            case ArmReading():
+                return finite(signal.angle_rad, signal.torque_n_m)
+            case FrameQuality():
+                return self._feel_frame(signal)
+            case HeadingMeasurement() if finite(signal.heading_rad) and signal.sigma_rad > 0.0:
+                return self._feel_sight(signal.t_s, "heading", (signal.heading_rad, signal.sigma_rad))
+            case StairMap() if _is_finite(signal):
+                value = (*signal.nosings_B.ravel().tolist(), signal.obstacle_m)
+                return self._feel_sight(signal.t_s, "map", value if len(value) > 1 else signal.t_s, signal)
+            case HeadingMeasurement() | StairMap():
+                return False
+            case _:
+                return True  # a frame's pixels: its FrameQuality speaks for them
+
+    def _feel_motion(self, sample: ImuSample) -> bool:
+        orientation, rates = sample.orientation.tolist(), sample.angular_velocity_rad_s.tolist()
+        if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
+            return False
+        self._senses.imu(sample.t_s)
+        if self._config.watches_motion and self._config.needs_heading:
+            self._tilt.feel(sample.t_s, orientation, -rates[1])
+        return True
+
+    def _feel_belts(self, reading: TrackReading) -> bool:
+        usable = finite(reading.left_m_s, reading.right_m_s)
+        if usable:
+            self._belts.feel(reading)
+        return usable
+
+    def _feel_seat(self, reading: SeatReading) -> bool:
+        usable = finite(reading.pitch_rad, reading.stroke_m)
+        if usable and self._config.watches_motion:
+            self._seat.feel(reading.t_s, reading.pitch_rad)
+        return usable
+
+    def _feel_frame(self, quality: FrameQuality) -> bool:
+        was_dark = self._sight.is_dark
+        usable = self._sight.frame(quality)
+        if self._sight.is_dark != was_dark:
+            shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
+            self._latch.tell(quality.t_s, "vision_clear" if was_dark else "vision_dim", shown)
+        self._senses.refused = self._sight.refused
+        if usable:
+            self._senses.frame(quality.t_s, self._belts.travel_m)
+        return usable
+
+    def _feel_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:
+        """Take what a camera says that measures by itself: it stands for a frame."""
+        usable = self._sight.says(kind, value, self._belts.travel_m)
+        self._senses.refused = self._sight.refused
+        if not usable:
+            return False
+        self._senses.frame(t_s, self._belts.travel_m)
+        if stair is None:
+            self._senses.seen(t_s)
+        else:
+            self._look_ahead(stair)
+        return True
+
+    def _look_ahead(self, stair: StairMap) -> None:
+        # A map may come twice: as a reading, and as what was made of it.
+        if not stair.t_s > self._map_s or not _is_finite(stair):
+            return
+        self._map_s = stair.t_s
+        sign = 1.0 if stair.direction == "up" else -1.0
+        travel = sign * self._belts.travel_m
+        places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
+        self._ahead.look(stair, places, travel)
+        # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
+        on_the_flight = self._plan is None or self._plan.phase in FLIGHT
+        if on_the_flight and abs(self._heading_rad) <= self._config.turning_rad:
+            self._slip.look(stair.t_s, [place for place, _ in places], travel)
+        else:
+            self._slip.forget()
+
+    def _obey(self, operator: OperatorInput) -> bool:
+        """Obey the person: stop and a released dead-man hold, however old; re-arm ends a hold."""
+        new = self._is_new("operator", operator.t_s)
+        pressed = self._latch.press(rearm=operator.rearm)
+        if new:
+            self._link.heard("operator link", operator.t_s)
+        if operator.stop or not operator.dead_man:
+            self._latch.hold(self._now(operator.t_s), "operator stop")
+        elif new and pressed and self._latch.release(operator.t_s):
+            self._restart(operator.t_s)
+        return new
+
+    def _restart(self, t_s: float) -> None:
+        """Wait for every source anew, and judge the chair anew; what stands ahead still stands there."""
+        self._driver_s = t_s
+        self._senses.restart(t_s, self._belts.travel_m)
+        self._link.restart(t_s)
+        self._processes.restart(t_s)
+        for watch in (self._belts, self._slip, self._tilt, self._seat):
+            watch.forget()
+
+    # Plans and commands
+
+    def _follow(self, plan: Plan) -> None:
+        if not finite(plan.t_s, plan.speed_m_s):
+            self._latch.hold(self._now(plan.t_s), "plan is not finite")
+            return
+        self._plan = plan
+        self._latch.hold(plan.t_s, plan.hold)
+        if not plan.needs_stair:
+            self._senses.seen(plan.t_s)
+
+    def _lateness(self, t_s: float) -> float:
+        """Note a tick; return how long ago the last one, or the last command, was."""
+        before_s, self._t_s = self._t_s, t_s
+        if before_s is None:
+            self._senses.begin(t_s)
+            before_s = t_s
+        if self._driver_s is None:
+            self._driver_s = t_s
+        if t_s < before_s - self._config.clock_jump_s:
+            self._latch.hold(t_s, f"mission clock leapt by {t_s - before_s:+.2f} s")
+        if t_s - before_s > self._config.driver_timeout_s:
+            self._latch.hold(t_s, f"no tick for {t_s - before_s:.2f} s")
+        return max(t_s - before_s, t_s - self._driver_s)
+
+    def _alarm(self, t_s: float, estimate: HeadingEstimate | None) -> str | None:
+        limits = self._config
+        command_s = 0.0 if self._driver_s is None else t_s - self._driver_s
+        if abs(command_s) > limits.driver_timeout_s:
+            return f"no command for {command_s:.2f} s"
+        phase = None if self._plan is None else self._plan.phase
+        sight = (
+            estimate_fault(estimate, t_s, limits.estimate_timeout_s),
+            self._senses.alarm(t_s, self._belts.travel_m, phase),
+        )
+        motion = (self._belts.cause, self._slip.cause)
+        causes = (
+            self._link.cause(t_s),
+            self._processes.cause(t_s),
+            self._tilt.cause,
+            self._seat.cause,
+            *(motion if limits.watches_motion else ()),
+            *(sight if limits.needs_heading else ()),
+        )
+        return next((cause for cause in causes if cause is not None), None)
+
+    def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
+        limits, plan = self._config, self._plan
+        kind, cause = self._doubt(t_s, late_s)
+        self._latch.slow(t_s, kind, cause)
+        if plan is not None and stands(plan):
+            return TrackCommand(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=plan.phase in ENDS)
+        ramp = (limits.driver_timeout_s - late_s) / (0.5 * limits.driver_timeout_s)
+        return limited(
+            self._command,
+            t_s,
+            mean_limit(limits, estimate, plan, doubt=kind not in ("", "late")),
+            limits.belt_limit_m_s,
+            min(max(ramp, 0.0), 1.0),
+        )
+
+    def _doubt(self, t_s: float, late_s: float) -> tuple[str, str]:
+        """Return why the chair goes slowly, as a word and a sentence; an empty word if it need not."""
+        senses = self._senses.doubt(t_s) if self._config.needs_heading else None
+        if senses is not None:
+            return senses
+        if self._slip.slip > 0.0 and self._config.watches_motion:
+            return "slip", f"slip {self._slip.slip:.2f}"
+        gap = self._ahead.doubt(self._belts.travel_m)
+        if gap is not None:
+            return "gap", gap
+        if late_s > 0.5 * self._config.driver_timeout_s:
+            return "late", f"no command or tick for {late_s:.2f} s"
+        return "", "nothing is missing any more"
+
+    def _now(self, t_s: float) -> float:
+        """Return a time for an event: the given one if it is a number, else that of the last tick."""
+        if math.isfinite(t_s):
+            return t_s
+        return 0.0 if self._t_s is None else self._t_s
+
+
+def _is_finite(stair: StairMap) -> bool:
+    maybe = (stair.obstacle_m, stair.left_wall_m, stair.right_wall_m)
+    return finite(
+        stair.rise_m,
+        stair.run_m,
+        stair.slope_rad,
+        *stair.nosings_B.ravel().tolist(),
+        *(value for value in maybe if value is not None),
+    )

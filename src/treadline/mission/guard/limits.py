@@ -1,0 +1,47 @@
+"""How fast the belts may go: by heading, by phase, and while something is in doubt (rows 12 and 18)."""
+
+import math
+from dataclasses import replace
+
+from treadline.mission.guard.config import GuardConfig
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
+
+PITCHING = ("mount", "traction", "crest", "edge", "leave")
+"""Phases in which the chair pitches; there steering gives way to a slow mean even while it turns."""
+FLIGHT = ("drive", "climb", "descend")
+"""Phases on the flight itself: there the cruise limit holds, whatever the plan's speed, for steering adds to the mean."""
+ENDS = ("arrived", "refused")
+
+
+def stands(plan: Plan) -> bool:
+    """Say whether the plan asks for belts at rest, whatever the driver said last."""
+    return plan.phase in ENDS or (plan.speed_m_s == 0.0 and plan.turn_m_s == 0.0)
+
+
+def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: Plan | None, *, doubt: bool) -> float:
+    """Return the largest mean of the belts."""
+    turning = estimate is None or abs(estimate.heading_rad) > config.turning_rad
+    limit = config.turn_limit_m_s if turning else config.cruise_limit_m_s
+    if plan is not None:
+        pitching = plan.phase in PITCHING
+        if pitching or not (turning or plan.phase in FLIGHT):
+            limit = min(limit, (1.0 + config.plan_margin) * abs(plan.speed_m_s) + config.plan_spare_m_s)
+        if pitching:
+            limit = min(limit, config.edge_limit_m_s)
+    return min(limit, config.blind_limit_m_s) if doubt else limit
+
+
+def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit_m_s: float, share: float) -> TrackCommand:
+    """Return the command within its limits: common speed yields, steering keeps; then a ``share`` of both belts."""
+    left, right = 0.5 * command.left_m_s, 0.5 * command.right_m_s
+    turn = min(max(right - left, -belt_limit_m_s), belt_limit_m_s)
+    limit = min(mean_limit_m_s, belt_limit_m_s - abs(turn))
+    mean = min(max(left + right, -limit), limit)
+    if (mean, turn, share) == (left + right, right - left, 1.0):
+        return replace(command, t_s=t_s)
+    return TrackCommand(t_s=t_s, left_m_s=share * (mean - turn), right_m_s=share * (mean + turn), brake=command.brake)
+
+
+def finite(*values: float) -> bool:
+    """Say whether every value is a number."""
+    return all(math.isfinite(value) for value in values)
