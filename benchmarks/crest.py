@@ -1,30 +1,89 @@
-"""The crest in figures: pitch rate, seat error, vertical acceleration; with the arm, with errors, and with less of an arm.
+"""Crest, edge and foot in figures: pitch rate, seat error, vertical acceleration; with errors, and with less of an arm.
 
-Run: ``python benchmarks/crest.py`` (about a minute of CPU). The tests hold a part of it: tests/experiments/test_crest.py.
+Run: ``python benchmarks/crest.py`` (about two minutes of CPU). The tests hold a part of it: tests/experiments/test_crest.py.
 """
 
 from treadline.experiments.crest import CrestCase, cross
 
-for slope_deg in (25.0, 28.0, 30.0):
-    half_deg = 0.5 * slope_deg
-    cases = {
-        "nominal": CrestCase(slope_deg=slope_deg),
-        "nosing -15 cm": CrestCase(slope_deg=slope_deg, nosing_error_m=-0.15),
-        "nosing +10 cm": CrestCase(slope_deg=slope_deg, nosing_error_m=0.10),
-        "centre of mass -10 cm": CrestCase(slope_deg=slope_deg, com_error_m=-0.10),
-        "centre of mass +10 cm": CrestCase(slope_deg=slope_deg, com_error_m=0.10),
-        "empty": CrestCase(slope_deg=slope_deg, payload_kg=0.0),
-        "110 kg": CrestCase(slope_deg=slope_deg, payload_kg=110.0),
-        "heading 10°": CrestCase(slope_deg=slope_deg, heading_deg=10.0),
-        "motor lost, 110 kg": CrestCase(slope_deg=slope_deg, payload_kg=110.0, motor_lost_at_deg=half_deg),
-        "motor lost, no brake": CrestCase(slope_deg=slope_deg, motor_lost_at_deg=half_deg, lost_damping_n_m_s_rad=0.0),
-        "no arm": CrestCase(slope_deg=slope_deg, chair="wheelchair", duration_s=16.0),
-        "range to -45°": CrestCase(slope_deg=slope_deg, range_deg=(-45.0, 60.0), com_error_m=-0.10),
-        "40 N·m": CrestCase(slope_deg=slope_deg, torque_n_m=40.0),
-    }
+SLOPES_DEG = (25.0, 28.0, 30.0)
+HEAVY_MAX_DEG = 26.0
+"""With 110 kg no further."""
+
+
+def table(title: str, cases: dict[str, CrestCase]) -> None:
+    """Print one row a case."""
+    print(f"\n{title}")
     for name, case in cases.items():
         ride = cross(case)
+        stage = ride.stages[-1][1] if ride.stages else ""
         print(
-            f"{slope_deg:.0f}°  {name:24} {'across' if ride.is_across else 'not across':10} {ride.duration_s:5.1f} s "
-            f"{ride.pitch_rate_deg_s:6.1f} °/s  seat {ride.seat_deg:4.1f}°  {ride.vertical_m_s2:5.2f} m/s²"
+            f"{name:36} {'across' if ride.is_across else stage:8} {ride.duration_s:5.1f} s  {ride.pitch_rate_deg_s:6.1f} °/s  "
+            f"seat {ride.seat_deg:4.1f}°  {ride.vertical_m_s2:5.2f} m/s²",
+            flush=True,
         )
+
+
+for slope in SLOPES_DEG:
+    heavy, half = min(slope, HEAVY_MAX_DEG), 0.5 * slope
+    table(
+        f"Up over the crest, {slope:.0f}°",
+        {
+            "nominal, 50 kg": CrestCase(slope_deg=slope),
+            "empty": CrestCase(slope_deg=slope, payload_kg=0.0),
+            f"110 kg at {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0),
+            "nosing -15 cm": CrestCase(slope_deg=slope, nosing_error_m=-0.15),
+            "nosing +10 cm": CrestCase(slope_deg=slope, nosing_error_m=0.10),
+            "centre of mass -10 cm": CrestCase(slope_deg=slope, com_error_m=-0.10),
+            "centre of mass +10 cm": CrestCase(slope_deg=slope, com_error_m=0.10),
+            "heading 10°": CrestCase(slope_deg=slope, heading_deg=10.0),
+            f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half),
+            "the same without its brake": CrestCase(slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0),
+            "no arm": CrestCase(slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
+            "range to -45°, centre of mass -10 cm": CrestCase(slope_deg=slope, range_deg=(-45.0, 60.0), com_error_m=-0.10),
+            "40 N·m": CrestCase(slope_deg=slope, torque_n_m=40.0),
+        },
+    )
+
+for slope in (20.0, *SLOPES_DEG):
+    heavy, half = min(slope, HEAVY_MAX_DEG), 0.5 * slope
+    table(
+        f"Rearwards down over the edge, {slope:.0f}°",
+        {
+            "nominal, 50 kg": CrestCase(direction="down", slope_deg=slope),
+            "empty": CrestCase(direction="down", slope_deg=slope, payload_kg=0.0),
+            "80 kg": CrestCase(direction="down", slope_deg=slope, payload_kg=80.0),
+            f"110 kg at {heavy:.0f}°": CrestCase(direction="down", slope_deg=heavy, payload_kg=110.0),
+            "nosing -15 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=-0.15),
+            "nosing +10 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=0.10),
+            "centre of mass -10 cm": CrestCase(direction="down", slope_deg=slope, com_error_m=-0.10),
+            "centre of mass +10 cm": CrestCase(direction="down", slope_deg=slope, com_error_m=0.10),
+            "-15 cm, centre of mass +10 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=-0.15, com_error_m=0.1),
+            "slope -2°": CrestCase(direction="down", slope_deg=slope, slope_error_deg=-2.0),
+            "slope +2°": CrestCase(direction="down", slope_deg=slope, slope_error_deg=2.0),
+            "heading 5°": CrestCase(direction="down", slope_deg=slope, heading_deg=5.0),
+            f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(
+                direction="down", slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half, duration_s=20.0
+            ),
+            "the same without its brake": CrestCase(
+                direction="down", slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0, duration_s=20.0
+            ),
+            "no arm": CrestCase(direction="down", slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
+            "range to -45°": CrestCase(direction="down", slope_deg=slope, range_deg=(-45.0, 60.0)),
+            "range to -45°, belts that do not wait": CrestCase(
+                direction="down", slope_deg=slope, range_deg=(-45.0, 60.0), keep_m=-1.0
+            ),
+            "40 N·m": CrestCase(direction="down", slope_deg=slope, torque_n_m=40.0, duration_s=20.0),
+            "40 N·m, belts that do not wait": CrestCase(direction="down", slope_deg=slope, torque_n_m=40.0, keep_m=-1.0),
+        },
+    )
+
+for slope in SLOPES_DEG:
+    table(
+        f"At the foot, {slope:.0f}°: no arm at work",
+        {
+            "mount at 0.1 m/s": CrestCase(at="foot", slope_deg=slope),
+            "mount at 0.2 m/s": CrestCase(at="foot", slope_deg=slope, speed_m_s=0.2),
+            "leave rearwards at 0.1 m/s": CrestCase(direction="down", at="foot", slope_deg=slope),
+            "leave rearwards at 0.2 m/s": CrestCase(direction="down", at="foot", slope_deg=slope, speed_m_s=0.2),
+        },
+    )

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import jaxtyping
 import pytest
 
-from treadline.experiments.crest import CrestCase, Crossing, cross
+from treadline.experiments.crest import CrestCase, Crossing, Direction, cross
 
 NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0
 SEAT_DEG, PASSENGER_M_S2 = 3.0, 2.5
@@ -157,15 +157,14 @@ def test_less_of_an_arm_that_is_heeded_goes_back_onto_the_landing(ride: Ride, ca
 
 
 @pytest.mark.parametrize("direction", ["up", "down"])
-def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_arm_at_work(ride: Ride, direction: str) -> None:
-    crossing = ride(CrestCase(at="foot", direction="up" if direction == "up" else "down", slope_deg=30.0))
+def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_arm_at_work(ride: Ride, direction: Direction) -> None:
+    crossing = ride(CrestCase(at="foot", direction=direction, slope_deg=30.0))
     assert crossing.is_across, crossing
     assert_gentle(crossing, NOMINAL_DEG_S)
 
 
 @pytest.mark.parametrize("direction", ["up", "down"])
-def test_the_same_case_gives_the_same_crossing_and_another_seed_another(direction: str) -> None:
-    way = "up" if direction == "up" else "down"
-    first, again, other = (cross(CrestCase(direction=way, seed=seed, duration_s=1.0)) for seed in (3, 3, 4))
+def test_the_same_case_gives_the_same_crossing_and_another_seed_another(direction: Direction) -> None:
+    first, again, other = (cross(CrestCase(direction=direction, seed=seed, duration_s=1.0)) for seed in (3, 3, 4))
     assert first.moments == again.moments
     assert first.moments != other.moments

@@ -26,6 +26,10 @@ CLOSE_RAD = 0.5 * DEG
 SUNK_RAD = 4.0 * DEG
 """Below the pitch it was lifted to: the arm has given way."""
 
+CLEAR_M = 0.15
+"""Of the front pulley before the nosing: no nearer while the arm hangs below the belts' line."""
+STOWED_RAD = 5.0 * DEG
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeConfig(Loading):
@@ -60,7 +64,7 @@ class EdgeConfig(Loading):
     settle_m_s: float = 0.05
     let_go_m: float = 0.15
     """Of the centre of mass past the nosing: 10 cm of error leave 5."""
-    stow_rad_s: float = 20.0 * DEG
+    stow_rad_s: float = 25.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +117,7 @@ class Edge:
         self._behind_m += speed * dt_s
         pitch = pitch_of(imu)
         self._tip.step(pitch, arm, dt_s)
-        self._sequence(pitch)
+        self._sequence(pitch, arm)
         belts, rate = self._act(pitch, arm, speed, dt_s)
         return EdgeCommand(
             t_s=imu.t_s,
@@ -137,7 +141,7 @@ class Edge:
         self._lead_rad, self._lead_rad_s = pitch, 0.0
         self._highest_rad, self._waited_s = pitch, 0.0
 
-    def _sequence(self, pitch: float) -> None:
+    def _sequence(self, pitch: float, arm: ArmReading) -> None:
         config = self._config
         match self._stage:
             case "approach" if self._behind_m < self._press_from_m:
@@ -154,7 +158,7 @@ class Edge:
                 self._stage = "barred"
             case "settle" if plumb(config, self._slope_rad) + self._behind_m < -config.let_go_m:
                 self._stage = "leave"
-            case "leave" if self._past_m < 0.0:
+            case "leave" if self._past_m < 0.0 and self._rest_rad - arm.angle_rad < STOWED_RAD:
                 self._stage = "done"
             case _:
                 pass
@@ -175,9 +179,10 @@ class Edge:
             case "lower":
                 return max(self._balance(pitch), 0.0), self._turn(-LIFTED_RAD, pitch, arm, speed, dt_s)
             case "barred":
-                return 0.0, min(2.0 * (self._rest_rad - arm.angle_rad), config.stow_rad_s)
+                return 0.0, self._stow(arm)
             case _:
-                return -config.edge_m_s, min(2.0 * (self._rest_rad - arm.angle_rad), config.stow_rad_s)
+                waits = self._past_m < CLEAR_M and arm.angle_rad < 0.0  # or it would catch on the nosing
+                return (0.0 if waits else -config.edge_m_s), self._stow(arm)
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass where the whole lift leaves it before the nosing."""
@@ -218,6 +223,10 @@ class Edge:
         self._waited_s += dt_s
         if pitch > self._highest_rad + LIFTED_RAD:
             self._highest_rad, self._waited_s = pitch, 0.0
+
+    def _stow(self, arm: ArmReading) -> float:
+        fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
+        return min(2.0 * (self._rest_rad - arm.angle_rad), fastest)
 
     @property
     def _rest_rad(self) -> float:

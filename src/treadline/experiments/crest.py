@@ -5,7 +5,7 @@ The crest gets the last nosing's place with an error and a belief of the load; t
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from treadline.signals import ArmReading, ImuSample, Reading, SeatReading, Track
 from treadline.sim import MujocoPlant, open_plant
 
 STEPS = 8
+Direction = Literal["up", "down"]
 STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
     ("foot", "up"): "floor",
     ("foot", "down"): "flight",
@@ -40,7 +41,7 @@ COMFORT_TICKS = 5
 class CrestCase:
     """One crossing: the stair, the load, and what is wrong."""
 
-    direction: Literal["up", "down"] = "up"
+    direction: Direction = "up"
     """Up over the crest, or rearwards down over the edge."""
     at: Literal["top", "foot"] = "top"
     """At the foot nothing is sequenced, and the arm rests: up mounts the flight, down leaves it rearwards."""
@@ -198,7 +199,9 @@ class _Ride:
                 self._sequencer = Crest(CrestConfig(**load), ahead_m + case.nosing_error_m)
             else:
                 behind_m = (truth.x_m - self._nosing_m) / (math.cos(self._slope_rad) * math.cos(truth.heading_rad))
-                belief = EdgeConfig(**load, **({} if case.keep_m is None else {"keep_m": case.keep_m}))
+                belief = EdgeConfig(**load)
+                if case.keep_m is not None:
+                    belief = replace(belief, keep_m=case.keep_m)
                 slope_rad = self._slope_rad + case.slope_error_deg * DEG
                 self._sequencer = Edge(belief, behind_m - case.nosing_error_m, slope_rad)
         return self._sequencer
