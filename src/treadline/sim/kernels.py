@@ -28,7 +28,9 @@ TICK_S = 0.01
 
 # Rows of the drive state.
 LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
-DRIVES = 6
+# What is broken: 0 or 1; of the belts one row each.
+STALLED, POWER_CUT, SEAT_STUCK, ARM_STUCK = 6, 8, 9, 10
+DRIVES = 11
 # Columns of the log, one row per tick.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT = 0, 8, 15, 17, 18, 19, 20, 21, 22
 COLUMNS = 26
@@ -80,6 +82,16 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
 
 @njit(cache=True)
 @no_type_check
+def weaken(count, real, whole, friction, geom, grip):
+    """Take from each contact the friction that its belt has lost."""
+    for i in range(count):
+        share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
+        real[i, friction] *= share
+        real[i, friction + 1] *= share
+
+
+@njit(cache=True)
+@no_type_check
 def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
     """Return a belt's speed a tick later: first-order lag within an acceleration limit; the brake ignores the lag."""
     if brake:
@@ -121,15 +133,16 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 @njit(cache=True)
 @no_type_check
 def advance(
-    model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, command, drives, mismatch, state, belts_of,
+    model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, grip, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, log,
 ):  # fmt: skip
     """Advance the plant by some ticks and write one row of ``log`` per tick.
 
     Args:
+        grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST; changed in place.
+        state: LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST; changed in place. STALLED and on: what is broken.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
@@ -138,9 +151,12 @@ def advance(
         damping: of each degree of freedom; changed in place.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
+    powered = state[POWER_CUT] < 0.5
+    braked = command[2] > 0.5 or not powered  # a brake that power holds open
     for k in range(ticks):
         for side in range(2):
-            speed = drive_belt(state[side], command[side], command[2] > 0.5, drives[0], drives[1], drives[2], drives[3])
+            stands = braked or state[STALLED + side] > 0.5
+            speed = drive_belt(state[side], command[side], stands, drives[0], drives[1], drives[2], drives[3])
             state[side] = speed
             actual = speed * (1.0 + mismatch[side])
             for j in range(3):
@@ -149,11 +165,13 @@ def advance(
                 surface_velocity[belts_of[side, j], 0] = -actual
         asked = min(max(command[3], -drives[5]), drives[5])
         state[STROKE_RATE] += (asked - state[STROKE_RATE]) * drives[4]
+        if state[SEAT_STUCK] > 0.5 or not powered:  # held by its gear
+            state[STROKE_RATE] = 0.0
         state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
         control[0] = table(state[STROKE], seat[0], seat[2], angles)
 
         if arm.shape[0] > 0:
-            rate = min(max(command[4], -arm[2]), arm[2])
+            rate = min(max(command[4], -arm[2]), arm[2]) if state[ARM_STUCK] < 0.5 and powered else 0.0
             # Never further ahead of the arm than full torque reaches: what the motor cannot lift it does not owe later.
             target = min(max(state[ARM_TARGET] + rate * TICK_S, qpos[ARM_QPOS] - arm[3]), qpos[ARM_QPOS] + arm[3])
             held = min(max(target, arm[0]), arm[1])
@@ -171,6 +189,7 @@ def advance(
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
+            weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             _constrain(model, data)
             _transmit(model, data)
@@ -186,6 +205,6 @@ def advance(
         row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
-        row[BRAKE] = command[2]
+        row[BRAKE] = 1.0 if braked else 0.0
         row[ARM] = qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0
         row[ARM_TORQUE] = force[ARM_SERVO] if arm.shape[0] > 0 else 0.0

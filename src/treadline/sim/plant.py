@@ -8,13 +8,14 @@ import ctypes
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_of, rotation_y, rotation_z
+from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
@@ -36,6 +37,8 @@ from treadline.signals import (
 )
 from treadline.sim import kernels
 from treadline.sim.camera import Camera
+from treadline.sim.faults.damage import Damage
+from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD, TIMESTEP_S, scene_xml
@@ -72,10 +75,12 @@ class MujocoPlant:
         self._imu = Imu(IMUS[scenario.sensors.imu], gravity_error, streams[1])
         self._seat_rng = streams[2]
         self._vision_rng = streams[3]
-        self._eye = self._camera(streams[4])
+        way = 1 if scenario.drive.direction == "up" else -1
+        self._around = Surroundings(self.staircase, chair, self._camera(streams[4]), way)
         self._arm_rng = streams[5]
         self._linkage = SeatLinkage(chair.seat)
         self._R_SW = self.staircase.R_WS.T
+        self._damage = Damage()
         self._build_physics()
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
@@ -90,6 +95,7 @@ class MujocoPlant:
         mujoco.mj_resetData(self._model, self._data)
         self._model.geom_surfacevel[self._belts] = 0.0
         self._pose()
+        self.suffer(Damage())
         self._settle()
         self._data.time = 0.0
         self._tick = 0
@@ -136,8 +142,31 @@ class MujocoPlant:
 
     def lose_arm_motor(self) -> None:
         """Let the arm's motor die: no torque from now on, and the damping of its shorted windings."""
-        self._model.actuator_forcerange[kernels.ARM_SERVO] = 0.0
-        self._state[kernels.ARM_LOST] = 1.0
+        self.suffer(replace(self._damage, arm_lost=True))
+
+    def suffer(self, damage: Damage) -> None:
+        """Be as broken as this from now on, and no more."""
+        self._state[kernels.STALLED : kernels.STALLED + 2] = damage.stalled
+        self._state[kernels.POWER_CUT] = damage.power_cut
+        self._state[kernels.SEAT_STUCK] = damage.seat_stuck
+        self._state[kernels.ARM_STUCK] = damage.arm_stuck
+        self._grip[self._belts] = np.array(damage.grip)[:, None]
+        if self._chair.arm is not None:
+            self._state[kernels.ARM_LOST] = damage.arm_lost
+            limit = 0.0 if damage.arm_lost else self._chair.arm.torque_n_m
+            self._model.actuator_forcerange[kernels.ARM_SERVO] = (-limit, limit)
+            self._model.dof_damping[kernels.ARM_QVEL] = ARM_FRICTION_N_M_S_RAD
+        self._damage = damage
+        self._around.change(damage, *self._whereabouts())
+        if self._model.nmocap:
+            box = self._around.box
+            self._data.mocap_pos[0] = OUT_OF_THE_WAY_M if box is None else box.centre_W
+            self._data.mocap_quat[0] = quaternion_of(np.eye(3) if box is None else box.R_WK)
+
+    @property
+    def gap_m(self) -> float | None:
+        """From the leading end to what stands in the way, along the belts; None where nothing does."""
+        return self._around.gap_m(*self._whereabouts())
 
     @property
     def passenger_height_m(self) -> float:
@@ -157,7 +186,10 @@ class MujocoPlant:
     def _build_physics(self) -> None:
         load_library()
         chair, drives, seat = self._chair, self._chair.drives, self._chair.seat
-        self._model = mujoco.MjModel.from_xml_string(scene_xml(self.staircase, chair, self._scenario.chair))
+        scene = scene_xml(self.staircase, chair, self._scenario.chair)
+        if any(fault.kind == "obstacle" for fault in self._scenario.fault):
+            scene = with_box(scene)
+        self._model = mujoco.MjModel.from_xml_string(scene)
         self._data = mujoco.MjData(self._model)
         self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
         self._belts = np.array(
@@ -167,6 +199,7 @@ class MujocoPlant:
             ]
         )
         self._is_belt[self._belts] = True
+        self._grip = np.ones(self._model.ngeom)
         self._friction = np.array(self.staircase.friction)
         self._mismatch = np.array([0.0, self._scenario.chair.belt_mismatch])
         self._drives = np.array(
@@ -212,11 +245,12 @@ class MujocoPlant:
             rest = tracks.approach_angle_deg * DEG
             self._state[kernels.ARM_TARGET] = self._data.qpos[kernels.ARM_QPOS] = rest
             self._data.ctrl[kernels.ARM_SERVO] = rest
-            self._model.dof_damping[kernels.ARM_QVEL] = ARM_FRICTION_N_M_S_RAD
-            self._model.actuator_forcerange[kernels.ARM_SERVO] = (-self._chair.arm.torque_n_m, self._chair.arm.torque_n_m)
         self._state[kernels.STROKE] = self._linkage.stroke(angle)
         self._data.qpos[7] = angle
         self._data.ctrl[0] = angle
+
+    def _whereabouts(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+        return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
 
     def _set_pose(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> None:
         self._data.qpos[:3] = p_WB
@@ -262,6 +296,7 @@ class MujocoPlant:
             self._is_belt,
             data.xmat[1],
             friction,
+            self._grip,
             self._command,
             self._drives,
             self._mismatch,
@@ -339,11 +374,12 @@ class MujocoPlant:
 
     def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Sequence[Reading]:
         p_WB = row[kernels.QPOS : kernels.QPOS + 3]
-        if isinstance(self._eye, StatisticalCamera):
+        eye = self._around.eye
+        if isinstance(eye, StatisticalCamera):
             arrived = FrameQuality(t_s=t_s, fingerprint=round(t_s / TICK_S), brightness=0.5, contrast=0.2, valid_share=1.0)
-            return [arrived, *self._eye.look(t_s, R_WB, p_WB)]
-        camera = self._eye.calibration
-        return [self._eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
+            return [arrived, *(self._around.told(seen, R_WB, p_WB) for seen in eye.look(t_s, R_WB, p_WB))]
+        camera = eye.calibration
+        return [eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
 
     def _support_of(self, row: Float[np.ndarray, " c"]) -> Support:
         """Return what the chair stands on, of late: a chair that rocks over nosings touches now the one, now the other."""
@@ -351,6 +387,10 @@ class MujocoPlant:
         self._reaches.append(reach)
         front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
         return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
+
+    def _grip_left(self) -> tuple[float, float]:
+        share = 0.5 * sum(self._damage.grip)
+        return self.staircase.friction[0] * share, self.staircase.friction[1] * share
 
     def _truth_of(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Truth:
         R_SB = self._R_SW @ R_WB
@@ -379,7 +419,7 @@ class MujocoPlant:
                 (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
                 self._support_of(row),
             ).worst,
-            friction_use=friction_use(self.staircase.slope_rad, heading, self.staircase.friction),
+            friction_use=friction_use(self.staircase.slope_rad, heading, self._grip_left()),
         )
 
 

@@ -35,6 +35,14 @@ class FaultyPlant:
         self._seed = seed
         self._reset()
 
+    def _reset(self) -> None:
+        self._tick = 0
+        self._readings: list[Reading] = []
+        self._damage = Damage()
+        self._sensors = SensorFaults(self._faults, self._seed)
+        self._line = Line(self._faults)
+        self._watchdog = Watchdog()
+
     def start(self) -> None:
         """Put the chair at its start; every fault is still to come."""
         self._plant.start()
@@ -68,14 +76,6 @@ class FaultyPlant:
     def close(self) -> None:
         """Release the plant."""
         self._plant.close()
-
-    def _reset(self) -> None:
-        self._tick = 0
-        self._readings: list[Reading] = []
-        self._damage = Damage()
-        self._sensors = SensorFaults(self._faults, self._seed)
-        self._line = Line(self._faults)
-        self._watchdog = Watchdog()
 
     def _meet(self, t_s: float) -> None:
         """Break and mend what is due, and let arrive what is under way."""

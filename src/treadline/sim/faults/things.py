@@ -1,9 +1,11 @@
-"""Things that come to stand in a chair's way or to lie in its view.
+"""Things that come to stand in a chair's way or to lie in its view: ``Damage -> solids``, seen by its camera.
 
 ``way`` is +1 for a chair that drives forwards and -1 for one that backs: the side that its camera looks to.
 """
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -11,11 +13,19 @@ from jaxtyping import Float
 from treadline.angles import rotation_z
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase
+from treadline.signals import Reading, StairMap
+from treadline.sim.camera.camera import Camera
 from treadline.sim.camera.solids import Shadow, Solid, beam
 from treadline.sim.camera.truth import SWEPT_HEIGHT_M
+from treadline.sim.faults.damage import Damage
+from treadline.sim.statistical import StatisticalCamera
+
+Eye = Camera | StatisticalCamera
 
 BOX_M = (0.25, 0.45, 0.5)
 """Depth, width and height of the obstacle: a suitcase, or a child who sits."""
+OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
+"""Where the box waits."""
 BOX_COLOUR = (150.0, 40.0, 38.0)
 GRAIN_M = 0.02
 """Between the points of the box that are asked whether the chair would sweep them."""
@@ -25,6 +35,52 @@ BAR_COLOUR = (200.0, 198.0, 190.0)
 SHADOW_ASIDE_M, SHADOW_HALF_M = 0.06, 0.03
 BAR_LEAST_M, BAR_MOST_M = 0.6, 2.0
 """Where a bar may lie along the camera's axis; further away it would be no edge among others."""
+
+
+class Surroundings:
+    """What stands in a chair's way and lies in its view beside the stair itself, and the camera that sees it."""
+
+    def __init__(self, staircase: Staircase, chair: ChairDescription, eye: Eye, way: int) -> None:
+        self.eye = self._clear_eye = eye
+        self.box: Solid | None = None
+        self._bar: tuple[Solid, Shadow] | None = None
+        self._damage = Damage()
+        self._staircase, self._chair, self._way = staircase, chair, way
+
+    def change(self, damage: Damage, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
+        """Put things where a chair goes and looks from a pose, and take away what is over."""
+        before, self._damage = self._damage, damage
+        if damage.obstacle_m != before.obstacle_m:
+            stand = partial(box_ahead, self._staircase, self._chair, R_WB, p_WB, way=self._way)
+            self.box = None if damage.obstacle_m is None else stand(damage.obstacle_m)
+        if not isinstance(self._clear_eye, Camera):
+            return
+        if damage.bar_rad != before.bar_rad:
+            camera = self._clear_eye.calibration
+            lie = partial(bar_in_view, self._staircase, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))
+            self._bar = None if damage.bar_rad is None else lie(damage.bar_rad)
+        bars, shadows = ([], []) if self._bar is None else ([self._bar[0]], [self._bar[1]])
+        things = bars if self.box is None else [*bars, self.box]
+        self.eye = self._clear_eye.facing(things, shadows) if things else self._clear_eye
+
+    def told(self, seen: Reading, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Reading:
+        """Return what a camera without images says, with what stands in the way."""
+        if self.box is None or not isinstance(seen, StairMap):
+            return seen
+        return replace(seen, obstacle_m=distance_m(self.box, self._chair, R_WB, p_WB, self._way))
+
+    def gap_m(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> float | None:
+        """Return how far the leading end is from what stands in the way, along the belts; None where nothing does."""
+        distance = None if self.box is None else distance_m(self.box, self._chair, R_WB, p_WB, self._way)
+        return None if distance is None else distance - leading_end_m(self._chair, self._way)
+
+
+def with_box(scene_xml: str) -> str:
+    """Return a scene in MJCF with a box that can be put in the chair's way; the chair keeps its place among the bodies."""
+    (x, y, z), (a, b, c) = OUT_OF_THE_WAY_M, BOX_M
+    geom = f'<geom class="stair" type="box" size="{a / 2} {b / 2} {c / 2}"/>'
+    body = f'    <body name="obstacle" mocap="true" pos="{x} {y} {z}">{geom}</body>\n'
+    return scene_xml.replace("  </worldbody>", f"{body}  </worldbody>")
 
 
 def leading_end_m(chair: ChairDescription, way: int) -> float:
