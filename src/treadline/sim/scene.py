@@ -1,23 +1,21 @@
-"""The stair and the chair as MuJoCo reads them (MJCF).
+"""The stair and the chair as MuJoCo reads them (MJCF): ``mechanics.bodies``, written down.
 
 Belts are boxes and cylinders with native surface motion (``surfacevel``; Pecka et al., IROS 2017, gave Gazebo the same):
 ``v + ω × (x - p)`` in the geom's frame, projected on each contact's tangent plane. Box ends hide in the pulleys, whose
 faces move. A step is a box and a capsule for its rounded nosing, which stands its radius in front of the riser.
 """
 
-import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
-from treadline.mechanics.chair import Arm, ChairDescription
-from treadline.mechanics.stability import payload_com, seat_mass_kg
-from treadline.mechanics.staircase import Box, Staircase
+from treadline.mechanics.bodies import Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
+from treadline.mechanics.chair import Arm, ChairDescription, Point
+from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Chair
 
 TIMESTEP_S = 0.002
-FLAT_THICKNESS_M = 0.025
-"""Half thickness of a belt's box: inside the pulleys' diameter."""
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
 
@@ -45,117 +43,103 @@ HEADER = """\
 # jacobian="dense": MuJoCo 4.0.0's sparse Cholesky is wrong (mended in 4.0.1), and the problem is small.
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Payload:
-    """What sits on the seat, as the simulator knows it."""
-
-    mass_kg: float
-    com_m: tuple[float, float, float]
-    """Relative to the hinge."""
-    inertia: tuple[float, float, float]
+DRAWN = '    <default class="drawn"><geom contype="0" conaffinity="0" mass="0" group="1" rgba="0.4 0.5 0.6 0.4"/></default>\n'
 
 
-def payload_of(chair: ChairDescription, loading: Chair) -> Payload:
-    """Return the mass on the seat: a uniform box for a person, moved by the scenario's offset."""
-    mass = seat_mass_kg(loading)
-    return Payload(mass_kg=mass, com_m=payload_com(chair, loading), inertia=_box_inertia(mass, chair.seat.payload_size_m))
-
-
-def seat_stiffness(payload: Payload) -> tuple[float, float]:
+def seat_stiffness(seat: Body) -> tuple[float, float]:
     """Return stiffness [N·m/rad] and damping [N·m·s/rad] of the seat on its actuator, critically damped."""
-    x, _, z = payload.com_m
-    inertia = payload.inertia[1] + payload.mass_kg * (x * x + z * z)
+    x, _, z = seat.com_m
+    inertia = seat.inertia[1] + seat.mass_kg * (x * x + z * z)
     return inertia * SEAT_STIFFNESS_RAD_S**2, 2.0 * inertia * SEAT_STIFFNESS_RAD_S
 
 
 def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair) -> str:
-    """Return the whole scene as MJCF."""
-    payload = payload_of(chair, loading)
-    stiffness, damping = seat_stiffness(payload)
-    world = "\n".join(line for box in staircase.boxes() for line in _solid(box, staircase.nosing_radius_m))
+    """Return the whole scene as MJCF, the chair at the world's origin."""
+    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.arm)
+
+
+def model_xml(
+    staircase: Staircase | None, chair: ChairDescription, loading: Chair, *, friction: float, start: Standing | None = None
+) -> str:
+    """Return a scene to hand over: hull and payload are drawn too, the chair stands where it starts.
+
+    Args:
+        staircase: None leaves the chair alone.
+        friction: Along the belt.
+    """
+    return _scene(
+        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, start=start, drawn=True
+    )
+
+
+def _scene(
+    stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, *, start: Standing | None = None, drawn: bool = False
+) -> str:
+    stiffness, damping = seat_stiffness(chair.seat)
+    header = HEADER.format(timestep=TIMESTEP_S, friction=friction)
+    world = "\n".join([*(line for solid in stair for line in _solid(solid)), _tree(chair, start, drawn=drawn)])
     return (
-        HEADER.format(timestep=TIMESTEP_S, friction=staircase.friction[0])
-        + f"  <worldbody>\n{world}\n{_chair(chair, payload, loading.seat_shift_m)}\n  </worldbody>\n"
+        (header.replace("  </default>\n", DRAWN + "  </default>\n") if drawn else header)
+        + f"  <worldbody>\n{world}\n  </worldbody>\n"
         + "  <actuator>\n"
         + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
-        + ("" if chair.arm is None else _arm_servo(chair.arm))
+        + ("" if arm is None else _arm_servo(arm))
         + "  </actuator>\n</mujoco>\n"
     )
 
 
-def _solid(box: Box, radius: float) -> list[str]:
-    if box.kind not in ("step", "landing"):
-        return [_box(box.centre_W, box.half_m, box.yaw_rad)]
-    (cx, cy, cz), (hx, hy, hz), yaw = box.centre_W, box.half_m, box.yaw_rad
-    c, s = math.cos(yaw), math.sin(yaw)
-
-    def at(forward: float, up: float) -> tuple[float, float, float]:
-        return cx + c * forward, cy + s * forward, cz + up
-
-    r = radius
-    start, end = at(-hx + r, hz - r), (s * hy, -c * hy)
-    left = (start[0] - end[0], start[1] - end[1], start[2])
-    right = (start[0] + end[0], start[1] + end[1], start[2])
-    fromto = " ".join(repr(value) for value in (*left, *right))
-    return [
-        _box(at(0.5 * r, 0.0), (hx - 0.5 * r, hy, hz), yaw),
-        f'    <geom class="stair" type="capsule" size="{r!r}" fromto="{fromto}"/>',
-    ]
+def _solid(solid: Solid) -> list[str]:
+    box = solid.box
+    place = f'pos="{_row(box.centre_W)}" size="{_row(box.half_m)}" euler="0 0 {float(box.yaw_rad)!r}"'
+    lines = [f'    <geom class="stair" type="box" {place}/>']
+    if solid.nosing is not None:
+        ends = f"{_row(solid.nosing.left_W)} {_row(solid.nosing.right_W)}"
+        lines.append(f'    <geom class="stair" type="capsule" size="{solid.nosing.radius_m!r}" fromto="{ends}"/>')
+    return lines
 
 
-def _box(centre: tuple[float, float, float], half: tuple[float, float, float], yaw_rad: float) -> str:
-    return f'    <geom class="stair" type="box" pos="{_row(centre)}" size="{_row(half)}" euler="0 0 {float(yaw_rad)!r}"/>'
-
-
-def _chair(chair: ChairDescription, payload: Payload, seat_shift_m: float) -> str:
-    masses, seat = chair.masses, chair.seat
-    inertia = _box_inertia(masses.chassis_kg, masses.chassis_size_m)
-    hinge = (seat.hinge_m[0] + seat_shift_m, seat.hinge_m[1], seat.hinge_m[2])
+def _tree(chair: Vehicle, start: Standing | None, *, drawn: bool) -> str:
+    chassis = chair.chassis
+    pose = "" if start is None else f' pos="{_row(start.p_WB)}" xyaxes="{_row(start.R_WB[:, 0])} {_row(start.R_WB[:, 1])}"'
     lines = [
-        '    <body name="chair">',
+        f'    <body name="{chassis.name}"{pose}>',
         "      <freejoint/>",
-        f'      <inertial pos="{_row(masses.chassis_com_m)}" mass="{masses.chassis_kg}" diaginertia="{_row(inertia)}"/>',
-        *(line for side, y_m in _sides(chair) for line in _belt(chair, side, y_m)),
-        f'      <body name="seat" pos="{_row(hinge)}">',
-        '        <joint name="seat" type="hinge" axis="0 1 0"/>',
-        f'        <inertial pos="{_row(payload.com_m)}" mass="{payload.mass_kg!r}" diaginertia="{_row(payload.inertia)}"/>',
-        "      </body>",
-        *([] if chair.arm is None else _arm(chair, chair.arm)),
-        "    </body>",
+        *(f"      {line}" for line in _contents(chassis, drawn=drawn)),
     ]
-    return "\n".join(lines)
+    for body, hinge in chair.turning:
+        lines += [
+            f'      <body name="{body.name}" pos="{_row(body.origin_m)}">',
+            f"        {_hinge(body.name, hinge)}",
+            *(f"        {line}" for line in _contents(body, drawn=drawn)),
+            "      </body>",
+        ]
+    return "\n".join([*lines, "    </body>"])
 
 
-def _sides(chair: ChairDescription) -> tuple[tuple[str, float], ...]:
-    return ("left", 0.5 * chair.tracks.gauge_m), ("right", -0.5 * chair.tracks.gauge_m)
+def _contents(body: Body, *, drawn: bool) -> list[str]:
+    inertial = f'<inertial pos="{_row(body.com_m)}" mass="{body.mass_kg!r}" diaginertia="{_row(body.inertia)}"/>'
+    return [inertial, *(_geom(shape) for shape in body.shapes if drawn or shape.belt is not None)]
 
 
-def _arm(chair: ChairDescription, arm: Arm) -> list[str]:
-    """Return the approach section of both belts as one body that turns about the front pulleys' axis."""
-    tracks = chair.tracks
-    low, high = (math.radians(angle) for angle in arm.range_deg)
-    across = arm.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
-    along = arm.mass_kg * tracks.approach_m**2 / 12.0
-    return [
-        f'      <body name="arm" pos="{0.5 * tracks.flat_run_m!r} 0 {tracks.pulley_radius_m}">',
-        f'        <joint name="arm" type="hinge" axis="0 -1 0" range="{low!r} {high!r}" limited="true" '
-        f'armature="{ARM_ROTOR_KG_M2}" damping="{ARM_FRICTION_N_M_S_RAD}"/>',
-        f'        <inertial pos="{0.5 * tracks.approach_m!r} 0 0" mass="{arm.mass_kg!r}" '
-        f'diaginertia="{across!r} {along!r} {across + along!r}"/>',
-        *(line for side, y_m in _sides(chair) for line in _section(chair, side, y_m)),
-        "      </body>",
-    ]
+def _hinge(name: str, hinge: Hinge) -> str:
+    joint = f'<joint name="{name}" type="hinge" axis="{_row(hinge.axis)}"'
+    if hinge.torque_n_m is None:
+        return joint + "/>"  # the seat: its linkage limits it, in the plant
+    low, high = hinge.range_rad
+    limits = f'range="{low!r} {high!r}" limited="true"'
+    return f'{joint} {limits} armature="{ARM_ROTOR_KG_M2}" damping="{ARM_FRICTION_N_M_S_RAD}"/>'
 
 
-def _section(chair: ChairDescription, side: str, y_m: float) -> list[str]:
-    tracks = chair.tracks
-    r, half_width, length = tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.approach_m
-    return [
-        f'        <geom class="belt" name="{side}_nose" type="cylinder" zaxis="0 1 0" size="{r} {half_width}" '
-        f'pos="{length!r} {y_m!r} 0" surfacevel="0 0 0 0 0 1e-9"/>',
-        f'        <geom class="belt" name="{side}_approach" type="box" size="{0.5 * length!r} {half_width} {FLAT_THICKNESS_M}" '
-        f'pos="{0.5 * length!r} {y_m!r} {FLAT_THICKNESS_M - r!r}" surfacevel="1e-9 0 0 0 0 0"/>',
-    ]
+def _geom(shape: Shape) -> str:
+    look = f'class="{"drawn" if shape.belt is None else "belt"}" name="{shape.name}" type="{shape.kind}"'
+    if shape.kind == "cylinder":
+        form, turn, moves = f'zaxis="0 1 0" size="{shape.half_m[0]!r} {shape.half_m[1]!r}"', "", "0 0 0 0 0 1e-9"
+    else:
+        turn = f' euler="0 {-shape.nose_up_rad!r} 0"' if shape.nose_up_rad else ""
+        form, moves = f'size="{_row(shape.half_m)}"', "1e-9 0 0 0 0 0"
+    # A surface that moves a little from the start: the model is compiled with moving surfaces.
+    motion = "" if shape.belt is None else f' surfacevel="{moves}"'
+    return f'<geom {look} {form} pos="{_row(shape.centre_m)}"{turn}{motion}/>'
 
 
 def _arm_servo(arm: Arm) -> str:
@@ -166,36 +150,5 @@ def _arm_servo(arm: Arm) -> str:
     )
 
 
-def _belt(chair: ChairDescription, side: str, y_m: float) -> list[str]:
-    tracks = chair.tracks
-    r, half_width = tracks.pulley_radius_m, 0.5 * tracks.belt_width_m
-    half_run = 0.5 * tracks.flat_run_m
-    nose_x, _, nose_z = chair.nose_m
-    angle = math.radians(tracks.approach_angle_deg)
-    # The lower face of the approach lies one radius below the line between the pulley centres.
-    down = np.array([math.sin(angle), -math.cos(angle)]) * (r - FLAT_THICKNESS_M)
-    middle = np.array([0.5 * (half_run + nose_x), 0.5 * (r + nose_z)]) + down
-    is_fixed = chair.arm is None
-    pulleys = [
-        f'      <geom class="belt" name="{side}_{name}" type="cylinder" zaxis="0 1 0" size="{r} {half_width}" '
-        f'pos="{x!r} {y_m!r} {z!r}" surfacevel="0 0 0 0 0 1e-9"/>'
-        for name, x, z in (("rear", -half_run, r), ("front", half_run, r), ("nose", nose_x, nose_z))[: 3 if is_fixed else 2]
-    ]
-    lines = [
-        *pulleys,
-        f'      <geom class="belt" name="{side}_flat" type="box" size="{half_run!r} {half_width} {FLAT_THICKNESS_M}" '
-        f'pos="0 {y_m!r} {FLAT_THICKNESS_M}" surfacevel="1e-9 0 0 0 0 0"/>',
-        f'      <geom class="belt" name="{side}_approach" type="box" '
-        f'size="{0.5 * tracks.approach_m!r} {half_width} {FLAT_THICKNESS_M}" '
-        f'pos="{float(middle[0])!r} {y_m!r} {float(middle[1])!r}" euler="0 {-angle!r} 0" surfacevel="1e-9 0 0 0 0 0"/>',
-    ]
-    return lines if is_fixed else lines[:-1]
-
-
-def _box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> tuple[float, float, float]:
-    a, b, c = (edge * edge for edge in size_m)
-    return mass_kg * (b + c) / 12.0, mass_kg * (a + c) / 12.0, mass_kg * (a + b) / 12.0
-
-
-def _row(values: tuple[float, float, float]) -> str:
+def _row(values: Point | Float[np.ndarray, " 3"]) -> str:
     return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,290 @@
+"""Chair and stair as rigid bodies: the one description from which MJCF, URDF and SDF are written.
+
+``ChairDescription, Chair -> Vehicle``; ``Staircase -> Solid``. The vehicle is a tree: the chassis, whose frame is B, and on it the
+seat and, where the front section is driven, the arm. All joints stand at zero: the seat level with the chassis, the arm in line
+with the flat run.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_y, rotation_z
+from treadline.mechanics.chair import Arm, ChairDescription, Point, Tracks
+from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.stability import payload_com, seat_mass_kg
+from treadline.mechanics.staircase import Box, Staircase
+from treadline.scenario import Chair, Start
+
+FLAT_THICKNESS_M = 0.025
+"""Half thickness of a belt's box: inside the pulleys' diameter."""
+CLEARANCE_M = 0.001
+"""Between a chair that is put down and what it will stand on."""
+FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
+"""Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A box, or a cylinder about y, in the frame of its body."""
+
+    name: str
+    kind: Literal["box", "cylinder"]
+    centre_m: Point
+    half_m: Point
+    """Half extents along the shape's own axes."""
+    nose_up_rad: float = 0.0
+    belt: Literal["left", "right"] | None = None
+    """Whose surface runs with that belt; None is only drawn, and touches nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hinge:
+    """A joint that turns a body against its parent, about an axis through the body's origin."""
+
+    axis: Point
+    range_rad: tuple[float, float]
+    max_rate_rad_s: float
+    torque_n_m: float | None
+    """Largest; None is an actuator as stiff as need be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """A rigid body; its principal axes are those of its frame."""
+
+    name: str
+    parent: str | None
+    origin_m: Point
+    """In the parent's frame."""
+    mass_kg: float
+    com_m: Point
+    inertia: Point
+    """Principal moments [kg·m²] about the centre of mass."""
+    hinge: Hinge | None = None
+    shapes: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vehicle:
+    """A chair with its payload: the chassis, and what turns on it."""
+
+    name: str
+    chassis: Body
+    seat: Body
+    arm: Body | None
+
+    @property
+    def turning(self) -> tuple[tuple[Body, Hinge], ...]:
+        """The bodies on hinges: the seat, and the arm if there is one."""
+        hung = (self.seat,) if self.arm is None else (self.seat, self.arm)
+        return tuple((body, body.hinge) for body in hung if body.hinge is not None)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All of them, the chassis first."""
+        return (self.chassis, *(body for body, _ in self.turning))
+
+
+def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
+    """Return a chair and what sits on it as bodies."""
+    arm = None if chair.arm is None else _arm(chair.tracks, chair.arm)
+    return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), arm=arm)
+
+
+def _chassis(chair: ChairDescription) -> Body:
+    masses = chair.masses
+    hull = Shape(name="hull", kind="box", centre_m=masses.chassis_com_m, half_m=_half(masses.chassis_size_m))
+    return Body(
+        name="chair",
+        parent=None,
+        origin_m=(0.0, 0.0, 0.0),
+        mass_kg=masses.chassis_kg,
+        com_m=masses.chassis_com_m,
+        inertia=box_inertia(masses.chassis_kg, masses.chassis_size_m),
+        shapes=(*(shape for side, y_m in sides(chair.tracks) for shape in _belt(chair, side, y_m)), hull),
+    )
+
+
+def _seat(chair: ChairDescription, loading: Chair) -> Body:
+    """Return the seat with its payload: a uniform box for a person, moved by the scenario's offset."""
+    seat, linkage = chair.seat, SeatLinkage(chair.seat)
+    mass, com = seat_mass_kg(loading), payload_com(chair, loading)
+    fastest = max(linkage.rate_ratio(float(stroke)) for stroke in np.linspace(*linkage.stroke_range, 21))
+    hinge = Hinge(
+        axis=(0.0, 1.0, 0.0),
+        range_rad=linkage.angle_range,
+        max_rate_rad_s=seat.max_rate_m_s * fastest,
+        torque_n_m=None,
+    )
+    return Body(
+        name="seat",
+        parent="chair",
+        origin_m=(seat.hinge_m[0] + loading.seat_shift_m, seat.hinge_m[1], seat.hinge_m[2]),
+        mass_kg=mass,
+        com_m=com,
+        inertia=box_inertia(mass, seat.payload_size_m),
+        hinge=hinge,
+        shapes=(Shape(name="payload", kind="box", centre_m=com, half_m=_half(seat.payload_size_m)),),
+    )
+
+
+def _arm(tracks: Tracks, arm: Arm) -> Body:
+    """Return the approach section of both belts as one body that turns about the front pulleys' axis."""
+    low, high = (math.radians(angle) for angle in arm.range_deg)
+    across = arm.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
+    along = arm.mass_kg * tracks.approach_m**2 / 12.0
+    rate_rad_s = math.radians(arm.max_rate_deg_s)
+    return Body(
+        name="arm",
+        parent="chair",
+        origin_m=(0.5 * tracks.flat_run_m, 0.0, tracks.pulley_radius_m),
+        mass_kg=arm.mass_kg,
+        com_m=(0.5 * tracks.approach_m, 0.0, 0.0),
+        inertia=(across, along, across + along),
+        hinge=Hinge(axis=(0.0, -1.0, 0.0), range_rad=(low, high), max_rate_rad_s=rate_rad_s, torque_n_m=arm.torque_n_m),
+        shapes=tuple(shape for side, y_m in sides(tracks) for shape in _section(tracks, side, y_m)),
+    )
+
+
+Side = Literal["left", "right"]
+
+
+def sides(tracks: Tracks) -> tuple[tuple[Side, float], tuple[Side, float]]:
+    """Return each belt's name and where its centre line runs [m]."""
+    return ("left", 0.5 * tracks.gauge_m), ("right", -0.5 * tracks.gauge_m)
+
+
+def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
+    """Return the part of a belt that is fixed to the chassis."""
+    tracks = chair.tracks
+    half_run, half_width = 0.5 * tracks.flat_run_m, 0.5 * tracks.belt_width_m
+    nose_x, _, nose_z = chair.nose_m
+    angle = math.radians(tracks.approach_angle_deg)
+    # The lower face of the approach lies one radius below the line between the pulley centres.
+    down = np.array([math.sin(angle), -math.cos(angle)]) * (tracks.pulley_radius_m - FLAT_THICKNESS_M)
+    middle = np.array([0.5 * (half_run + nose_x), 0.5 * (tracks.pulley_radius_m + nose_z)]) + down
+    rear, front, nose = (
+        _pulley(tracks, side, name, (x, y_m, z))
+        for name, x, z in (
+            ("rear", -half_run, tracks.pulley_radius_m),
+            ("front", half_run, tracks.pulley_radius_m),
+            ("nose", nose_x, nose_z),
+        )
+    )
+    flat = Shape(
+        name=f"{side}_flat",
+        kind="box",
+        centre_m=(0.0, y_m, FLAT_THICKNESS_M),
+        half_m=(half_run, half_width, FLAT_THICKNESS_M),
+        belt=side,
+    )
+    approach = Shape(
+        name=f"{side}_approach",
+        kind="box",
+        centre_m=(float(middle[0]), y_m, float(middle[1])),
+        half_m=(0.5 * tracks.approach_m, half_width, FLAT_THICKNESS_M),
+        nose_up_rad=angle,
+        belt=side,
+    )
+    return [rear, front, nose, flat, approach] if chair.arm is None else [rear, front, flat]
+
+
+def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
+    """Return a belt's part on the arm."""
+    length, half_width = tracks.approach_m, 0.5 * tracks.belt_width_m
+    approach = Shape(
+        name=f"{side}_approach",
+        kind="box",
+        centre_m=(0.5 * length, y_m, FLAT_THICKNESS_M - tracks.pulley_radius_m),
+        half_m=(0.5 * length, half_width, FLAT_THICKNESS_M),
+        belt=side,
+    )
+    return [_pulley(tracks, side, "nose", (length, y_m, 0.0)), approach]
+
+
+def _pulley(tracks: Tracks, side: Side, name: str, centre_m: Point) -> Shape:
+    r = tracks.pulley_radius_m
+    return Shape(name=f"{side}_{name}", kind="cylinder", centre_m=centre_m, half_m=(r, 0.5 * tracks.belt_width_m, r), belt=side)
+
+
+def box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
+    """Return the principal moments of a uniform box [kg·m²]."""
+    a, b, c = (edge * edge for edge in size_m)
+    return mass_kg * (b + c) / 12.0, mass_kg * (a + c) / 12.0, mass_kg * (a + b) / 12.0
+
+
+def _half(size_m: tuple[float, float, float]) -> Point:
+    a, b, c = size_m
+    return 0.5 * a, 0.5 * b, 0.5 * c
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nosing:
+    """The rounded front edge of a step: a round bar between two ends."""
+
+    index: int
+    left_W: Point
+    right_W: Point
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solid:
+    """One box of the stair as it is stood on, and the bar that rounds it off; floors and walls have none."""
+
+    box: Box
+    nosing: Nosing | None = None
+
+
+def solids(staircase: Staircase) -> tuple[Solid, ...]:
+    """Return the staircase as solids, floor and walls included."""
+    return tuple(_solid(box, staircase.nosing_radius_m) for box in staircase.boxes())
+
+
+def _solid(box: Box, radius: float) -> Solid:
+    if box.kind not in ("step", "landing"):
+        return Solid(box=box)
+    (cx, cy, cz), (hx, hy, hz), yaw = box.centre_W, box.half_m, box.yaw_rad
+    c, s = math.cos(yaw), math.sin(yaw)
+
+    def at(forward: float, up: float) -> Point:
+        return cx + c * forward, cy + s * forward, cz + up
+
+    r = radius
+    start, across = at(-hx + r, hz - r), (s * hy, -c * hy)
+    left = (start[0] - across[0], start[1] - across[1], start[2])
+    right = (start[0] + across[0], start[1] + across[1], start[2])
+    behind = Box(kind=box.kind, index=box.index, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz), yaw_rad=yaw)
+    return Solid(box=behind, nosing=Nosing(index=box.index, left_W=left, right_W=right, radius_m=r))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Standing:
+    """Where a chair is put down."""
+
+    p_WB: Float[np.ndarray, " 3"]
+    R_WB: Float[np.ndarray, "3 3"]
+
+
+def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
+    """Return the pose in which a scenario starts, a hair above what the chair will stand on."""
+    heading = math.radians(start.heading_deg)
+    slope = staircase.slope_rad if start.place == "flight" else 0.0
+    along = 0.5 * tracks.flat_run_m * math.cos(heading)
+    R_WB = rotation_y(-slope) @ rotation_z(heading)
+    if start.place == "floor":
+        return Standing(p_WB=np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M]), R_WB=R_WB)
+    if start.place == "landing":
+        top = staircase.steps[-1]
+        room_m = staircase.landing_m - tracks.flat_run_m - LANDING_SPARE_M
+        x = top.x_m + along + min(max(room_m, 0.2), LANDING_START_M)
+        return Standing(p_WB=np.array([x, start.lateral_m, top.z_m + CLEARANCE_M]), R_WB=R_WB)
+    step = staircase.steps[start.step]
+    # The nosing plane touches the rounded nosings a little below their sharp edges.
+    drop = staircase.nosing_radius_m * (math.sin(slope) + math.cos(slope) - 1.0)
+    from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, CLEARANCE_M - drop])
+    return Standing(p_WB=np.array([step.x_m, 0.0, step.z_m]) + from_nosing, R_WB=R_WB)
