@@ -1,12 +1,14 @@
 """The flight in a frame: treads by gravity, its azimuth by vote, risers by azimuth, nosings in a row."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception.geometry import way_of
+from treadline.perception.lines import nosing_line
 from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
 from treadline.perception.planes import Blocks, Surface, joined
 from treadline.perception.stopwatch import Stopwatch
@@ -23,6 +25,7 @@ RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 LEAST_BLOCKS = 8
 CONCLUSIVE = 3
 """Nosings in a row after which no other azimuth is tried."""
+ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
 LEVEL_LEAST = 0.2
 """Of the chair's long axis that must be level to tell where ahead is."""
 
@@ -61,7 +64,6 @@ def flight_under(
     rise = unit @ down
     vertical = np.abs(rise) < np.sin(UPRIGHT)
     treads = joined(
-        frame.depth_m,
         frame.camera,
         blocks,
         np.abs(rise) > np.cos(UPRIGHT),
@@ -71,21 +73,24 @@ def flight_under(
     )
     # A level surface above the eye is the underside of something.
     treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT and float(tread.centre @ level.up) < 0.0]
+    lower, upper = ([nosing_line(tread, end, frame.camera) for tread in treads] for end in ENDS)
+    lines = [line for pair in zip(lower, upper, strict=True) for line in pair if line is not None]
     watch.lap("treads")
     azimuth = np.arctan2(unit @ level.right, unit @ level.ahead)
     most_risers, voted = 0, False
     seen: list[Flight] = []
-    for peak in votes_of(azimuth[vertical], *line_votes(treads, frame.camera, level)):
+    for peak in votes_of(azimuth[vertical], *line_votes(lines, frame.camera.width_px, level)):
         voted = True
         facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
         axes = Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
         members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
-        risers = joined(frame.depth_m, frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+        risers = joined(frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
         risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
         most_risers = max(most_risers, len(risers))
         told = ("up" if len(risers) >= 2 else None, direction_of(treads, axes))
         for direction in (way for way in directions if way in told):
-            found = nosings_of(risers if direction == "up" else [], treads, blocks, frame.camera, axes, direction)
+            ends = lower if direction == "up" else upper
+            found = nosings_of(risers if direction == "up" else [], treads, ends, blocks, frame.camera, axes, direction)
             nosings = flight_of(found, axes, direction)
             if nosings:
                 seen.append(

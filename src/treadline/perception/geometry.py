@@ -85,12 +85,12 @@ def shape_of(flight: Sequence[Nosing], axes: Axes, direction: Direction) -> Stai
 def _rise(flight: Sequence[Nosing], axes: Axes, run_m: float) -> float | None:
     """Return the rise from the heights that are known, of which some may be missing in between."""
     known = [nosing for nosing in flight if nosing.up_m is not None]
-    number = np.array([round((nosing.ahead_m - flight[0].ahead_m) / run_m) for nosing in known])
+    number = np.array([float(round((nosing.ahead_m - flight[0].ahead_m) / run_m)) for nosing in known])
     heights = np.array([float(nosing.point @ axes.up) for nosing in known])
     if len(np.unique(number)) < 2:
         return None
-    slope, height = np.polyfit(number, heights, 1)
-    rise = abs(float(slope))
+    slope, height = _straight(number, heights)
+    rise = abs(slope)
     alike = np.abs(heights - height - slope * number) < EVEN * rise
     return rise if STEP_RISE_M[0] <= rise <= STEP_RISE_M[1] and alike.mean() >= ALIKE else None
 
@@ -118,7 +118,14 @@ def _spacing(places: Float[np.ndarray, " k"], limits: tuple[float, float]) -> fl
     row = _row(places, limits)
     if row is None or len(row[0]) < ALIKE * len(places):
         return None
-    return float(np.polyfit(row[1], row[0], 1)[0])
+    return _straight(row[1], row[0])[0]
+
+
+def _straight(x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> tuple[float, float]:
+    """Return slope and level at zero of the straight line through some points."""
+    mx, my = float(x.mean()), float(y.mean())
+    slope = float((x - mx) @ (y - my)) / float((x - mx) @ (x - mx))
+    return slope, my - slope * mx
 
 
 def _row(

@@ -21,22 +21,35 @@ CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 
 @njit(cache=True)
 @no_type_check
-def cell_sums(depth, size, fx, fy, cx, cy, near, far):
+def nearness_of(depth):
+    """Return w = 1/Z of each pixel, NaN where there is no depth, a row for each column of the image: surfaces are read so."""
+    rows, columns = depth.shape
+    near = np.empty((columns, rows))
+    for v in range(rows):
+        for u in range(columns):
+            z = depth[v, u]
+            near[u, v] = 1.0 / z if 0.0 < z < 1e6 else np.nan
+    return near
+
+
+@njit(cache=True)
+@no_type_check
+def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
     """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
-    rows, columns = depth.shape[0] // size, depth.shape[1] // size
+    rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
+    least, most = 1.0 / far, 1.0 / near
     sums = np.zeros((rows, columns, SUMS))
     for i in range(rows):
         for j in range(columns):
             n = 0
             a = b = c = d = e = f = g = h = k = 0.0
-            for v in range(i * size, (i + 1) * size):
-                y = (v - cy) / fy
-                for u in range(j * size, (j + 1) * size):
-                    z = depth[v, u]
-                    if not (near <= z <= far):
+            for u in range(j * size, (j + 1) * size):
+                x = (u - cx) / fx
+                for v in range(i * size, (i + 1) * size):
+                    w = nearness[u, v]
+                    if not (least <= w <= most):
                         continue
-                    x = (u - cx) / fx
-                    w = 1.0 / z
+                    y = (v - cy) / fy
                     n += 1
                     a += x
                     b += y
@@ -125,34 +138,35 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
 
 @njit(cache=True)
 @no_type_check
-def common_plane(sums, limits, start, stop, least, plane, inside):
-    """Fit one plane to the blocks that lie on it, starting with those from ``start`` to ``stop``; return how many there are.
+def common_plane(sums, run, limits, start, stop, least, plane, inside):
+    """Fit one plane to the blocks of a run that lie on it, starting with those from ``start`` to ``stop``; return how many do.
 
     Args:
-        sums: Of the blocks.
+        sums: Of all blocks.
+        run: Numbers of the blocks in question.
         limits: RMS residual that each block may have.
         least: Blocks that a plane needs.
         plane: Filled with n.
         inside: Filled with which blocks lie on it.
     """
     total = np.empty(SUMS)
-    for i in range(sums.shape[0]):
+    for i in range(run.shape[0]):
         inside[i] = start <= i < stop
     count = stop - start
     for _ in range(3):
         if count < least:
             return 0
         total[:] = 0.0
-        for i in range(sums.shape[0]):
+        for i in range(run.shape[0]):
             if inside[i]:
                 for k in range(SUMS):
-                    total[k] += sums[i, k]
+                    total[k] += sums[run[i], k]
         residual, _turn = fit_plane(total, plane)
         if residual != residual:
             return 0
         changed, count = False, 0
-        for i in range(sums.shape[0]):
-            fits = mean_square(sums[i], plane) < limits[i] * limits[i]
+        for i in range(run.shape[0]):
+            fits = mean_square(sums[run[i]], plane) < limits[i] * limits[i]
             changed = changed or fits != inside[i]
             inside[i] = fits
             count += fits
@@ -173,47 +187,87 @@ def mean_square(s, plane):
 
 @njit(cache=True)
 @no_type_check
-def _off(depth, v, u, plane, fx, fy, cx, cy):
-    """Return how much nearer than a plane a pixel is, in 1/m; NaN without a depth."""
-    z = depth[v, u]
-    if not (z > 0.0 and z < 1e6):
-        return np.nan
-    return 1.0 / z - (plane[0] * (u - cx) / fx + plane[1] * (v - cy) / fy + plane[2])
+def mean_square_of(sums, members, step, plane):
+    """Return the mean squared residual of w of every ``step``-th of some blocks about a plane."""
+    square, count = 0.0, 0
+    for i in range(0, members.shape[0], step):
+        square += mean_square(sums[members[i]], plane)
+        count += 1
+    return square / count
 
 
 @njit(cache=True)
 @no_type_check
-def _ending(depth, v, u, way, plane, jump, fx, fy, cx, cy):
-    """Return what follows a surface that ends at row ``v`` on the way up (-1) or down (1)."""
-    rows = depth.shape[0]
+def solved_plane(s, plane, inverse):
+    """Fill ``plane`` with n and ``inverse`` with that of its normal equations; return the mean square of what is left.
+
+    NaN where the pixels have no plane.
+    """
+    if not fit_plane(s, plane)[0] >= 0.0:
+        return np.nan
+    n, x, y, xx, xy, yy = s[COUNT], s[X], s[Y], s[XX], s[XY], s[YY]
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = yy * n - y * y, xx * n - x * x, xx * yy - xy * xy
+    inverse[0, 1] = inverse[1, 0] = x * y - xy * n
+    inverse[0, 2] = inverse[2, 0] = xy * y - yy * x
+    inverse[1, 2] = inverse[2, 1] = xy * x - xx * y
+    inverse /= xx * inverse[0, 0] + xy * inverse[0, 1] + x * inverse[0, 2]
+    left = s[WW] - plane[0] * s[XW] - plane[1] * s[YW] - plane[2] * s[W]
+    return left / max(n - 3.0, 1.0)
+
+
+@njit(cache=True)
+@no_type_check
+def box_of(places, members, size, margin, rows, columns, box):
+    """Fill ``box`` with first column and row and last column and row of the pixels of some blocks, widened by a margin."""
+    box[0], box[1], box[2], box[3] = columns, rows, 0, 0
+    for k in members:
+        i, j, height = places[k]
+        box[0] = min(box[0], j * size - margin)
+        box[1] = min(box[1], i * size - margin)
+        box[2] = max(box[2], (j + 2) * size + margin)
+        box[3] = max(box[3], (i + height) * size + margin)
+    box[0], box[1] = max(box[0], 0), max(box[1], 0)
+    box[2], box[3] = min(box[2], columns - 1), min(box[3], rows - 1)
+
+
+@njit(cache=True)
+@no_type_check
+def _ending(near, v, way, start, slope, jump):
+    """Return what follows a surface that ends at row ``v`` on the way up (-1) or down (1).
+
+    Args:
+        near: w along a column of the image; the surface has ``start + slope * v`` there.
+    """
+    rows = near.shape[0]
     first = second = np.nan
     for k in range(2, 5):
         row = v + way * k
         if 0 <= row < rows:
-            off = _off(depth, row, u, plane, fx, fy, cx, cy)
+            off = near[row] - start - slope * row
             if off == off:
                 first = off
                 further = v + way * 2 * k
                 if 0 <= further < rows:
-                    second = _off(depth, further, u, plane, fx, fy, cx, cy)
+                    second = near[further] - start - slope * further
                 break
     if first != first or second != second:
         return UNKNOWN
     # Extrapolated back to the surface's end: what starts there is off by nothing, what lies behind by a jump.
-    start = 2.0 * first - second
-    if start < -jump and first < -jump:
+    there = 2.0 * first - second
+    if there < -jump and first < -jump:
         return BEYOND
-    if start > jump and first > jump:
+    if there > jump and first > jump:
         return BEFORE
     return CREASE
 
 
 @njit(cache=True)
 @no_type_check
-def extents(depth, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last, before, after, sums):
+def extents(nearness, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last, before, after, sums):
     """Fill where each surface starts and ends in each column of its box, what follows there, and the sums between.
 
     Args:
+        nearness: w, a row for each column of the image.
         planes: n of each surface.
         boxes: First and last column and row of each surface's box: u0, v0, u1, v1.
         tolerances: How far off its plane a pixel may be, in 1/m.
@@ -225,15 +279,17 @@ def extents(depth, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last,
     for s in range(planes.shape[0]):
         plane = planes[s]
         sums[s] = 0.0
-        for u in range(depth.shape[1]):
+        for u in range(nearness.shape[0]):
             first[s, u] = last[s, u] = -1
             before[s, u] = after[s, u] = UNKNOWN
+        slope = plane[1] / fy
         for u in range(boxes[s, 0], boxes[s, 2] + 1):
+            near, x = nearness[u], (u - cx) / fx
+            level = plane[0] * x + plane[2] - plane[1] * cy / fy
             begin, end, best = -1, -1, 0
             start, stop, missed, found = -1, -1, GAP_PX + 1, 0
             for v in range(boxes[s, 1], boxes[s, 3] + 1):
-                off = _off(depth, v, u, plane, fx, fy, cx, cy)
-                if abs(off) < tolerances[s]:
+                if abs(near[v] - level - slope * v) < tolerances[s]:
                     if missed > GAP_PX:
                         start, found = v, 0
                     found += 1
@@ -245,25 +301,33 @@ def extents(depth, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last,
             if best < 3:
                 continue
             first[s, u], last[s, u] = begin, end
-            before[s, u] = _ending(depth, begin, u, -1, plane, jump, fx, fy, cx, cy)
-            after[s, u] = _ending(depth, end, u, 1, plane, jump, fx, fy, cx, cy)
-            x = (u - cx) / fx
+            before[s, u] = _ending(near, begin, -1, level, slope, jump)
+            after[s, u] = _ending(near, end, 1, level, slope, jump)
+            # Along a column x is one number.
+            n = 0
+            a = b = c = d = e = 0.0
             for v in range(begin + 1, end):
-                off = _off(depth, v, u, plane, fx, fy, cx, cy)
-                if not abs(off) < tolerances[s]:
+                w = near[v]
+                if not abs(w - level - slope * v) < tolerances[s]:
                     continue
-                y, w = (v - cy) / fy, 1.0 / depth[v, u]
-                row = sums[s]
-                row[COUNT] += 1.0
-                row[X] += x
-                row[Y] += y
-                row[XX] += x * x
-                row[XY] += x * y
-                row[YY] += y * y
-                row[W] += w
-                row[XW] += x * w
-                row[YW] += y * w
-                row[WW] += w * w
+                y = (v - cy) / fy
+                n += 1
+                a += y
+                b += y * y
+                c += w
+                d += y * w
+                e += w * w
+            row = sums[s]
+            row[COUNT] += n
+            row[X] += n * x
+            row[Y] += a
+            row[XX] += n * x * x
+            row[XY] += x * a
+            row[YY] += b
+            row[W] += c
+            row[XW] += x * c
+            row[YW] += d
+            row[WW] += e
 
 
 @njit(cache=True)

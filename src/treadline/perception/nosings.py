@@ -89,18 +89,22 @@ def direction_of(treads: Sequence[Surface], axes: Axes) -> Direction | None:
 def nosings_of(
     risers: Sequence[Surface],
     treads: Sequence[Surface],
+    ends: Sequence[Line | None],
     blocks: Blocks,
     camera: PinholeCamera,
     axes: Axes,
     direction: Direction,
 ) -> list[Nosing]:
-    """Return the edges in view, the nearest first."""
+    """Return the edges in view, the nearest first.
+
+    Args:
+        ends: The line at the end of each tread that the flight's direction makes its nosing.
+    """
     fronts = np.array([float(np.min(blocks.centres[tread.blocks] @ axes.ahead)) for tread in treads])
     found = [_of_riser(riser, treads, fronts, blocks, camera, axes) for riser in risers]
-    end: Literal["lower", "upper"] = "lower" if direction == "up" else "upper"
-    for tread in treads:
-        line = nosing_line(tread, end, camera, corner=direction == "up")
-        if line is None:
+    for line in ends:
+        # Where a tread's far end meets what rises behind it, there is no nosing.
+        if line is None or (line.is_corner and direction == "down"):
             continue
         of_line = _of_line(line, axes)
         alike = [k for k, nosing in enumerate(found) if _same(nosing, of_line)]
@@ -163,6 +167,7 @@ def _of_riser(
     aside, ahead_m = points @ axes.right, float(riser.centre @ axes.ahead)
     top_m = float(np.max(points @ axes.up))
     line = nosing_line(riser, "upper", camera)
+    line = None if line is None or line.is_corner else line
     up_m = None if line is None else float(line.middle @ axes.up)
     on_top = []
     for tread, front_m in zip(treads, fronts_m.tolist(), strict=True):

@@ -8,6 +8,7 @@ where it ends and what lies beyond.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -40,9 +41,12 @@ JUMP = 0.45 / DISPARITY_PX_M
 """Between a surface and what lies behind its end: 9 cm at 3 m."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Blocks:
-    """Blocks that lie on one plane each."""
+    """Blocks that lie on one plane each, and the pixels that they are of."""
+
+    nearness: Float[np.ndarray, "w h"]
+    """1/Z, a row for each column of the image; NaN without a depth."""
 
     sums: Float[np.ndarray, "b 10"]
     normals: Float[np.ndarray, "b 3"]
@@ -53,22 +57,24 @@ class Blocks:
     """First row and column of cells, and how many rows of cells the block has."""
     cell_px: int
 
-    @property
+    @cached_property
     def unit(self) -> Float[np.ndarray, "b 3"]:
         """Unit normals that point away from the camera."""
-        return np.asarray(self.normals / np.linalg.norm(self.normals, axis=1, keepdims=True))
+        return self.normals / np.sqrt(np.einsum("bi,bi->b", self.normals, self.normals))[:, None]
 
 
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> Blocks:
     """Return the blocks of a depth image on which one plane fits."""
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
-    cells = kernels.cell_sums(depth_m, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    nearness = kernels.nearness_of(depth_m)
+    cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
     sums, normals, places = kernels.plane_blocks(
         cells, FULL * size * size, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, TURN_LIMIT, LEAST_RESIDUAL
     )
     count = sums[:, kernels.COUNT]
     x, y, w = sums[:, kernels.X] / count, sums[:, kernels.Y] / count, sums[:, kernels.W] / count
-    return Blocks(sums=sums, normals=normals, centres=np.column_stack([x / w, y / w, 1.0 / w]), places=places, cell_px=size)
+    centres = np.column_stack([x / w, y / w, 1.0 / w])
+    return Blocks(nearness=nearness, sums=sums, normals=normals, centres=centres, places=places, cell_px=size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,7 +88,7 @@ class Ends:
     """What lies there: ``kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Surface:
     """One tread or riser."""
 
@@ -96,24 +102,23 @@ class Surface:
     upper: Ends
     lower: Ends
 
-    @property
+    @cached_property
     def unit(self) -> Float[np.ndarray, " 3"]:
         """Unit normal, pointing away from the camera."""
         return np.asarray(self.normal * self.distance_m)
 
-    @property
+    @cached_property
     def unit_covariance(self) -> Float[np.ndarray, "3 3"]:
         """Covariance of the unit normal, as far as it is across it."""
         return np.asarray(self.covariance * self.distance_m**2)
 
-    @property
+    @cached_property
     def distance_m(self) -> float:
         """From the camera to the plane."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
 
 
 def joined(
-    depth_m: Float32[np.ndarray, "h w"],
     camera: PinholeCamera,
     blocks: Blocks,
     members: Bool[np.ndarray, " b"],
@@ -142,7 +147,7 @@ def joined(
             groups.append(members_of_one)
             normals.append(normal)
             squares.append(square)
-    return _fitted(depth_m, camera, blocks, groups, np.array(normals), np.array(squares)) if groups else []
+    return _fitted(camera, blocks, groups, np.array(normals), np.array(squares)) if groups else []
 
 
 def _planes(
@@ -156,13 +161,12 @@ def _planes(
         # The fullest level starts the fit.
         together = np.searchsorted(levels, levels + gap_m) - np.arange(levels.size)
         start = int(np.argmax(together))
-        sums, normal, inside = blocks.sums[run], np.empty(3), np.empty(run.size, dtype=np.bool_)
+        normal, inside = np.empty(3), np.empty(run.size, dtype=np.bool_)
         limits = _limit(blocks.centres[run, 2])
-        if not kernels.common_plane(sums, limits, start, start + int(together[start]), least, normal, inside):
+        if not kernels.common_plane(blocks.sums, run, limits, start, start + int(together[start]), least, normal, inside):
             return
         members = run[inside]
-        square = float(np.mean([kernels.mean_square(row, normal) for row in sums[inside][:: max(1, members.size // SAMPLE)]]))
-        yield members, normal, square
+        yield members, normal, kernels.mean_square_of(blocks.sums, members, max(1, members.size // SAMPLE), normal)
         least = max(least, members.size // FRAGMENT)
         if levels[-1] - levels[0] <= gap_m:
             return
@@ -175,7 +179,6 @@ def _limit(depth_m: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
 
 
 def _fitted(
-    depth_m: Float32[np.ndarray, "h w"],
     camera: PinholeCamera,
     blocks: Blocks,
     groups: list[Int[np.ndarray, " _"]],
@@ -183,24 +186,26 @@ def _fitted(
     squares: Float[np.ndarray, " s"],
 ) -> list[Surface]:
     """Return the surfaces fitted to all pixels of theirs."""
-    boxes = np.array([_box(blocks, group, camera) for group in groups])
+    boxes, size = np.empty((len(groups), 4), dtype=np.int64), blocks.cell_px
+    for box, group in zip(boxes, groups, strict=True):
+        kernels.box_of(blocks.places, group, size, size + size // 2, camera.height_px, camera.width_px, box)
     shape = (len(groups), camera.width_px)
     first, last = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
     before, after = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
     sums = np.empty((len(groups), kernels.SUMS))
     limits = np.maximum(TOLERANCE, TOLERANCE_SIGMAS * np.sqrt(squares))
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    kernels.extents(depth_m, normals, boxes, limits, JUMP, *pinhole, first, last, before, after, sums)
+    kernels.extents(blocks.nearness, normals, boxes, limits, JUMP, *pinhole, first, last, before, after, sums)
     surfaces = []
     for s, group in enumerate(groups):
         count = sums[s, kernels.COUNT]
+        normal, inverse = np.empty(3), np.empty((3, 3))
+        variance = kernels.solved_plane(sums[s], normal, inverse)
         # Pixels in one row or column have no plane.
-        if count < blocks.cell_px**2 or np.isnan(kernels.fit_plane(sums[s], np.empty(3))[0]):
+        if count < size**2 or math.isnan(variance):
             continue
-        M, r = _normal_equations(sums[s])
-        normal, inverse = np.linalg.solve(M, r), np.linalg.inv(M)
+        variance = max(variance, LEAST_RESIDUAL**2)
         ray = np.array([sums[s, kernels.X] / count, sums[s, kernels.Y] / count, 1.0])
-        variance = max(float(sums[s, kernels.WW] - normal @ r) / max(float(count) - 3.0, 1.0), LEAST_RESIDUAL**2)
         columns = np.flatnonzero(first[s] >= 0)
         surfaces.append(
             Surface(
@@ -213,23 +218,3 @@ def _fitted(
             )
         )
     return surfaces
-
-
-def _box(blocks: Blocks, group: Int[np.ndarray, " k"], camera: PinholeCamera) -> list[int]:
-    size, places = blocks.cell_px, blocks.places[group]
-    margin = size + size // 2
-    top, left = int(places[:, 0].min()) * size - margin, int(places[:, 1].min()) * size - margin
-    bottom = int((places[:, 0] + places[:, 2]).max()) * size + margin
-    right = int((places[:, 1] + 2).max()) * size + margin
-    return [max(left, 0), max(top, 0), min(right, camera.width_px - 1), min(bottom, camera.height_px - 1)]
-
-
-def _normal_equations(s: Float[np.ndarray, " 10"]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
-    M = np.array(
-        [
-            [s[kernels.XX], s[kernels.XY], s[kernels.X]],
-            [s[kernels.XY], s[kernels.YY], s[kernels.Y]],
-            [s[kernels.X], s[kernels.Y], s[kernels.COUNT]],
-        ]
-    )
-    return M, np.array([s[kernels.XW], s[kernels.YW], s[kernels.W]])

@@ -1,17 +1,15 @@
 """Which way the stair faces: vertical blocks and the ends of treads vote for an azimuth."""
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.perception.lines import nosing_line
+from treadline.perception.lines import Line
 from treadline.perception.nosings import Axes
-from treadline.perception.planes import Surface
 from treadline.perception.vectors import cross
-from treadline.signals import PinholeCamera
 
 VOTE_LIMIT = 50.0 * DEG
 """Azimuth beyond which a vertical surface is a side wall."""
@@ -23,22 +21,16 @@ APART = 14.0 * DEG
 LEAST_VOTES = 16
 WIDTH_PX = 320
 """Of the image in which a line's columns weigh as much as blocks."""
-ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
 
 
-def line_votes(
-    treads: Sequence[Surface], camera: PinholeCamera, level: Axes
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the azimuths that the treads' ends vote for, and the weight of each."""
+def line_votes(lines: Sequence[Line], width_px: int, level: Axes) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return the azimuths that lines vote for, and the weight of each."""
     azimuths, weights = [], []
-    for tread in treads:
-        for end in ENDS:
-            line = nosing_line(tread, end, camera, corner=True)
-            if line is not None:
-                across = cross(cross(line.normal, level.up), level.up)
-                across = across if across @ level.ahead > 0.0 else -across
-                azimuths.append(float(np.arctan2(across @ level.right, across @ level.ahead)))
-                weights.append(line.count * WIDTH_PX / camera.width_px)
+    for line in lines:
+        across = cross(cross(line.normal, level.up), level.up)
+        across = across if across @ level.ahead > 0.0 else -across
+        azimuths.append(math.atan2(float(across @ level.right), float(across @ level.ahead)))
+        weights.append(line.count * WIDTH_PX / width_px)
     return np.array(azimuths), np.array(weights)
 
 
