@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.errors import SettingsError
-from treadline.scenario import RISE_M, RUN_M, SHIPPED, SLOPE_DEG, Scenario, Stair, read_scenario
+from treadline.scenario import RISE_M, RUN_M, SLOPE_DEG, Scenario, Stair, read_scenario, shipped_scenarios
 
 
 def read(text: str, tmp_path: Path) -> Scenario:
@@ -91,7 +91,7 @@ def test_a_start_on_the_flight_stands_on_one_of_its_steps(tmp_path: Path) -> Non
     read('[stair]\nsteps = 8\n[start]\nplace = "floor"\nstep = 8', tmp_path)  # where the step means nothing
 
 
-@pytest.mark.parametrize("name", [path.stem for path in SHIPPED.glob("*.toml")])
+@pytest.mark.parametrize("name", list(shipped_scenarios()))
 def test_a_shipped_scenario_survives_being_written_down(name: str) -> None:
     scenario = read_scenario(name)
     assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario

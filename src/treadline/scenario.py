@@ -163,11 +163,23 @@ def read_scenario(name: str | Path) -> Scenario:
     Raises:
         SettingsError: If there is none, or it says something it must not.
     """
-    path = Path(name)
-    shipped = {found.stem: found for found in SHIPPED.glob("*.toml")}
+    path, shipped = Path(name), shipped_scenarios()
     if not path.is_file() and str(name) in shipped:
         path = shipped[str(name)]  # even beside a run folder of that name
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         known = ", ".join(sorted(shipped))
         raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
-    return settings_of(parse_toml(path), Scenario, where=str(path))
+    tables = parse_toml(path)
+    if "draw" in tables:
+        raise SettingsError(f"{path}: a sweep, not one scenario; fly it with treadline sweep {name}")
+    return settings_of(tables, Scenario, where=str(path))
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Return the scenarios that come with the package; sweeps beside them are not among them."""
+    return {found.stem: found for found in sorted(SHIPPED.glob("*.toml")) if not is_sweep(found)}
+
+
+def is_sweep(path: Path) -> bool:
+    """Say whether a shipped file draws scenarios and is none."""
+    return "\n[[draw]]" in path.read_text(encoding="utf-8")

@@ -1,0 +1,51 @@
+"""One run of a campaign: a scenario and a seed in, a row of the results out, whatever happens on the way."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from treadline.errors import SimulationDiverged
+from treadline.io.plain import plain
+from treadline.scenario import Scenario
+
+Fly = Callable[[Scenario, int], Mapping[str, Any]]
+"""Flies a scenario with a seed; answers with a verdict and its scores. It must be importable by name: workers look it up."""
+Row = dict[str, Any]
+"""A run's results as JSON values: ``index``, ``seed``, ``verdict``, ``cause``, what was drawn, scores."""
+
+TIMES = ("cpu_s", "real_time_factor")
+"""What differs from run to run of the same thing, and so is kept apart from the results."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """One run to be done."""
+
+    index: int
+    seed: int
+    scenario: Scenario
+    values: dict[str, Any]
+    """What was drawn."""
+
+
+def run_one(fly: Fly, flight: Flight) -> Row:
+    """Return the row of a run; a run that fails in an unforeseen way is a row too, with the error as its cause.
+
+    A thousand runs must not be lost to one: this is the one place where every exception is caught.
+    """
+    started = time.process_time()
+    try:
+        result = dict(fly(flight.scenario, flight.seed))
+    except SimulationDiverged as error:
+        result = {"verdict": "diverged", "cause": str(error)}
+    except Exception as error:  # noqa: BLE001 - see above
+        result = {"verdict": "error", "cause": f"{type(error).__name__}: {error}"}
+    result["cpu_s"] = time.process_time() - started
+    return failed(flight, "error", "no verdict") | plain(result) | {"seed": flight.seed}
+
+
+def failed(flight: Flight, verdict: str, cause: str) -> Row:
+    """Return the row of a run that has no scores."""
+    values: Row = plain(flight.values)
+    return {"index": flight.index, "seed": flight.seed, "verdict": verdict, "cause": cause, **values}

@@ -1,0 +1,133 @@
+"""What a campaign came to: verdicts with exact bounds, scores, and the runs nearest to harm."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from treadline.campaign.run import Row
+
+CONFIDENCE = 0.95
+WORST = 10
+FAILED = ("fell", "diverged", "crashed", "error")
+"""Verdicts that no campaign may have."""
+NOT_SCORES = ("index", "seed", "events")
+SHOWN = (
+    "min_stability_margin_deg",
+    "max_pitch_rate_deg_s",
+    "aligned_rms_heading_deg",
+    "aligned_max_heading_deg",
+    "rms_heading_deg",
+    "steady_rms_heading_deg",
+    "max_abs_heading_deg",
+    "roll_back_m",
+    "seat_max_deg",
+    "peak_acceleration_m_s2",
+    "duration_s",
+)
+"""Scores of the summary for people, where a run has them; summary.json has all."""
+
+
+def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact two-sided bounds of a share.
+
+    Clopper and Pearson, 1934: the shares under which ``count`` or more, and ``count`` or fewer, of ``total`` have a
+    probability of half of what is left. It covers at least what it says, also at 0 and at all of them.
+    """
+    from scipy.stats import beta
+
+    tail = 0.5 * (1.0 - confidence)
+    low = float(beta.ppf(tail, count, total - count + 1)) if count else 0.0
+    high = float(beta.ppf(1.0 - tail, count + 1, total - count)) if count < total else 1.0
+    return low, high
+
+
+def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
+    """Return the summary of flat rows: ``drawn`` names their columns that are no scores, ``choices`` those to count by."""
+    verdicts = Counter(row["verdict"] for row in rows)
+    return {
+        "runs": len(rows),
+        "verdicts": {name: _share(verdicts[name], len(rows)) for name in sorted({*verdicts, "arrived", "fell"})},
+        "by": {key: _crossed(rows, key) for key in choices},
+        "causes": dict(Counter(_kind(row) for row in rows if row["verdict"] != "arrived").most_common(20)),
+        "scores": _scores(rows, drawn),
+        "score": score,
+        "worst": [_short(row, score) for row in worst(rows, score)],
+    }
+
+
+def worst(rows: Sequence[Row], score: str, count: int = WORST) -> list[Row]:
+    """Return the runs nearest to harm: who fell, who failed, then by the score."""
+    rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1)
+    return sorted(rows, key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))[:count]
+
+
+def harm(row: Mapping[str, Any], score: str) -> float:
+    """Return the score as a number whose lowest is the worst; a run without it is harmless."""
+    value = row.get(score)
+    if not isinstance(value, int | float):
+        return 1e9
+    return float(value) if is_low_bad(score) else -float(value)
+
+
+def is_low_bad(score: str) -> bool:
+    """Say whether a low score is a bad one: of a margin it is, of a rate not."""
+    return score.startswith("min_") or "margin" in score
+
+
+def lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return the summary for people."""
+    total = summary["runs"]
+    said = [f"{total} runs; shares with {100 * CONFIDENCE:.0f} % bounds:"]
+    for name, share in sorted(summary["verdicts"].items(), key=lambda item: -item[1]["count"]):
+        low, high = (100.0 * bound for bound in share["bounds"])
+        said.append(f"  {name:9s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
+    for name in SHOWN:
+        if name in summary["scores"]:
+            score = summary["scores"][name]
+            said.append(f"  {name}: RMS {score['rms']:.3g}, median {score['median']:.3g}, worst {score['worst']:.3g}")
+    return said
+
+
+def _share(count: int, total: int) -> dict[str, Any]:
+    return {"count": count, "share": count / max(total, 1), "bounds": list(clopper_pearson(count, total))}
+
+
+def _crossed(rows: Sequence[Row], key: str) -> dict[str, dict[str, int]]:
+    found = sorted({str(row.get(key)) for row in rows})
+    return {value: dict(sorted(Counter(row["verdict"] for row in rows if str(row.get(key)) == value).items())) for value in found}
+
+
+def _kind(row: Row) -> str:
+    """Return a cause without its numbers, so that like causes count together."""
+    words = [word for word in str(row.get("cause")).split(";")[0].split() if not any(letter.isdigit() for letter in word)]
+    return f"{row['verdict']}: {' '.join(words[:8])}"
+
+
+def _scores(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, dict[str, Any]]:
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: figures for name in names if name not in {*drawn, *NOT_SCORES} and (figures := _figures(rows, name))}
+
+
+def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
+    """Return the figures of a column of numbers, or None if it is none."""
+    found = [(float(row[name]), row["index"]) for row in rows if type(row.get(name)) in (int, float)]
+    if not found:
+        return None
+    values = np.array([value for value, _ in found])
+    bad = int(np.argmin(values) if is_low_bad(name) else np.argmax(np.abs(values)))
+    return {
+        "count": len(found),
+        "mean": float(values.mean()),
+        "rms": float(np.sqrt(np.mean(values**2))),
+        "min": float(values.min()),
+        **{word: float(np.percentile(values, q)) for word, q in (("p1", 1), ("p5", 5), ("median", 50), ("p95", 95), ("p99", 99))},
+        "max": float(values.max()),
+        "worst": found[bad][0],
+        "worst_run": found[bad][1],
+    }
+
+
+def _short(row: Row, score: str) -> dict[str, Any]:
+    return {name: row.get(name) for name in ("index", "seed", "verdict", "cause", score)}

@@ -1,0 +1,82 @@
+"""Rows as files: ``runs.csv`` always, ``runs.parquet`` where pyarrow is; times apart, for they differ from run to run."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from treadline.campaign.run import TIMES, Row
+from treadline.errors import TreadlineError
+from treadline.models import write_whole
+
+
+def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
+    """Write the results in the order given, and the times beside them; return the files of results."""
+    results = [flat(row) for row in rows]
+    _write_csv(folder / "runs.csv", results)
+    _write_csv(folder / "times.csv", [{name: row.get(name) for name in ("index", *TIMES)} for row in rows])
+    parquet = _write_parquet(folder / "runs.parquet", results)
+    return [folder / "runs.csv", *([folder / "runs.parquet"] if parquet else [])]
+
+
+def flat(row: Mapping[str, Any], prefix: str = "") -> Row:
+    """Return a row of single values: tables by dotted names, lists of numbers as JSON, events counted, times left out."""
+    values: Row = {}
+    for key, value in row.items():
+        name = prefix + key
+        if name in TIMES:
+            continue
+        if isinstance(value, Mapping):
+            values |= flat(value, f"{name}.")
+        elif isinstance(value, list):
+            values[name] = len(value) if name == "events" else json.dumps(value)
+        else:
+            values[name] = value
+    return values
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _write_csv(path: Path, rows: Sequence[Row]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = _columns(rows)
+    writer.writerow(names)
+    writer.writerows([[_cell(row.get(name)) for name in names] for row in rows])
+    write_whole(path, text.getvalue())
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if value is None else str(value)
+
+
+def _write_parquet(path: Path, rows: Sequence[Row]) -> bool:
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        return False
+    columns = {name: _of_one_kind([row.get(name) for row in rows]) for name in _columns(rows)}
+    temporary = path.with_name(path.name + ".part")
+    try:
+        parquet.write_table(pa.table(columns), temporary, compression="zstd")
+        temporary.replace(path)
+    except OSError as error:
+        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return True
+
+
+def _of_one_kind(values: list[Any]) -> list[Any]:
+    """A column of whole and other numbers is one of numbers; any other mixture is one of text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {int, float}:
+        return [None if value is None else float(value) for value in values]
+    return values if len(kinds) <= 1 else [None if value is None else str(value) for value in values]

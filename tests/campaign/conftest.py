@@ -1,0 +1,50 @@
+"""What campaign tests share: a small sweep and somebody who flies it."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # spawned processes find what flies by its module's name
+
+SMALL = """
+[drive]
+duration_s = 100
+[[draw]]
+key = "stair.slope_deg"
+uniform = [20, 30]
+[[draw]]
+key = "stair.friction.0"
+uniform = [{ times = 1.1, of = "stair.tan_slope" }, 1.0]
+[[draw]]
+key = "chair.payload_kg"
+uniform = [0, 110]
+when = { "stair.slope_deg" = { at_most = 26 } }
+[[draw]]
+key = "chair.payload_kg"
+uniform = [0, 80]
+when = { "stair.slope_deg" = { above = 26 } }
+[[draw]]
+key = "stair.texture"
+choice = ["wood", "carpet", "dark"]
+weights = [8, 1, 1]
+[[draw]]
+key = "start.heading_deg"
+normal = { mean = 0, sigma = 20, low = -30, high = 30 }
+"""
+
+
+@pytest.fixture
+def spec_file(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        path = tmp_path / "spec.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def small(spec_file: Callable[[str], Path]) -> Path:
+    return spec_file(SMALL)

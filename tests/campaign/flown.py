@@ -1,0 +1,54 @@
+"""Flights that cost nothing, for what is tested here is who flies and what is kept. Workers import them by name."""
+
+import os
+import signal
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.errors import SimulationDiverged
+from treadline.scenario import Scenario
+
+BAD_KG, DEADLY_KG = 100.0, 105.0
+
+
+def quick(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+    """A smooth margin with a known minimum, noise from the seed, and a verdict that follows."""
+    chance = np.random.default_rng(seed)
+    margin = 12.0 - 0.05 * scenario.chair.payload_kg - 0.2 * abs(scenario.start.heading_deg) + 0.01 * chance.normal()
+    return {
+        "verdict": "arrived" if margin > 4.0 else "held",
+        "cause": None if margin > 4.0 else f"margin of {margin:.1f}°",
+        "seed": seed,
+        "min_stability_margin_deg": margin,
+        "max_pitch_rate_deg_s": 10.0 + chance.random(),
+        "rms_heading_deg": abs(scenario.start.heading_deg) / 10.0,
+        "settle_s": None if margin < 5.0 else 3.0,
+        "phases": ((0.0, "align"), (1.0, "climb")),
+        "events": [{"t_s": 1.0, "name": "note", "cause": "none"}],
+        "real_time_factor": time.perf_counter(),
+    }
+
+
+def slow(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+    """The same, in a while."""
+    time.sleep(0.05)
+    return quick(scenario, seed)
+
+
+def unlucky(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+    """Some runs raise, one kind kills its process each time, another only the first time."""
+    if scenario.chair.payload_kg > DEADLY_KG:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if scenario.chair.payload_kg > BAD_KG:
+        raise SimulationDiverged("time went back")
+    if scenario.stair.texture == "dark":
+        raise ValueError("no light")
+    once = Path(os.environ["DIES_ONCE"])
+    if scenario.stair.texture == "carpet" and not once.exists():
+        once.touch()
+        os._exit(3)
+    return quick(scenario, seed)

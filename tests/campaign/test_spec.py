@@ -1,0 +1,209 @@
+"""What a sweep's file may say, and that its draws keep to it."""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from treadline.campaign.sampling import points, run_seed
+from treadline.campaign.scenario_file import scenario_toml
+from treadline.campaign.spec import Drawn, Spec, read_spec
+from treadline.errors import SettingsError
+from treadline.faults import Fault
+from treadline.scenario import Scenario, read_scenario
+
+Write = Callable[[str], Path]
+ENVELOPE = read_spec("envelope")
+OUTSIDE = read_spec("outside")
+shares = st.lists(st.floats(0.0, 1.0), min_size=ENVELOPE.dimension, max_size=ENVELOPE.dimension)
+
+
+def drawn(spec: Spec, count: int, sampling: Any = "sobol", seed: int = 0) -> list[Drawn]:
+    return [spec.at(point.tolist(), "a run") for point in points(sampling, spec.dimension, seed, count)]
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(SettingsError) as caught:
+        read_spec(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(f"{path}: ")
+    return message.removeprefix(f"{path}: ")
+
+
+@given(shares)
+@settings(max_examples=60)
+def test_no_draw_leaves_the_envelope_that_is_claimed(point: list[float]) -> None:
+    scenario = ENVELOPE.at(point, "a run").scenario
+    stair, chair, start = scenario.stair, scenario.chair, scenario.start
+    slope_deg = math.degrees(stair.slope_rad)
+    assert 20.0 - 1e-9 <= slope_deg <= 30.0 + 1e-9
+    assert 0.12 <= stair.rise_m <= 0.18
+    assert 1.1 * math.tan(stair.slope_rad) - 1e-9 <= stair.friction[0] <= 1.0
+    assert 0.0 <= chair.payload_kg <= (110.0 if slope_deg <= 26.0 + 1e-9 else 80.0)
+    assert all(abs(offset) <= limit for offset, limit in zip(chair.payload_offset_m, (0.05, 0.04, 0.10), strict=True))
+    assert 0.0 <= stair.rise_jitter_m <= 0.002
+    assert abs(start.heading_deg) <= 30.0
+    assert abs(start.lateral_m) <= 0.15
+    assert 0.5 <= stair.light <= 1.6
+    assert abs(chair.belt_mismatch) <= 0.03
+    assert 8 <= stair.steps <= 14
+    assert start.place == {"up": "floor", "down": "landing"}[scenario.drive.direction]
+
+
+def test_a_thousand_draws_fill_the_envelope() -> None:
+    runs = [run.scenario for run in drawn(ENVELOPE, 1000)]
+    assert sum(run.sensors.camera == "kinect1" for run in runs) >= 200
+    assert {run.sensors.camera for run in runs} == {"kinect1", "statistical"}
+    assert {run.stair.texture for run in runs} == {"wood", "concrete", "carpet", "terrazzo", "dark"}
+    assert Counter(run.drive.direction for run in runs) == {"up": 500, "down": 500}
+    assert {run.stair.open_risers for run in runs} == {True, False}
+    assert {run.stair.steps for run in runs} == set(range(8, 15))
+    # Ends of ranges are reached to a hundredth of their width.
+    slopes = [math.degrees(run.stair.slope_rad) for run in runs]
+    assert (min(slopes), max(slopes)) == (pytest.approx(20.0, abs=0.1), pytest.approx(30.0, abs=0.1))
+    assert max(run.chair.payload_kg for run in runs) > 108.0
+
+
+def test_outside_means_one_thing_at_a_time() -> None:
+    runs = drawn(OUTSIDE, 200)
+    assert Counter(run.values["label"] for run in runs).keys() == {"low friction", "steep", "overloaded", "missing steps"}
+    for run in runs:
+        stair, label = run.scenario.stair, run.values["label"]
+        assert (stair.friction[0] < 1.03 * math.tan(stair.slope_rad)) == (label == "low friction")
+        assert (stair.slope_rad > math.radians(30.1)) == (label == "steep")
+        assert (run.scenario.chair.payload_kg > 110.0) == (label == "overloaded")
+        assert bool(stair.missing_steps) == (label == "missing steps")
+
+
+@pytest.mark.parametrize("sampling", ["random", "sobol"])
+@given(fewer=st.integers(1, 40), more=st.integers(0, 100), seed=st.integers(0, 2**40))
+@settings(max_examples=25)
+def test_run_k_is_the_same_however_many_there_are(sampling: Any, fewer: int, more: int, seed: int) -> None:
+    short, long = (points(sampling, 7, seed, count) for count in (fewer, fewer + more))
+    np.testing.assert_array_equal(short, long[:fewer])
+    assert ((long >= 0.0) & (long < 1.0)).all()
+
+
+def test_seeds_and_runs_have_points_and_seeds_of_their_own() -> None:
+    for sampling in ("random", "sobol"):
+        one, other = points(sampling, 3, 1, 64), points(sampling, 3, 2, 64)
+        assert not np.isin(one, other).any()
+    assert len({run_seed(seed, index) for seed in range(30) for index in range(30)}) == 900
+
+
+def test_sobol_leaves_fewer_gaps_than_chance() -> None:
+    from scipy.stats.qmc import discrepancy
+
+    sobol, chance = (discrepancy(points(sampling, 6, 3, 256)) for sampling in ("sobol", "random"))
+    assert sobol < 0.3 * chance
+
+
+def test_a_drawn_scenario_reads_back_to_the_last_bit(tmp_path: Path) -> None:
+    fault = Fault(kind="camera_lost", at_s=1.0 / 3.0)
+    for run in drawn(ENVELOPE, 16):
+        scenario = run.scenario.model_copy(update={"fault": (fault,)})
+        path = tmp_path / "run.toml"
+        path.write_text(scenario_toml(scenario, "a note"), encoding="utf-8")
+        assert read_scenario(path) == scenario
+
+
+def test_layout_is_no_part_of_a_sweep_but_every_number_is(spec_file: Write) -> None:
+    text = '[[draw]]\nkey = "start.heading_deg"\nuniform = [-30, 30]\n'
+    first = read_spec(spec_file(text)).digest
+    assert read_spec(spec_file("# a remark\n\n" + text)).digest == first
+    assert read_spec(spec_file(text.replace("-30", "-29"))).digest != first
+
+
+def test_weights_and_cut_normals_are_what_they_say(spec_file: Write) -> None:
+    spec = read_spec(
+        spec_file(
+            '[[draw]]\nkey = "stair.texture"\nchoice = ["wood", "dark"]\nweights = [3, 1]\n'
+            '[[draw]]\nkey = "start.heading_deg"\nnormal = { mean = 5, sigma = 10, low = -5, high = 15 }\n'
+        )
+    )
+    runs = [run.scenario for run in drawn(spec, 1024)]
+    assert sum(run.stair.texture == "wood" for run in runs) == pytest.approx(768, abs=2)
+    headings = np.array([run.start.heading_deg for run in runs])
+    assert (headings.min() >= -5.0, headings.max() <= 15.0) == (True, True)
+    # A normal cut at one sigma on both sides: mean kept, deviation 0.540 of sigma.
+    assert (headings.mean(), headings.std()) == (pytest.approx(5.0, abs=0.1), pytest.approx(5.40, abs=0.1))
+
+
+def test_faults_may_be_drawn(spec_file: Write) -> None:
+    spec = read_spec(
+        spec_file(
+            '[[fault]]\nkind = "camera_lost"\n[[draw]]\nkey = "fault.0.at_s"\nuniform = [5, 30]\n'
+            '[[draw]]\nkey = "fault.0.kind"\nchoice = ["camera_lost", "imu_lost"]\n'
+        )
+    )
+    faults = [run.scenario.fault[0] for run in drawn(spec, 8)]
+    assert {fault.kind for fault in faults} == {"camera_lost", "imu_lost"}
+    assert all(5.0 <= fault.at_s <= 30.0 for fault in faults)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "draws nothing"),
+        ("draw = 3", "draw: must be a list of tables"),
+        ("[[draw]]\nuniform = [0, 1]", "draw.0.key: missing; give text"),
+        ('[[draw]]\nkey = "stair.slope_deg"', r"draw 1 \(stair.slope_deg\): says not how it is drawn; give one of uniform"),
+        ('[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 30]\nvalue = 3', "has uniform and value; give one of"),
+        ('[[draw]]\nkey = "stair.slope_deg"\nunifrom = [20, 30]', "draw.0.unifrom: unknown key"),
+        ('[[draw]]\nkey = "stair.slpoe"\nuniform = [20, 30]', r"\[stair\] has no key 'slpoe'; it has rise_m, run_m"),
+        ('[[draw]]\nkey = "stairs.slope"\nuniform = [20, 30]', "no table 'stairs' in a scenario; there are stair, chair"),
+        ('[[draw]]\nkey = "stair.friction.2"\nuniform = [0.5, 1]', "'stair.friction' has no item '2'; its items are 0 to 1"),
+        ('[[draw]]\nkey = "stair.light.0"\nuniform = [0.5, 1]', "'stair.light' has no item '0'; it has no items"),
+        ('[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 60]', "slope_deg: must be a number from 5 to 45 .got 60."),
+        ('[[draw]]\nkey = "stair.friction.0"\nuniform = [0.5, 3]', "friction.0: must be a number > 0 and ≤ 2 .got 3."),
+        ('[[draw]]\nkey = "stair.texture"\nchoice = ["wood", "ice"]', "texture: must be 'wood', .* or 'dark' .got 'ice'."),
+        ('[[draw]]\nkey = "stair.texture"\nuniform = [0, 1]', "texture: must be 'wood'"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [1.2, 1.0]', "uniform from 1.2 to 1 is no range"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [1.2]', r"uniform must be two bounds, \[low, high\]"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = ["a", "b"]', "a bound must be a number, or"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [nan, 1]', "a bound is nan; it must be finite"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.texture" }, 1]', "is no number of a scenario"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.x" }, 1]', r"\[stair\] has no key 'x'"),
+        ('[[draw]]\nkey = "stair.light"\nchoice = []', "choice must be a list of one value or more"),
+        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [1]', "weights must be as many as the values"),
+        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [0, 0]', "one of them above 0"),
+        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [-1, 2]', "weights.0: must be a number ≥ 0 .got -1"),
+        ('[[draw]]\nkey = "stair.light"\nnormal = { mean = 1, sigma = 0, low = 1, high = 2 }', "sigma: must be a number > 0"),
+        ('[[draw]]\nkey = "stair.light"\nnormal = { mean = 1, sigma = 1, low = 2, high = 1 }', "low must be less"),
+        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = "up"', "when must be a table"),
+        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.dir" = "up" }', r"when: \[drive\] has no key 'dir'"),
+        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.speed_m_s" = { below = 1 } }', "above and at_most"),
+        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.direction" = { above = 1 } }', "need a number"),
+        ('[stair]\nslope = 3\n[[draw]]\nkey = "stair.light"\nvalue = 1.0', "stair.slope: unknown key"),
+        (
+            '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n[[draw]]\nkey = "stair.rise_m"\nuniform = [0.12, 0.18]',
+            "at the ends of its ranges: stair.run_m: must be a number from 0.15 to 0.6",
+        ),
+        (
+            '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n'
+            '[[draw]]\nkey = "stair.friction.0"\nuniform = [{ times = 1.1, of = "stair.tan_slope" }, 1.0]',
+            r"draw 2 \(stair.friction.0\): at the ends of its ranges: uniform from 1.062 to 1 is no range",
+        ),
+    ],
+)
+def test_what_a_sweep_must_not_say_is_refused_in_one_line(spec_file: Write, text: str, words: str) -> None:
+    message = refusal(spec_file(text))
+    assert re.search(words, message), message
+
+
+def test_a_sweep_is_not_listed_as_a_scenario_and_not_flown_as_one() -> None:
+    with pytest.raises(SettingsError, match="shipped: default, paper-28, straight-25"):
+        read_scenario("paper-29")
+    with pytest.raises(SettingsError, match=r"\(shipped: envelope, outside\)"):
+        read_spec("envelop")
+    with pytest.raises(SettingsError, match="a sweep, not one scenario; fly it with treadline sweep"):
+        read_scenario(ENVELOPE.path)
+    assert isinstance(Scenario.model_validate(ENVELOPE.base), Scenario)
