@@ -108,8 +108,9 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     chair = Chassis()
     chair.until("press")
     waiting = chair.behind_m
-    command = chair.run(5.0)
+    command = chair.run(CONFIG.patience_s - 0.1)
     assert (command.stage, command.speed_m_s) == ("press", 0.0)
+    assert chair.run(0.3).stage == "barred"
     assert chair.behind_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stand
 
 
@@ -163,6 +164,18 @@ def test_then_it_stows_the_arm_and_ends_when_the_front_has_left_the_landing() ->
     assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(0.0, abs=0.01)
     # Stowed clear of the landing it leaves behind: above the belts' line.
     assert chair.angle_rad > 0.0
+
+
+def test_the_front_pulley_does_not_leave_the_landing_before_the_arm_is_up() -> None:
+    chair = Chassis().lifted()
+    chair.until("leave", tip_n=40.0)
+    chair.behind_m -= 0.3
+    chair.edge._behind_m -= 0.3
+    assert chair.angle_rad < -45.0 * DEG
+    assert chair.run(0.1).speed_m_s == 0.0
+    chair.run(4.0)
+    assert chair.angle_rad > 0.0
+    assert chair.run(0.1).speed_m_s == -CONFIG.edge_m_s
 
 
 def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import jaxtyping
 import pytest
 
+from treadline.angles import DEG
 from treadline.experiments.crest import CrestCase, Crossing, Direction, cross
 
 NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0
@@ -94,8 +95,9 @@ def test_a_motor_that_dies_half_way_over_the_edge_lets_the_chair_back_onto_the_l
 
 
 def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
-    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=28.1))
-    assert crossing.is_across, crossing
+    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=28.1, duration_s=17.0))
+    assert last_stage(crossing) == "leave"
+    assert crossing.moments[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=1.0 * DEG)
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 

@@ -25,10 +25,10 @@ CLOSE_RAD = 0.5 * DEG
 """To the pitch it is lifted to."""
 SUNK_RAD = 4.0 * DEG
 """Below the pitch it was lifted to: the arm has given way."""
-
 CLEAR_M = 0.15
 """Of the front pulley before the nosing: no nearer while the arm hangs below the belts' line."""
 STOWED_RAD = 5.0 * DEG
+"""To where the arm rests."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +49,7 @@ class EdgeConfig(Loading):
     reach_rad_s: float = 12.0 * DEG
     lift_rad_s: float = 9.0 * DEG
     lift_rad_s2: float = 20.0 * DEG
+    """How fast the lift begins."""
     soften_per_s: float = 2.0
     """Lead per angle that is left."""
     trim_per_s: float = 2.0
@@ -58,7 +59,7 @@ class EdgeConfig(Loading):
     steeper_rad: float = 0.5 * DEG
     """Than the slope the front is lifted: a chair lifted too little falls the rest, and that is 3 m/s² from 2.5° on."""
     patience_s: float = 8.0
-    """For one more degree: a motor that is too weak, or dead, gets no further."""
+    """For one more degree, and for the arm to be stowed: a motor that is too weak, or dead, gets no further."""
     spare_rad: float = 3.0 * DEG
     """Of the arm's range."""
     settle_m_s: float = 0.05
@@ -150,15 +151,15 @@ class Edge:
                 self._begin("lift", pitch)
             case "lift" if pitch > self._lifted_rad - CLOSE_RAD:
                 self._stage = "settle"
-            case "lift" if self._waited_s > config.patience_s:
+            case "press" | "lift" if self._waited_s > config.patience_s:
                 self._begin("lower", pitch)
             case "settle" if pitch < self._lifted_rad - SUNK_RAD:
                 self._begin("lift", pitch)
             case "lower" if pitch < LIFTED_RAD:
                 self._stage = "barred"
             case "settle" if plumb(config, self._slope_rad) + self._behind_m < -config.let_go_m:
-                self._stage = "leave"
-            case "leave" if self._past_m < 0.0 and self._rest_rad - arm.angle_rad < STOWED_RAD:
+                self._begin("leave", pitch)
+            case "leave" if self._past_m < 0.0 and self._is_up(arm, self._rest_rad - STOWED_RAD):
                 self._stage = "done"
             case _:
                 pass
@@ -171,6 +172,7 @@ class Edge:
                 is_near = self._behind_m < self._press_from_m + config.slow_within_m
                 return -(config.edge_m_s if is_near else config.cruise_m_s), (2.0 * (5.0 * DEG - arm.angle_rad) if is_near else 0.0)
             case "press":
+                self._watch(pitch, dt_s)
                 return 0.0, -config.reach_rad_s
             case "lift":
                 return self._balance(pitch), self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
@@ -181,7 +183,8 @@ class Edge:
             case "barred":
                 return 0.0, self._stow(arm)
             case _:
-                waits = self._past_m < CLEAR_M and arm.angle_rad < 0.0  # or it would catch on the nosing
+                self._watch(pitch, dt_s)
+                waits = self._past_m < CLEAR_M and not self._is_up(arm, 0.0)
                 return (0.0 if waits else -config.edge_m_s), self._stow(arm)
 
     def _balance(self, pitch: float) -> float:
@@ -223,6 +226,10 @@ class Edge:
         self._waited_s += dt_s
         if pitch > self._highest_rad + LIFTED_RAD:
             self._highest_rad, self._waited_s = pitch, 0.0
+
+    def _is_up(self, arm: ArmReading, angle_rad: float) -> bool:
+        """Tell whether the arm is up so far, or dead: then it trails over the nosing, for its brake lets it rise slowly."""
+        return arm.angle_rad > angle_rad or self._waited_s > self._config.patience_s
 
     def _stow(self, arm: ArmReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
