@@ -1,13 +1,17 @@
 """A camera without images: what a stair detector would say of a frame from where the chair stands.
 
-``(t, pose) -> HeadingMeasurement and StairMap, or nothing``. Geometry tells which nosings, walls and ends a frame would show;
-``exact`` hands them over almost as they are, for ``vision = "truth"``.
+``(t, pose) -> HeadingMeasurement and StairMap, or nothing``. Geometry tells which nosings, walls and ends a frame would show.
+``exact`` hands them over almost as they are, for ``vision = "truth"``; otherwise they err as the detector did on rendered frames
+of whole traversals: as often refused or missed, as far off, and as alike from one frame to the next. The numbers come from
+``data/cameras/statistical.json``, which ``benchmarks/statistical.py`` fits and holds against other drives.
 """
 
+import json
 import math
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from functools import cache
+from importlib.resources import files
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -25,38 +29,62 @@ ASIDES = 13
 """Points along an edge that are asked whether they are in view."""
 LEAST_WIDTH_M = 0.3
 """Of an edge in view for it to count: ``perception.nosings`` asks as much of a row."""
+BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
+"""How far outside the image an edge still may be told, for its riser is seen; and the margin of what is hidden."""
 RAYS = (12, 9)
-"""Columns and rows of the coarse image that tells what fills the view."""
+"""Columns and rows of the coarse image that tells how much of the view walls fill."""
 LEAST_WALL = 0.03
-"""Share of the coarse image that a wall must fill."""
+"""Share of the coarse image that a wall fills where it is surely seen."""
 LEAST_NOSINGS = 2
 HEADING_LIMIT_RAD = 45.0 * DEG
 END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
-"""Where the next step is missed: so many rises above the last nosing, one run behind it; so many runs below and behind it."""
+"""Where the next step is missed: so many rises above the last nosing, one run behind it; so many runs behind and below it."""
 END_SHARE = 0.4
 """Of those points that must be in view."""
+FAR_END_M = 2.5
+"""Depth from which an end that is in view is often not told."""
+COUNTS = (2, 3, 4, 6)
+"""Nosings told, from which on another cell of a table holds."""
+Direction = Literal["up", "down"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Wall:
+    """A wall beside the flight."""
+
+    free_m: float
+    """From the chair's middle, square to the wall."""
+    share: float
+    """Of the image."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outlook:
     """What is in view, exactly."""
 
-    direction: Literal["up", "down"]
+    direction: Direction
     heading_rad: float
+    numbers: Int[np.ndarray, " n"]
+    """Which nosings are in the image or a little outside it, the nearest first."""
     nosings_B: Float[np.ndarray, "n 3"]
-    """Those in view, the nearest first."""
+    margins_px: Float[np.ndarray, " n"]
+    """How far inside the image the best ``LEAST_WIDTH_M`` of each lies."""
     depths_m: Float[np.ndarray, " n"]
-    """Of the middle of what is seen of each, along the optical axis."""
-    widths_m: Float[np.ndarray, " n"]
-    """Of what is seen of each."""
+    """Along the optical axis, at the middle of the flight."""
     rise_m: float
     run_m: float
-    """Mean of the steps in view."""
+    """Mean of the steps above."""
+    last: int
+    """Number of the flight's last nosing."""
     ends: bool
-    left_wall_m: float | None
-    right_wall_m: float | None
-    share: float
-    """Of the image that shows the flight."""
+    """Whether it would be seen that no step follows that one."""
+    left: Wall | None
+    right: Wall | None
+
+    @property
+    def seen(self) -> Bool[np.ndarray, " n"]:
+        """Which nosings are in view."""
+        return (self.margins_px > 0.0) & (self.depths_m > NEAR_M) & (self.depths_m < FAR_M)
 
 
 class Geometry:
@@ -66,23 +94,17 @@ class Geometry:
         self._staircase = staircase
         self._camera = calibration
         steps = [step for step in staircase.steps if not step.missing]
-        self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
         self._numbers = np.array([step.index for step in steps])
+        self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
         self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]
-        self._grain_m = staircase.width_m / (ASIDES - 1)
+        self._best = min(ASIDES, math.ceil(LEAST_WIDTH_M / staircase.width_m * (ASIDES - 1)))
         self._R_BC, self._p_BC = calibration.R_BC, np.array(calibration.mount_m)
-        last = staircase.steps[-1]
-        self._end_x = last.x_m + max(staircase.landing_m, last.depth_m)
-
-    @cached_property
-    def _rays_C(self) -> Float[np.ndarray, "r 3"]:
-        camera = self._camera
-        u = (np.arange(RAYS[0]) + 0.5) * camera.width_px / RAYS[0]
-        v = (np.arange(RAYS[1]) + 0.5) * camera.height_px / RAYS[1]
-        across, down = np.meshgrid((u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px)
-        return np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
+        u = (np.arange(RAYS[0]) + 0.5) * calibration.width_px / RAYS[0]
+        v = (np.arange(RAYS[1]) + 0.5) * calibration.height_px / RAYS[1]
+        across, down = np.meshgrid((u - calibration.cx_px) / calibration.fx_px, (v - calibration.cy_px) / calibration.fy_px)
+        self._rays_C = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
 
     def outlook(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Outlook | None:
         """Return what is in view from a pose, or None if that is no stair."""
@@ -93,35 +115,35 @@ class Geometry:
         if abs(heading) > HEADING_LIMIT_RAD:
             return None
         points = (self._edges_W - p_WC) @ R_WC
-        shown = self._in_image(points) & ~self._hidden(p_WC)[:, None] & (points[:, :, 2] > NEAR_M) & (points[:, :, 2] < FAR_M)
-        seen = self._row(shown.sum(axis=1) * self._grain_m >= LEAST_WIDTH_M, up=up)
-        if len(seen) < LEAST_NOSINGS:
+        margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(self._margins(points), axis=1)[:, -self._best])
+        row = self._row(margins > -BEYOND_PX, up=up)
+        if len(row) < LEAST_NOSINGS:
             return None
-        counts = shown[seen].sum(axis=1)
-        first, last = self._places_W[seen[0]], self._places_W[seen[-1]]
-        walls, share = self._filled(R_WC, p_WC)
-        left, right = walls if sign > 0.0 else walls[::-1]
+        first, last = self._places_W[row[0]], self._places_W[row[-1]]
+        left, right = self._walls(R_WC, p_WC, p_WB)
         return Outlook(
             direction="up" if up else "down",
             heading_rad=heading,
-            nosings_B=crossings(self._places_W[seen], self._along_W[seen], R_WB, p_WB),
-            depths_m=(points[seen, :, 2] * shown[seen]).sum(axis=1) / counts,
-            widths_m=counts * self._grain_m,
-            rise_m=float(abs(last[2] - first[2])) / (len(seen) - 1),
-            run_m=float(abs(last[0] - first[0])) / (len(seen) - 1),
-            ends=self._ends(int(seen[-1]), R_WC, p_WC, up=up),
-            left_wall_m=0.5 * self._staircase.width_m - sign * float(p_WB[1]) if left else None,
-            right_wall_m=0.5 * self._staircase.width_m + sign * float(p_WB[1]) if right else None,
-            share=share,
+            numbers=self._numbers[row],
+            nosings_B=crossings(self._places_W[row], self._along_W[row], R_WB, p_WB),
+            margins_px=margins[row],
+            depths_m=points[row, ASIDES // 2, 2],
+            rise_m=float(abs(last[2] - first[2])) / (len(row) - 1),
+            run_m=float(abs(last[0] - first[0])) / (len(row) - 1),
+            last=int(self._numbers[-1 if up else 0]),
+            ends=self._ends_up(R_WC, p_WC) if up else self._ends_down(R_WC, p_WC),
+            left=left if sign > 0.0 else right,
+            right=right if sign > 0.0 else left,
         )
 
-    def _in_image(self, points_C: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
+    def _margins(self, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        """Return how far inside the image points are, negative outside."""
         camera = self._camera
         z = np.maximum(points_C[..., 2], 1e-6)
-        u = camera.fx_px * points_C[..., 0] / z + camera.cx_px
-        v = camera.fy_px * points_C[..., 1] / z + camera.cy_px
-        inside = (points_C[..., 2] > 0.1) & (np.abs(u - camera.cx_px) < 0.5 * camera.width_px)
-        return np.asarray(inside & (np.abs(v - camera.cy_px) < 0.5 * camera.height_px))
+        u = np.abs(camera.fx_px * points_C[..., 0] / z + camera.cx_px - 0.5 * (camera.width_px - 1))
+        v = np.abs(camera.fy_px * points_C[..., 1] / z + camera.cy_px - 0.5 * (camera.height_px - 1))
+        inside = np.minimum(0.5 * camera.width_px - u, 0.5 * camera.height_px - v)
+        return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
 
     def _hidden(self, p_WC: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
         """Return which nosings are behind the steps between, in the flight's profile."""
@@ -129,53 +151,54 @@ class Geometry:
         part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
         return np.asarray(((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1))
 
-    def _row(self, seen: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
-        """Return the nosings in view that follow each other, the nearest first."""
-        places = np.flatnonzero(seen)
+    def _row(self, near: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
+        """Return the nosings that follow each other without a gap, the nearest first."""
+        places = np.flatnonzero(near)
         if not up:
             places = places[::-1]
         gaps = np.flatnonzero(np.abs(np.diff(self._numbers[places])) > 1)
         return places[: gaps[0] + 1] if gaps.size else places
 
-    def _ends(self, last: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], *, up: bool) -> bool:
-        """Return whether it is seen that no step follows the last nosing in view."""
-        staircase = self._staircase
-        step = staircase.steps[-1 if up else 0]
-        if last != (len(self._places_W) - 1 if up else 0):
+    def _ends_up(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+        """Return whether the landing is to be seen through where another riser would stand."""
+        staircase, last = self._staircase, self._staircase.steps[-1]
+        height, drop = p_WC[2] - last.z_m, p_WC[2] - last.z_m - END_HEIGHT * last.rise_m
+        there = last.x_m + last.depth_m
+        end = last.x_m + max(staircase.landing_m, last.depth_m)
+        if drop <= 0.0 or p_WC[0] + (there - p_WC[0]) * height / drop > end:
             return False
-        asides = np.linspace(-0.25, 0.25, 5)
-        rise, run = staircase.steps[0].rise_m, staircase.steps[0].depth_m
-        if up:
-            # Through where the next riser would stand, the landing is to be seen.
-            height = p_WC[2] - step.z_m
-            drop = height - END_HEIGHT * rise
-            x = p_WC[0] + (step.x_m + run - p_WC[0]) * height / drop if drop > 1e-3 else math.inf
-            if x > self._end_x:
-                return False
-            places = np.array([[step.x_m + run, aside, step.z_m + END_HEIGHT * rise] for aside in asides])
-        else:
-            behind = step.x_m - run * np.linspace(*END_BEHIND, 4)
-            places = np.array([[place, aside, step.z_m - rise] for place in behind for aside in asides])
-        return bool(self._in_image((places - p_WC) @ R_WC).mean() > END_SHARE)
+        return self._shown([(there, aside, last.z_m + END_HEIGHT * last.rise_m) for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
-    def _filled(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> tuple[tuple[bool, bool], float]:
-        """Return whether the walls at +y and at -y are in view, and the share of the image that the flight fills."""
+    def _ends_down(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+        """Return whether the floor is to be seen that goes on where another tread would end."""
+        first = self._staircase.steps[0]
+        behind = [first.x_m - part * first.depth_m for part in np.linspace(*END_BEHIND, 4)]
+        return self._shown([(x, aside, first.z_m - first.rise_m) for x in behind for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
+
+    def _shown(
+        self, places_W: list[tuple[float, float, float]], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
+    ) -> bool:
+        return float((self._margins((np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
+
+    def _walls(
+        self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[Wall | None, Wall | None]:
+        """Return the walls at +y and at -y, however little of them is in view."""
         staircase = self._staircase
+        if staircase.walls == "none":
+            return None, None
         rays = self._rays_C @ R_WC.T
         first, last, slope = self._places_W[0], self._places_W[-1], math.tan(staircase.slope_rad)
         half = 0.5 * staircase.width_m
         with np.errstate(divide="ignore", invalid="ignore"):
             aside = (np.copysign(half, rays[:, 1]) - p_WC[1]) / rays[:, 1]
             below = (first[2] + slope * (p_WC[0] - first[0]) - p_WC[2]) / (rays[:, 2] - slope * rays[:, 0])
-        aside = np.where(aside > 0.0, aside, np.inf)
         below = np.where(below > 0.0, below, np.inf)
-        on_wall = p_WC[0] + np.minimum(aside, 1e3) * rays[:, 0]
-        on_flight = p_WC[0] + np.minimum(below, 1e3) * rays[:, 0]
-        wall = (aside < below) & (aside < FAR_M) & (on_wall > 0.0) & (on_wall < last[0])
-        left = staircase.walls in ("left", "both") and float((wall & (rays[:, 1] > 0.0)).mean()) > LEAST_WALL
-        right = staircase.walls in ("right", "both") and float((wall & (rays[:, 1] < 0.0)).mean()) > LEAST_WALL
-        flight = (below <= aside) & (on_flight > first[0]) & (on_flight < last[0])
-        return (left, right), float(flight.mean())
+        x = p_WC[0] + np.clip(aside, 0.0, FAR_M) * rays[:, 0]
+        shown = (aside > 0.0) & (aside < np.minimum(below, FAR_M)) & (x > 0.0) & (x < last[0])
+        left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
+        right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
+        return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
 
 
 class StatisticalCamera:
@@ -188,18 +211,23 @@ class StatisticalCamera:
     def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
         self._geometry = Geometry(staircase, calibration)
         self._rng = rng
-        self._exact = exact
+        kind = "open" if staircase.open_risers else "closed"
+        self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)
 
     def look(
         self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
     ) -> tuple[HeadingMeasurement | StairMap, ...]:
         """Return heading and map of one instant; nothing where a frame would be refused."""
         seen = self._geometry.outlook(R_WB, p_WB)
-        if seen is None:
+        if self._errors is not None:
+            return self._errors.told(t_s, seen, R_WB, p_WB)
+        if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS:
             return ()
-        noise = self._rng.standard_normal((len(seen.nosings_B), 2)) * EXACT_PLACE_M
-        nosings = seen.nosings_B.copy()
-        nosings[:, ::2] += noise
+        return self._told_exactly(t_s, seen)
+
+    def _told_exactly(self, t_s: float, seen: Outlook) -> tuple[HeadingMeasurement | StairMap, ...]:
+        nosings = seen.nosings_B[seen.seen]
+        nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
         heading = seen.heading_rad + EXACT_SIGMA_RAD * float(self._rng.standard_normal())
         return (
             HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=EXACT_SIGMA_RAD, edge_count=len(nosings)),
@@ -210,9 +238,163 @@ class StatisticalCamera:
                 rise_m=seen.rise_m,
                 run_m=seen.run_m,
                 slope_rad=math.atan2(seen.rise_m, seen.run_m),
-                ends=seen.ends,
-                left_wall_m=seen.left_wall_m,
-                right_wall_m=seen.right_wall_m,
+                ends=seen.ends and seen.last == int(seen.numbers[seen.seen][-1]),
+                left_wall_m=seen.left.free_m if seen.left and seen.left.share > LEAST_WALL else None,
+                right_wall_m=seen.right.free_m if seen.right and seen.right.share > LEAST_WALL else None,
                 obstacle_m=None,
             ),
         )
+
+
+LATENTS = ("accept", "heading", "sigma", "slope", "pitch", "along", "height", "ends", "left", "right", "obstacle", "where")
+OF_NOSINGS = ("told", "along", "height")
+
+
+class _Wander:
+    """Normal numbers, each with a part that stays all drive, one that changes with the way, and one of the frame's own."""
+
+    def __init__(self, shares: Float[np.ndarray, "k 2"], way_m: Float[np.ndarray, " k"], rng: np.random.Generator) -> None:
+        own = np.maximum(1.0 - shares.sum(axis=1), 0.0)
+        self._stays, self._changes, self._own = np.sqrt(shares[:, 0]), np.sqrt(shares[:, 1]), np.sqrt(own)
+        self._way_m = way_m
+        self._rng = rng
+        self._drive, self._slow = rng.standard_normal((2, len(way_m)))
+        self._place: Float[np.ndarray, " 3"] | None = None
+
+    def at(self, p_WB: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+        """Return the numbers of a frame taken here."""
+        fresh, own = self._rng.standard_normal((2, len(self._way_m)))
+        if self._place is not None:
+            alike = np.exp(-float(np.linalg.norm(p_WB - self._place)) / self._way_m)
+            self._slow = alike * self._slow + np.sqrt(1.0 - alike**2) * fresh
+        self._place = p_WB.copy()
+        return np.asarray(self._stays * self._drive + self._changes * self._slow + self._own * own)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """Which of an outlook's nosings are told, and with which normal numbers they err."""
+
+    which: Int[np.ndarray, " k"]
+    latents: Float[np.ndarray, "3 k"]
+
+
+class _Errors:
+    """What keeps a detector from telling what is in view; as long as a drive."""
+
+    def __init__(self, kind: str, steps: int, rng: np.random.Generator) -> None:
+        self._kind = kind
+        fitted = fitted_numbers()
+        self._tables = fitted["tables"]
+        self._grid = np.array(fitted["normal_grid"])
+        shared = [fitted["shared"][name] for name in LATENTS]
+        shared += [fitted["shared"][f"nosing {name}"] for name in OF_NOSINGS for _ in range(steps)]
+        self._common = np.array([fitted["common"][name] for name in ("along", "height")])[:, None]
+        numbers = np.array(shared)
+        self._wander = _Wander(numbers[:, :2], numbers[:, 2], rng)
+
+    def told(
+        self, t_s: float, seen: Outlook | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[HeadingMeasurement | StairMap, ...]:
+        """Return what is told of what is in view."""
+        # A metre ahead of the chair: a turn changes the view as a way does.
+        normal = self._wander.at(p_WB + R_WB[:, 0])
+        if seen is None:
+            return ()
+        table = self._tables[f"{seen.direction} {self._kind}"]
+        latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
+        second = np.sort(seen.margins_px)[-2]
+        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], table["accept"]["score"]):
+            return ()
+        of_nosings = normal[len(LATENTS) :].reshape(len(OF_NOSINGS), -1)[:, seen.numbers]
+        which = self._which(table["told"], seen, of_nosings[0])
+        cell = cell_of(len(which))
+        nosings = self._nosings(table, seen, which, of_nosings[1:, which], np.array([latent["along"], latent["height"]]))
+        slope = math.atan2(seen.rise_m, seen.run_m) + self._value(table["slope"][cell], latent["slope"])
+        pitch = math.hypot(seen.rise_m, seen.run_m) + self._value(table["pitch"][cell], latent["pitch"])
+        sigma = self._value(table["heading"][cell]["sigma"], latent["sigma"])
+        strain = self._value(table["heading"][cell]["strain"], latent["heading"])
+        obstacle = latent["obstacle"] < table["obstacle"]["score"]
+        return (
+            HeadingMeasurement(
+                t_s=t_s,
+                heading_rad=seen.heading_rad + strain * sigma ** table["heading"][cell]["power"],
+                sigma_rad=sigma,
+                edge_count=len(which),
+            ),
+            StairMap(
+                t_s=t_s,
+                direction=seen.direction,
+                nosings_B=nosings,
+                rise_m=pitch * math.sin(slope),
+                run_m=pitch * math.cos(slope),
+                slope_rad=slope,
+                ends=latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))],
+                left_wall_m=self._wall(table["wall"], seen.left, latent["left"], latent["where"]),
+                right_wall_m=self._wall(table["wall"], seen.right, latent["right"], -latent["where"]),
+                obstacle_m=self._value(table["obstacle"]["where"], latent["where"]) if obstacle else None,
+            ),
+        )
+
+    def _value(self, quantiles: list[float], normal: float) -> float:
+        return float(np.interp(normal, self._grid, quantiles))
+
+    def _which(self, table: dict[str, Any], seen: Outlook, normal: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
+        """Return the places of the nosings told: the two best at least, for the frame was accepted."""
+        row, column = told_cell(seen)
+        spare = np.array(table["score"])[row, column] - normal
+        spare[np.argsort(spare)[-LEAST_NOSINGS:]] = np.inf
+        return np.flatnonzero(spare > 0.0)
+
+    def _nosings(
+        self,
+        table: dict[str, Any],
+        seen: Outlook,
+        which: Int[np.ndarray, " k"],
+        own: Float[np.ndarray, "2 k"],
+        common: Float[np.ndarray, " 2"],
+    ) -> Float[np.ndarray, "k 3"]:
+        """Return the nosings told, each off by what all are and by what it is itself."""
+        normal = np.sqrt(self._common) * common[:, None] + np.sqrt(1.0 - self._common) * own
+        cells = np.searchsorted(DEPTHS_M, seen.depths_m[which])
+        nosings = seen.nosings_B[which]
+        away = -1.0 if nosings[0, 0] < 0.0 else 1.0
+        for place, cell in enumerate(cells):
+            nosings[place, 0] += away * self._value(table["along"][cell], normal[0, place])
+            nosings[place, 2] += self._value(table["height"][cell], normal[1, place])
+        return nosings
+
+    def _wall(self, table: dict[str, Any], wall: Wall | None, normal: float, where: float) -> float | None:
+        if wall is None or normal > table["score"][int(np.searchsorted(WALL_SHARES, wall.share))]:
+            return None
+        return wall.free_m + self._value(table["error"], where)
+
+
+DEPTHS_M, MARGINS_PX, WALL_SHARES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5), (-20.0, -10.0, 0.0, 5.0, 10.0, 20.0), (0.005, 0.03, 0.1)
+"""Where one cell of a table ends and the next begins."""
+
+
+def cell_of(count: int) -> int:
+    """Return the cell of a table that holds for so many nosings told."""
+    return max(int(np.searchsorted(COUNTS, count, side="right")) - 1, 0)
+
+
+def told_cell(seen: Outlook) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return row and column of each nosing in the table of how often it is told."""
+    return np.searchsorted(MARGINS_PX, seen.margins_px), np.searchsorted(DEPTHS_M, seen.depths_m)
+
+
+def end_class(seen: Outlook, last_told: int) -> int:
+    """Return what there is to tell of the flight's end: not in view, in view without what is beyond, with it, far away."""
+    if last_told != seen.last:
+        return 0
+    if not seen.ends:
+        return 1
+    return 2 if seen.depths_m[-1] < FAR_END_M else 3
+
+
+@cache
+def fitted_numbers() -> dict[str, Any]:
+    """Return the numbers that a fit to rendered frames left."""
+    text = files("treadline").joinpath("data", "cameras", "statistical.json").read_text(encoding="utf-8")
+    return dict(json.loads(text))

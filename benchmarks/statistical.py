@@ -1,0 +1,595 @@
+"""Fits and validates the camera without images: ``python benchmarks/statistical.py [--drives N] [--seed S] [--fit] [--keep FILE]``.
+
+Whole traversals are rendered (floor, mounting, flight, top; landing, edge, flight, bottom), each by a camera and on a stair with
+faults of its own, and every frame is given to the stair detector. What it says, against what geometry says is in view, makes the
+numbers of ``data/cameras/statistical.json`` (``--fit``); drives of other seeds then show whether the model errs as frames do.
+"""
+
+import argparse
+import json
+import math
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import ks_2samp, norm, rankdata
+
+from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import Staircase
+from treadline.perception import StairDetector
+from treadline.signals import HeadingMeasurement, StairMap
+from treadline.sim.camera import Camera, Recipe
+from treadline.sim.camera.camera import TEXTURES
+from treadline.sim.camera.flight import Flight, draw_flight
+from treadline.sim.statistical import (
+    COUNTS,
+    DEPTHS_M,
+    MARGINS_PX,
+    WALL_SHARES,
+    Geometry,
+    Outlook,
+    StatisticalCamera,
+    Wall,
+    cell_of,
+    end_class,
+    told_cell,
+)
+
+AS_BUILT: dict[str, Any] = {
+    "grain_px": 1.2,
+    "warp_px": 0.03,
+    "tread_tilt_deg": 0.3,
+    "nosing_yaw_jitter_deg": 0.15,
+    "rise_jitter_m": 0.003,
+    "run_jitter_m": 0.003,
+    "rock_deg": 0.5,
+}
+"""What drawn stairs and white noise leave out: no step like the next, noise alike in neighbours, the rest of a warp."""
+SLOPE_DEG, RISE_M = (20.0, 32.0), (0.12, 0.18)
+STATION_M, NEIGHBOUR_M = 0.25, 0.03
+"""Along a traversal; at each station three frames: two from the same place, one from beside it."""
+FLAT_M = 0.475
+"""Half of the belts' flat run."""
+TIP_M = 0.25
+"""Over which the chair's middle tips level at the top."""
+GRAVITY_ERROR_RAD = 0.5 * DEG
+"""Of the IMU, the same all drive."""
+DOWN_W = np.array([0.0, 0.0, -1.0])
+KINDS = ("up closed", "up open", "down closed", "down open")
+GRID = np.array(
+    [-3.3, -3.0, -2.6, -2.3, -2.0, -1.65, -1.3, -1.0, -0.7, -0.4, -0.2, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, 1.65, 2.0, 2.3, 2.6, 3.0, 3.3]
+)
+"""Normal numbers at which quantiles are kept."""
+SPARE = 1.1
+"""By which errors are made larger than those seen: fifty drives do not show the worst."""
+LEAST_SAMPLES, LEAST_CHANCES = 60, 15
+"""In a cell of its own: of quantiles, of a yes or no."""
+ACCEPT_PX = (-30.0, -20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 40.0)
+ACCEPT_AT_PX = [-35.0, -25.0, -15.0, -7.5, -2.5, 2.5, 7.5, 15.0, 30.0, 50.0]
+"""Margins of the second best nosing: where cells end, and their middles."""
+SAME_NOSING_M = 0.08
+LAGS_M = (0.0, 0.001, 0.06, 0.35, 0.6, 1.1, 1.8)
+LAG_AT_M = (0.25, 0.5, 0.8, 1.4)
+"""Ways apart: from the same place, neighbours, three in between, and further along the drive."""
+SHARED = (
+    ("accept", "accept", True),
+    ("heading", "error", False),
+    ("sigma", "sigma", False),
+    ("slope", "slope", False),
+    ("pitch", "pitch", False),
+    ("along", "along", False),
+    ("height", "height", False),
+    ("ends", "ends", True),
+    ("left", "wall", True),
+    ("right", "wall", True),
+    ("obstacle", "obstacle", True),
+    ("where", "free", False),
+    ("nosing told", "told", True),
+    ("nosing along", "along", False),
+    ("nosing height", "height", False),
+)
+HELD_OUT = 5000
+DRAWS = 3
+ERRORS = (
+    ("error", "°", 1.0 / DEG),
+    ("sigma", "°", 1.0 / DEG),
+    ("slope", "°", 1.0 / DEG),
+    ("pitch", "mm", 1e3),
+    ("along", "mm", 1e3),
+    ("height", "mm", 1e3),
+    ("free", "mm", 1e3),
+)
+DATA = Path(__file__).parents[1] / "src" / "treadline" / "data" / "cameras" / "statistical.json"
+Record = dict[str, Any]
+
+
+def stair_of(seed: int, *, rear: bool) -> tuple[Flight, Recipe, np.random.Generator]:
+    """Return a drive's stair, and the chance that goes on from it."""
+    rng = np.random.default_rng([seed, int(rear)])
+    slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
+    recipe = Recipe(
+        **AS_BUILT,
+        rise_m=(rise, rise),
+        run_m=(rise / math.tan(slope * DEG),) * 2,
+        steps=(8, 20),
+        open_risers=bool(rng.random() < 0.3),
+    )
+    return draw_flight(recipe, rng), recipe, rng
+
+
+def drive(seed: int, *, rear: bool) -> Iterator[Record]:
+    """Yield what is in view and what was told of it, frame by frame, along one traversal."""
+    flight, recipe, rng = stair_of(seed, rear=rear)
+    calibration = read_chair("wheelchair").camera_at(240, rear=rear)
+    texture, light = str(rng.choice(TEXTURES)), float(rng.uniform(0.5, 1.6))
+    camera = Camera(
+        flight.solids(),
+        calibration,
+        texture=texture,
+        light=light,
+        grain_px=recipe.grain_px,
+        warp_px=recipe.warp_px,
+        rng=rng,
+    )
+    geometry, detector = Geometry(flight.staircase, calibration), StairDetector()
+    tilt = _tilt(rng)
+    about: Record = {
+        "drive": seed,
+        "rear": rear,
+        "open": recipe.open_risers,
+        "texture": texture,
+        "light": light,
+        "walls": flight.staircase.walls,
+    }
+    for s_m, scene, R_WB, p_WB in poses(flight, rng, rear=rear):
+        R_WC = R_WB @ calibration.R_BC
+        frame = camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
+        began = time.process_time()
+        sight = detector.look(frame, R_WC.T @ tilt @ DOWN_W)
+        seen = geometry.outlook(R_WB, p_WB)
+        yield about | {
+            "s": s_m,
+            "scene": scene,
+            "ms": 1e3 * (time.process_time() - began),
+            "reason": sight.reason,
+            "heading": sight.heading_rad,
+            "sigma": sight.sigma_rad,
+            "true": math.atan2(R_WB[1, 0], R_WB[1, 1]),
+            "R": R_WB.tolist(),
+            "p": p_WB.tolist(),
+            "seen": None if seen is None else _plain(seen),
+            "map": None if sight.stair_map is None else _plain(sight.stair_map),
+        }
+
+
+def poses(
+    flight: Flight, rng: np.random.Generator, *, rear: bool
+) -> Iterator[tuple[float, str, Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]]:
+    """Yield way, scene and pose along a traversal, up with the front camera, down with the rear one."""
+    staircase = flight.staircase
+    last = staircase.steps[-1]
+    first_m, end_m = (-1.8, last.x_m + 0.1) if not rear else (-0.7, last.x_m + FLAT_M + 0.6)
+    stations = np.arange(first_m, end_m, STATION_M)
+    start, sway, phase = rng.uniform(-30.0, 30.0) * DEG, rng.uniform(0.0, 10.0) * DEG, rng.uniform(0.0, 2.0 * math.pi)
+    lateral = float(rng.uniform(-0.15, 0.15))
+    for station in stations[::-1] if rear else stations:
+        done = float(abs(station - (end_m if rear else first_m)))
+        for s in (station, station, station + NEIGHBOUR_M):
+            heading = start * math.exp(-done / 1.5) + sway * math.sin(1.5 * float(s) + phase)
+            R_WB, p_WB, scene = pose_at(staircase, float(s), lateral, heading)
+            # It rocks with the step it stands on, and stands still in between.
+            lean = np.random.default_rng([int(1e3 * (station + 10.0)), int(1e6 * abs(start))]).standard_normal(2)
+            rock = AS_BUILT["rock_deg"] * DEG * lean * (scene != "level")
+            yield done, scene, R_WB @ rotation_y(float(rock[0])) @ rotation_x(float(rock[1])), p_WB
+
+
+def pose_at(
+    staircase: Staircase, x_m: float, lateral_m: float, heading_rad: float
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], str]:
+    """Return how a chair stands whose middle is at a place, and where that is: on the level, mounting, on the flight, tipping."""
+    first, last = staircase.steps[0], staircase.steps[-1]
+    slope, reach = staircase.slope_rad, FLAT_M * math.cos(heading_rad)
+    foot = first.x_m - first.z_m / math.tan(slope)
+    if x_m > last.x_m - TIP_M:
+        pitch = slope * min(max((last.x_m - x_m) / TIP_M, 0.0), 1.0)
+        z, scene = last.z_m + math.tan(pitch) * min(x_m - last.x_m, 0.0), "tip" if x_m < last.x_m else "level"
+    else:
+        rear = max(0.0, (x_m - reach - foot) * math.tan(slope))
+        front = max(0.0, (x_m + reach - foot) * math.tan(slope))
+        pitch, z = math.atan2(front - rear, 2.0 * reach), 0.5 * (front + rear)
+        scene = "level" if front == 0.0 else "mount" if rear == 0.0 else "flight"
+    return rotation_y(-pitch) @ rotation_z(heading_rad), np.array([x_m, lateral_m, z + 0.001]), scene
+
+
+def _tilt(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+    """Return what the IMU makes of level: the same all drive."""
+    way = rng.uniform(0.0, 2.0 * math.pi)
+    return rotation_z(way) @ rotation_y(GRAVITY_ERROR_RAD * float(abs(rng.standard_normal()))) @ rotation_z(-way)
+
+
+def _plain(told: Outlook | StairMap) -> Record:
+    values = {name: getattr(told, name) for name in told.__dataclass_fields__}
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            values[name] = value.tolist()
+        elif isinstance(value, Wall):
+            values[name] = {"free_m": value.free_m, "share": value.share}
+    return values
+
+
+def lines_of(seeds: range, keep: Path | None) -> list[Record]:
+    """Return all frames of some drives, from a file where they are kept."""
+    if keep is not None and keep.exists():
+        return [json.loads(line) for line in keep.read_text().splitlines()]
+    records = [record for seed in seeds for rear in (False, True) for record in drive(seed, rear=rear)]
+    if keep is not None:
+        keep.write_text("".join(json.dumps(record) + "\n" for record in records))
+    return records
+
+
+def look_of(record: Record) -> tuple[Outlook | None, StairMap | None]:
+    """Return what was in view and what was told, as they were."""
+    seen, told = record["seen"], record["map"]
+    if seen is not None:
+        arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
+        walls = {side: None if seen[side] is None else Wall(**seen[side]) for side in ("left", "right")}
+        seen = Outlook(**seen | arrays | walls)
+    if told is not None:
+        told = StairMap(**told | {"t_s": 0.0, "nosings_B": np.array(told["nosings_B"])})
+    return seen, told
+
+
+@dataclass(kw_only=True)
+class Samples:
+    """One quantity, frame by frame."""
+
+    drives: list[int] = field(default_factory=list)
+    places: list[list[float]] = field(default_factory=list)
+    cells: list[tuple[int, ...]] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+
+    def add(self, record: Record, place: Float[np.ndarray, " 3"], cell: tuple[int, ...], value: float, number: int = 0) -> None:
+        """Take one; ``number`` tells those apart that have no part in each other, as two nosings."""
+        self.drives.append(1000 * (6 * int(record["drive"]) + 2 * int(record.get("chance", 0)) + int(record["rear"])) + number)
+        self.places.append(place.tolist())
+        self.cells.append(cell)
+        self.values.append(float(value))
+
+    def of(self, cell: tuple[int, ...], least: int = LEAST_SAMPLES) -> Float[np.ndarray, " n"]:
+        """Return the values of a cell; of the cell nearest to it where there are too few."""
+        known = Counter(self.cells)
+        for enough in (least, 1):
+            alike_ = [other for other, count in known.items() if other[:-1] == cell[:-1] and count >= enough]
+            if alike_:
+                nearest = min(alike_, key=lambda other: abs(other[-1] - cell[-1]))
+                return np.array([value for value, other in zip(self.values, self.cells, strict=True) if other == nearest])
+        return np.zeros(1)
+
+
+def samples_of(records: list[Record]) -> dict[str, Samples]:
+    """Return what the records say of each quantity, cells beginning with the kind of stair and direction."""
+    found: dict[str, Samples] = defaultdict(Samples)
+    for record in records:
+        seen, told = look_of(record)
+        if seen is None:
+            found["unseen"].add(record, np.zeros(3), (0,), told is not None)
+            continue
+        kind = KINDS.index(f"{seen.direction} {'open' if record['open'] else 'closed'}")
+        place = np.array(record["p"]) + np.array(record["R"])[:, 0]
+        second = int(np.searchsorted(ACCEPT_PX, np.sort(seen.margins_px)[-2]))
+        found["accept"].add(record, place, (kind, second), told is not None)
+        if told is None:
+            continue
+        add = partial(_add, found, record, place)
+        cell = cell_of(len(told.nosings_B))
+        add("error", (kind, cell), record["heading"] - seen.heading_rad)
+        add("sigma", (kind, cell), record["sigma"])
+        add("slope", (kind, cell), told.slope_rad - math.atan2(seen.rise_m, seen.run_m))
+        add("pitch", (kind, cell), math.hypot(told.rise_m, told.run_m) - math.hypot(seen.rise_m, seen.run_m))
+        add("obstacle", (kind,), told.obstacle_m is not None)
+        if told.obstacle_m is not None:
+            add("where", (kind,), told.obstacle_m)
+        _add_nosings(add, kind, seen, told)
+        for wall, free in ((seen.left, told.left_wall_m), (seen.right, told.right_wall_m)):
+            side = int(wall is seen.left)
+            if wall is not None:
+                add("wall", (kind, int(np.searchsorted(WALL_SHARES, wall.share))), free is not None, side)
+            if wall is not None and free is not None:
+                add("free", (kind,), free - wall.free_m, side)
+            if wall is None:
+                add("no wall", (kind,), free is not None, side)
+    return found
+
+
+def _add(
+    found: dict[str, Samples],
+    record: Record,
+    place: Float[np.ndarray, " 3"],
+    name: str,
+    cell: tuple[int, ...],
+    value: float,
+    number: int = 0,
+) -> None:
+    found[name].add(record, place, cell, value, number)
+
+
+def _add_nosings(add: Callable[..., None], kind: int, seen: Outlook, told: StairMap) -> None:
+    apart = told.nosings_B[:, None, ::2] - seen.nosings_B[None, :, ::2]
+    gaps = np.linalg.norm(apart, axis=2)
+    rows, columns = told_cell(seen)
+    away = -1.0 if seen.nosings_B[0, 0] < 0.0 else 1.0
+    last = 0
+    for k, number in enumerate(seen.numbers.tolist()):
+        nearest = int(gaps[:, k].argmin())
+        hit = bool(gaps[nearest, k] < SAME_NOSING_M)
+        add("told", (kind, int(rows[k]), int(columns[k])), hit, number)
+        if hit:
+            last = number
+            add("along", (kind, int(columns[k])), away * apart[nearest, k, 0], number)
+            add("height", (kind, int(columns[k])), apart[nearest, k, 1], number)
+    for alone in gaps.min(axis=1):
+        add("false", (kind,), alone > SAME_NOSING_M)
+    add("ends", (kind, end_class(seen, last)), told.ends)
+
+
+def fit(records: list[Record], about: Record) -> Record:
+    """Return the numbers of the model."""
+    found = samples_of(records)
+    powers = [_power(found, kind) for kind in range(len(KINDS))]
+    found["strain"] = Samples(
+        drives=found["error"].drives,
+        places=found["error"].places,
+        cells=found["error"].cells,
+        values=[
+            error / sigma ** powers[cell[0]]
+            for error, sigma, cell in zip(found["error"].values, found["sigma"].values, found["error"].cells, strict=True)
+        ],
+    )
+    tables = {name: _table(found, kind, powers[kind]) for kind, name in enumerate(KINDS)}
+    shared = {name: alike(found[source], binary=binary) for name, source, binary in SHARED}
+    return {
+        "about": about,
+        "normal_grid": GRID.tolist(),
+        "tables": tables,
+        "shared": shared,
+        "common": {name: _common(found[name]) for name in ("along", "height")},
+    }
+
+
+def _power(found: dict[str, Samples], kind: int) -> float:
+    """Return how errors grow with what is declared: |error| ~ σ^power."""
+    cells = [cell[0] == kind for cell in found["error"].cells]
+    error, sigma = np.abs(np.array(found["error"].values)[cells]), np.log(np.array(found["sigma"].values)[cells])
+    return float(np.clip(np.polyfit(sigma, np.log(np.maximum(error, 1e-4)), 1)[0], 0.0, 1.0)) if sigma.size > 1 else 0.0
+
+
+def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
+    counts, depths = range(len(COUNTS)), range(len(DEPTHS_M) + 1)
+    told = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
+    accept = [_score(found["accept"], (kind, cell)) for cell in range(len(ACCEPT_PX) + 1)]
+    return {
+        "accept": {"margins_px": ACCEPT_AT_PX, "score": accept},
+        "told": {"score": told},
+        "heading": [
+            {
+                "power": power,
+                "strain": _quantiles(found["strain"].of((kind, cell)), even=True),
+                "sigma": _quantiles(found["sigma"].of((kind, cell)), spare=1.0),
+            }
+            for cell in counts
+        ],
+        "slope": [_quantiles(found["slope"].of((kind, cell))) for cell in counts],
+        "pitch": [_quantiles(found["pitch"].of((kind, cell))) for cell in counts],
+        "along": [_quantiles(found["along"].of((kind, cell))) for cell in depths],
+        "height": [_quantiles(found["height"].of((kind, cell))) for cell in depths],
+        "ends": [_score(found["ends"], (kind, cell)) for cell in range(4)],
+        "wall": {
+            "score": [_score(found["wall"], (kind, cell)) for cell in range(len(WALL_SHARES) + 1)],
+            "error": _quantiles(found["free"].of((kind,))),
+        },
+        "obstacle": {"score": _score(found["obstacle"], (kind,)), "where": _quantiles(found["where"].of((kind,)), spare=1.0)},
+    }
+
+
+def _score(samples: Samples, cell: tuple[int, ...]) -> float:
+    """Return the normal number below which it happens."""
+    values = samples.of(cell, least=LEAST_CHANCES)
+    return round(float(norm.ppf(np.clip(values.mean(), 1e-4, 1.0 - 1e-4))), 3)
+
+
+def _quantiles(values: Float[np.ndarray, " n"], *, spare: float = SPARE, even: bool = False) -> list[float]:
+    values = np.concatenate([values, -values]) if even else values
+    return [float(f"{value:.4g}") for value in spare * np.quantile(values, norm.cdf(GRID))]
+
+
+def alike(samples: Samples, *, binary: bool) -> tuple[float, float, float]:
+    """Return the variance that frames of a drive share, that which neighbours share besides, and over which way."""
+    scores = np.zeros(len(samples.values))
+    values = np.array(samples.values)
+    keys = np.array([hash(cell) for cell in samples.cells])
+    for key in np.unique(keys):
+        cell = keys == key
+        spread = values[cell]
+        if binary:
+            scores[cell] = spread - spread.mean()
+        else:
+            scores[cell] = norm.ppf((rankdata(spread) - 0.5) / spread.size)
+    variance = float((scores**2).mean())
+    products: dict[int, list[float]] = defaultdict(list)
+    drives, places = np.array(samples.drives), np.array(samples.places)
+    for one in np.unique(drives):
+        its = np.flatnonzero(drives == one)
+        i, j = np.triu_indices(its.size, 1)
+        apart = np.linalg.norm(places[its[i]] - places[its[j]], axis=1)
+        both = scores[its[i]] * scores[its[j]]
+        for bin_, _ in enumerate(LAGS_M):
+            there = both[np.searchsorted(LAGS_M, apart + 1e-6, side="right") - 1 == bin_]
+            products[bin_] += [float(there.sum()), float(there.size)]
+    if variance == 0.0:
+        return 0.0, 0.0, 1.0
+    sums = [np.array(products[bin_]).reshape(-1, 2).sum(axis=0) for bin_ in range(len(LAGS_M))]
+    same = [float(np.clip(total / max(count, 1.0) / variance, 0.0, 1.0)) for total, count in sums]
+    if binary:
+        # A yes or no hides some of what two normal numbers have in common.
+        same = [math.sin(0.5 * math.pi * value) for value in same]
+    stays = min(same[-1], 0.95)
+    changes = max(max(same[0], same[1]) - stays, 0.0)
+    ways = [
+        -at / math.log((value - stays) / changes)
+        for at, value in zip(LAG_AT_M, same[2:-1], strict=True)
+        if stays < value < stays + changes
+    ]
+    return round(stays, 3), round(changes, 3), round(float(np.clip(np.median(ways), 0.05, 3.0)), 3) if ways else 0.1
+
+
+def _common(samples: Samples) -> float:
+    """Return the variance that the nosings of one frame share."""
+    frames: dict[tuple[Any, ...], list[float]] = defaultdict(list)
+    for drive_, place, value in zip(samples.drives, samples.places, samples.values, strict=True):
+        frames[(drive_ // 1000, *place)].append(value)
+    several = [np.array(values) for values in frames.values() if len(values) > 1]
+    total = np.mean([np.mean(values**2) for values in several])
+    pairs = np.mean([(values.sum() ** 2 - (values**2).sum()) / (values.size * (values.size - 1)) for values in several])
+    return round(float(np.clip(pairs / total, 0.0, 0.95)), 3)
+
+
+def modelled(records: list[Record], chance: int) -> list[Record]:
+    """Return the records with what the model says in place of what the detector said."""
+    answers = []
+    camera, at = None, None
+    for record in records:
+        drive_ = (record["drive"], record["rear"])
+        if drive_ != at:
+            flight = stair_of(record["drive"], rear=record["rear"])[0]
+            calibration = read_chair("wheelchair").camera_at(240, rear=record["rear"])
+            camera, at = StatisticalCamera(flight.staircase, calibration, np.random.default_rng([chance, *drive_])), drive_
+        assert camera is not None  # noqa: S101 - for the type checker
+        heading = sigma = stair = None
+        for told in camera.look(0.0, np.array(record["R"]), np.array(record["p"])):
+            if isinstance(told, HeadingMeasurement):
+                heading, sigma = told.heading_rad, told.sigma_rad
+            else:
+                stair = _plain(told)
+        answers.append(record | {"chance": chance, "heading": heading, "sigma": sigma, "map": stair})
+    return answers
+
+
+def validate(records: list[Record]) -> None:
+    """Print frames beside model."""
+    began = time.process_time()
+    answers = [answer for chance in range(DRAWS) for answer in modelled(records, chance)]
+    spent_ms = 1e3 * (time.process_time() - began) / len(answers)
+    frames, model = samples_of(records), samples_of(answers)
+    drives = {(record["drive"], record["rear"]) for record in records}
+    detector_ms = np.median([record["ms"] for record in records])
+    print(
+        f"{len(records)} held-out frames of {len(drives)} drives, seeds {min(drives)[0]} to {max(drives)[0]}; "
+        f"model drawn {DRAWS} times, {spent_ms:.2f} ms a frame; detector {detector_ms:.1f} ms"
+    )
+    _print_errors(frames, model)
+    _print_shares(frames, model, records, answers)
+    _print_trust(frames, model)
+    print("\n| alike: share all drive, share of neighbours besides, over how many metres | frames | model |\n| --- | --- | --- |")
+    for name, source, binary in SHARED:
+        print(f"| {name} | {' | '.join(str(alike(samples[source], binary=binary)) for samples in (frames, model))} |")
+
+
+def _print_errors(frames: dict[str, Samples], model: dict[str, Samples]) -> None:
+    print("\n| error | frames: n | p50, p95, p99, max | model: p50, p95, p99, max | model / frames | KS |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for name, unit, scale in ERRORS:
+        for kind in (None, *range(len(KINDS))):
+            seen, made = (_of_kind(samples[name], kind) * scale for samples in (frames, model))
+            parts = [np.quantile(np.abs(values), (0.5, 0.95, 0.99, 1.0)) for values in (seen, made)]
+            ratio = parts[1][:3] / np.maximum(parts[0][:3], 1e-9)
+            label = f"{name} ({unit}) {'**all**' if kind is None else KINDS[kind]}"
+            cells = (_row(parts[0]), _row(parts[1]), _row(ratio), f"{ks_2samp(seen, made).statistic:.3f}")
+            print(f"| {label} | {seen.size} | {' | '.join(cells)} |")
+
+
+def _print_shares(frames: dict[str, Samples], model: dict[str, Samples], records: list[Record], answers: list[Record]) -> None:
+    print("\n| how often | frames | model |\n| --- | --- | --- |")
+    for kind, label in enumerate(KINDS):
+        for name in ("accept", "told", "false", "ends", "wall", "no wall", "obstacle"):
+            shares = [_of_kind(samples[name], kind) for samples in (frames, model)]
+            print(f"| {name}, {label} | {' | '.join(f'{100 * s.mean():.2f} % of {s.size}' for s in shares)} |")
+    for key in ("scene", "texture", "walls"):
+        for one in sorted({record[key] for record in records}):
+            for rear in (False, True):
+                its = [
+                    [r["map"] is not None for r in part if r[key] == one and r["rear"] == rear and r["seen"]]
+                    for part in (records, answers)
+                ]
+                if its[0]:
+                    cells = " | ".join(f"{100 * np.mean(part):.1f} % of {len(part)}" for part in its)
+                    print(f"| accepted, {key} {one}, {'rear' if rear else 'front'} | {cells} |")
+    unseen = frames["unseen"].values
+    print(f"| accepted with fewer than two nosings near the image | {sum(unseen):.0f} of {len(unseen)} | 0 |")
+
+
+def _print_trust(frames: dict[str, Samples], model: dict[str, Samples]) -> None:
+    print("\n| errors by what is declared | frames: within 95 %, NEES, p99 | model |\n| --- | --- | --- |")
+    for kind in range(len(KINDS)):
+        for cell, count in enumerate(COUNTS):
+            cells = []
+            for samples in (frames, model):
+                its = np.array([c == (kind, cell) for c in samples["error"].cells])
+                strain = np.abs(np.array(samples["error"].values)[its] / np.array(samples["sigma"].values)[its])
+                told = (
+                    f"{100 * np.mean(strain < 1.96):.1f} %, {np.mean(strain**2):.2f}, {np.quantile(strain, 0.99):.2f}"
+                    if its.any()
+                    else ""
+                )
+                cells.append(told)
+            print(f"| {KINDS[kind]}, {count} nosings or more | {' | '.join(cells)} |")
+
+
+def _of_kind(samples: Samples, kind: int | None) -> Float[np.ndarray, " n"]:
+    return np.array([v for v, cell in zip(samples.values, samples.cells, strict=True) if kind is None or cell[0] == kind] or [0.0])
+
+
+def _row(values: Float[np.ndarray, " k"]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+def main() -> None:
+    """Fit, then validate."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drives", type=int, default=100, help="of each direction, to fit on; as many to validate on")
+    parser.add_argument("--seed", type=int, default=0, help="of the first drive to fit on; those to validate on start 5000 later")
+    parser.add_argument("--fit", action="store_true", help=f"write {DATA.name}; else the shipped one is validated")
+    parser.add_argument("--keep", type=Path, help="folder for the frames' records, so that they need not be rendered again")
+    given = parser.parse_args()
+    seeds, others = (range(start, start + given.drives) for start in (given.seed, given.seed + HELD_OUT))
+    if given.fit:
+        records = lines_of(seeds, given.keep and given.keep / "fit.jsonl")
+        about = {
+            "made_by": f"python benchmarks/statistical.py --fit --drives {given.drives} --seed {given.seed}",
+            "drives": 2 * given.drives,
+            "seeds": [seeds.start, seeds.stop - 1],
+            "frames": len(records),
+            "accepted": sum(record["map"] is not None for record in records),
+            "sensor": "kinect1, 320 x 240, on the front and rear mounts of the chair wheelchair",
+            "stairs": {"slope_deg": SLOPE_DEG, "rise_m": RISE_M, "steps": (8, 20), "open": 0.3} | AS_BUILT,
+            "gravity_error_deg": GRAVITY_ERROR_RAD / DEG,
+            "errors_times": SPARE,
+        }
+        DATA.parent.mkdir(exist_ok=True)
+        DATA.write_text(
+            json.dumps(fit(records, about), indent=None, separators=(", ", ": "))
+            .replace('"up', '\n"up')
+            .replace('"down', '\n"down')
+            + "\n"
+        )
+    validate(lines_of(others, given.keep and given.keep / "held.jsonl"))
+
+
+if __name__ == "__main__":
+    main()
