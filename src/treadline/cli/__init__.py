@@ -14,7 +14,23 @@ import cyclopts
 from cyclopts import App, Parameter
 
 from treadline import __version__
-from treadline.cli import check, climb, doctor, excite, export, frames, identify, mount, replay, report, reproduce, seat, see, tune
+from treadline.cli import (
+    check,
+    climb,
+    doctor,
+    excite,
+    export,
+    frames,
+    identify,
+    model,
+    mount,
+    replay,
+    report,
+    reproduce,
+    seat,
+    see,
+    tune,
+)
 from treadline.cli.answer import Answer, say
 from treadline.errors import SimulationDiverged, TreadlineError
 
@@ -41,6 +57,7 @@ for verb in (
     export.export,
     climb.climb,
     seat.seat,
+    model.model,
     see.see,
     frames.frames,
     mount.mount,

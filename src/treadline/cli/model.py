@@ -1,0 +1,54 @@
+"""``treadline model``: chair and stair as a model file for others."""
+
+from pathlib import Path
+
+from treadline.cli.answer import Answer
+
+
+def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, seed: int = 0) -> Answer:
+    """Write the chair, and the stair, as a model file: MJCF for MuJoCo, URDF for ROS, SDF for Gazebo.
+
+    Masses, inertias and geometry are the same in all three; joints stand at zero. URDF holds the chair alone.
+    Look at it: python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
+
+    Args:
+        scenario: A scenario file, or the name of a shipped one.
+        to: mjcf, urdf or sdf.
+        out: The file.
+        chair_only: Leave the stair out of MJCF or SDF.
+        seed: Of the stair's irregularities, where the scenario has any.
+    """
+    import numpy as np
+
+    from treadline.errors import SettingsError
+    from treadline.mechanics.bodies import standing, vehicle
+    from treadline.mechanics.chair import read_chair
+    from treadline.mechanics.formats import sdf_model, sdf_world, urdf
+    from treadline.mechanics.staircase import build_staircase
+    from treadline.models import write_whole
+    from treadline.scenario import read_scenario
+
+    if to not in ("mjcf", "urdf", "sdf"):
+        raise SettingsError(f"--to is '{to}'; allowed: mjcf, urdf, sdf")
+    settings = read_scenario(scenario)
+    chair, loading = read_chair(settings.chair.model), settings.chair
+    # The stair of a run with this seed: the plant draws it from the first of its streams.
+    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0])
+    start = standing(staircase, chair.tracks, settings.start)
+    if to == "urdf":
+        text = urdf(chair, loading)
+    elif to == "sdf" and chair_only:
+        text = sdf_model(chair, loading, friction=staircase.friction)
+    elif to == "sdf":
+        text = sdf_world(staircase, chair, loading, start=start)
+    else:
+        from treadline.sim.scene import model_xml
+
+        friction = staircase.friction[0]
+        text = model_xml(None if chair_only else staircase, chair, loading, friction=friction, start=None if chair_only else start)
+    write_whole(out, text)
+    mass_kg = sum(body.mass_kg for body in vehicle(chair, loading).bodies)
+    return Answer(
+        values={"path": str(out), "to": to, "vehicle": chair.name, "mass_kg": mass_kg, "stair": not (chair_only or to == "urdf")},
+        summary=[f"{chair.name}, {mass_kg:g} kg with its payload, written to {out}"],
+    )

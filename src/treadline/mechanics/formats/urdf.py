@@ -1,0 +1,99 @@
+"""The chair as URDF: links, joints, cameras' frames, for robot_state_publisher, RViz and whoever reads URDF.
+
+``ChairDescription, Chair -> str``. The root ``base_link`` is the frame B. A link without mass is part of its parent.
+"""
+
+import math
+from xml.etree.ElementTree import Element
+
+from treadline.mechanics.bodies import Body, Hinge, Shape, vehicle
+from treadline.mechanics.chair import CameraMount, ChairDescription
+from treadline.mechanics.formats.elements import child, document, roll_pitch_yaw, text
+from treadline.scenario import Chair
+from treadline.signals import CAMERA_AXES_IN_CHAIR
+
+STIFF_N_M = 1000.0
+"""Written as the effort of a joint whose actuator is as stiff as need be: URDF wants a number."""
+COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
+
+
+def urdf(chair: ChairDescription, loading: Chair) -> str:
+    """Return a chair with its payload as URDF."""
+    whole = vehicle(chair, loading)
+    robot = Element("robot", name=whole.name)
+    child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
+    _link(robot, whole.chassis)
+    _joint(robot, "base_link", whole.chassis.name)
+    for body, hinge in whole.turning:
+        _link(robot, body)
+        _turning(robot, body, hinge)
+    for body in whole.bodies:
+        for shape in body.shapes:
+            if shape.kind == "cylinder":
+                _pulley(robot, body, shape)
+    _camera(robot, whole.chassis.name, "camera", chair.camera)
+    if chair.rear_camera is not None:
+        _camera(robot, whole.chassis.name, "rear_camera", chair.rear_camera)
+    return document(robot)
+
+
+def _link(robot: Element, body: Body) -> None:
+    """Write a body with its boxes; its pulleys are links of their own."""
+    link = child(robot, "link", name=body.name)
+    inertial = child(link, "inertial")
+    child(inertial, "origin", xyz=text(*body.com_m), rpy="0 0 0")
+    child(inertial, "mass", value=text(body.mass_kg))
+    ixx, iyy, izz = body.inertia
+    child(inertial, "inertia", ixx=text(ixx), iyy=text(iyy), izz=text(izz), ixy="0", ixz="0", iyz="0")
+    for shape in body.shapes:
+        if shape.kind == "box":
+            _shape(link, shape)
+
+
+def _shape(link: Element, shape: Shape) -> None:
+    for tag in ("visual",) if shape.belt is None else ("visual", "collision"):
+        element = child(link, tag, name=shape.name)
+        is_box = shape.kind == "box"
+        # URDF's cylinder stands along z: a quarter turn about x lays it along y.
+        turn = text(0.0, -shape.nose_up_rad, 0.0) if is_box else text(0.5 * math.pi, 0.0, 0.0)
+        child(element, "origin", xyz=text(*shape.centre_m) if is_box else "0 0 0", rpy=turn)
+        geometry = child(element, "geometry")
+        if is_box:
+            child(geometry, "box", size=text(*(2.0 * half for half in shape.half_m)))
+        else:
+            child(geometry, "cylinder", radius=text(shape.half_m[0]), length=text(2.0 * shape.half_m[1]))
+        if tag == "visual":
+            material = child(element, "material", name="drawn" if shape.belt is None else "belt")
+            child(material, "color", rgba=COLOURS[shape.belt])
+
+
+def _joint(robot: Element, parent: str, name: str, *, kind: str = "fixed", xyz: str = "0 0 0", rpy: str = "0 0 0") -> Element:
+    joint = child(robot, "joint", name=f"{name}_joint", type=kind)
+    child(joint, "parent", link=parent)
+    child(joint, "child", link=name)
+    child(joint, "origin", xyz=xyz, rpy=rpy)
+    return joint
+
+
+def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
+    joint = _joint(robot, body.parent or "base_link", body.name, kind="revolute", xyz=text(*body.origin_m))
+    child(joint, "axis", xyz=text(*hinge.axis))
+    low, high = hinge.range_rad
+    effort = STIFF_N_M if hinge.torque_n_m is None else hinge.torque_n_m
+    child(joint, "limit", lower=text(low), upper=text(high), effort=text(effort), velocity=text(hinge.max_rate_rad_s))
+
+
+def _pulley(robot: Element, body: Body, shape: Shape) -> None:
+    """Write a pulley as a link fixed to the chassis or the arm, whose mass holds its own."""
+    name = f"{shape.name}_pulley"
+    _shape(child(robot, "link", name=name), shape)
+    _joint(robot, body.name, name, xyz=text(*shape.centre_m))
+
+
+def _camera(robot: Element, parent: str, name: str, mount: CameraMount) -> None:
+    """Write a camera's frame as ROS has it: ``_link`` looks along x, ``_optical_frame`` along z."""
+    angles = (math.radians(angle) for angle in (mount.roll_deg, mount.pitch_deg, mount.yaw_deg))
+    child(robot, "link", name=f"{name}_link")
+    _joint(robot, parent, f"{name}_link", xyz=text(*mount.position_m), rpy=text(*angles))
+    child(robot, "link", name=f"{name}_optical_frame")
+    _joint(robot, f"{name}_link", f"{name}_optical_frame", rpy=text(*roll_pitch_yaw(CAMERA_AXES_IN_CHAIR)))

@@ -1,0 +1,66 @@
+"""``treadline model``: a file that its reader can load, and one line for what cannot be written."""
+
+# ruff: noqa: S314 - the files are ours
+from pathlib import Path
+from xml.etree.ElementTree import parse
+
+import mujoco
+import pytest
+
+
+@pytest.mark.parametrize("target", ["mjcf", "urdf", "sdf"])
+@pytest.mark.parametrize("options", [[], ["--chair-only"]])
+def test_model_writes_a_file_and_says_what_it_weighs(run, tmp_path: Path, target: str, options: list[str]) -> None:
+    out = tmp_path / f"chair.{target}"
+    outcome = run("model", "paper-28", "--to", target, "--out", out, "--json", *options)
+    assert outcome.code == 0, outcome.err
+    # Table I: 23.4 kg and 50 kg; the arm of 3 kg and the seat's shell of 0.5 kg are ours.
+    assert outcome.values["mass_kg"] == pytest.approx(76.9)
+    assert outcome.values["path"] == str(out)
+    has_stair = target != "urdf" and not options
+    assert outcome.values["stair"] is has_stair
+    assert ("stair" in out.read_text()) is (has_stair or target == "mjcf")  # MJCF has a class of that name
+    root = parse(out).getroot()
+    assert root.tag == {"mjcf": "mujoco", "urdf": "robot", "sdf": "sdf"}[target]
+
+
+def test_the_mjcf_scene_runs_in_plain_mujoco(run, tmp_path: Path) -> None:
+    out, scenario = tmp_path / "scene.xml", tmp_path / "flight.toml"
+    scenario.write_text('[chair]\nmodel = "rescue"\npayload_kg = 2\n[start]\nplace = "flight"\nstep = 5\n')
+    assert run("model", scenario, "--to", "mjcf", "--out", out).code == 0
+    model = mujoco.MjModel.from_xml_path(str(out))
+    data = mujoco.MjData(model)
+    before = data.body("chair").xpos.copy()
+    mujoco.mj_forward(model, data)
+    before = data.body("chair").xpos.copy()
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    # It settles on its nosings and stays: a second later within 2 cm, most of it down onto the nosings' rubber.
+    assert abs(data.body("chair").xpos - before).max() < 0.02
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_another_stair(run, tmp_path: Path) -> None:
+    scenario = tmp_path / "worn.toml"
+    scenario.write_text("[stair]\nrise_jitter_m = 0.004\n")
+    texts = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        assert run("model", scenario, "--to", "sdf", "--out", tmp_path / name, "--seed", seed).code == 0
+        texts.append((tmp_path / name).read_bytes())
+    assert texts[0] == texts[1] != texts[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["paper-28", "--to", "obj"], "--to"),
+        (["paper-28"], "--to"),
+        (["none.toml", "--to", "urdf"], "none.toml"),
+    ],
+)
+def test_model_names_what_it_cannot_do(run, tmp_path: Path, arguments: list[str], word: str) -> None:
+    out = tmp_path / "chair.xml"
+    outcome = run("model", *arguments, "--out", out)
+    assert outcome.code == 2
+    assert outcome.err.count("\n") == 1
+    assert word in outcome.err
+    assert not out.exists()
