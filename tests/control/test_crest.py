@@ -157,6 +157,15 @@ def test_it_waits_with_its_centre_of_mass_near_the_nosing_and_nothing_under_the_
     assert (command.stage, command.speed_m_s) == ("carry", 0.0)
 
 
+def test_a_chair_that_lies_on_the_landing_is_told_by_its_arm_where_gravity_is_off() -> None:
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.until("lead", tip_n=120.0)
+    chair.pitch_deg = 2.0  # of error: the chair is level
+    assert chair.run(0.9).stage == "lead"
+    assert chair.run(0.3).stage == "land"
+
+
 def test_level_it_stows_the_arm_and_ends_when_the_rear_has_left_the_nosing() -> None:
     chair = Chassis(0.6)
     chair.run(6.0)

@@ -80,6 +80,13 @@ def test_the_edge_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestC
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_gravity_that_is_off_by_two_degrees_hides_neither_level_nor_slope(ride: Ride, direction: Direction) -> None:
+    crossing = ride(CrestCase(direction=direction, gravity_error_deg=2.0))
+    assert crossing.is_across, crossing
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
+
+
 def test_a_motor_that_dies_half_way_over_the_crest_lets_the_chair_down_on_its_brake(ride: Ride) -> None:
     crossing = ride(CrestCase(payload_kg=110.0, motor_lost_at_deg=14.0))
     assert crossing.is_across, crossing

@@ -79,7 +79,7 @@ class ArmGeometry:
 
 
 class Tip:
-    """Load on the arm's tip, smoothed, and for how long it has carried."""
+    """Load on the arm's tip, smoothed, and for how long it has carried or not."""
 
     def __init__(self, loading: Loading) -> None:
         self._arm = arm_of(loading.chair)
@@ -87,6 +87,7 @@ class Tip:
         self._carries_n = min(CARRIES_N, CARRIES_SHARE * loading.weight_n)
         self._carried_s = 0.0
         self.load_n = 0.0
+        self.unloaded_s = 0.0
 
     @property
     def carries(self) -> bool:
@@ -97,6 +98,7 @@ class Tip:
         """Take one tick's reading."""
         self.load_n += (self._load(pitch_rad, arm) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
         self._carried_s = self._carried_s + dt_s if self.load_n > self._carries_n else 0.0
+        self.unloaded_s = self.unloaded_s + dt_s if self.load_n < UNLOADED_N else 0.0
 
     def _load(self, pitch_rad: float, arm: ArmReading) -> float:
         """Return the tip's load from the motor's torque: what holds the arm up, less its weight."""

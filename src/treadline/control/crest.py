@@ -22,6 +22,8 @@ LATER_M = 0.03
 """Of the centre of mass past the nosing before the lead; as much further before the next try, if the chair did not follow."""
 NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
+LIES_S = 1.0
+"""Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +139,8 @@ class Crest:
                 self._stage = "carry"
                 self._lead_from_m = beyond + LATER_M
             case "carry" | "lead" if pitch < config.level_rad:
+                self._stage = "land"
+            case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
                 self._stage = "land"
             case "land" if self._ahead_m < -self._geometry.pivot_m:
                 self._stage = "done"

@@ -20,7 +20,7 @@ from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
 LIFTED_RAD = 1.0 * DEG
-"""Of pitch on the landing: the tip carries, however little it weighs."""
+"""Above the pitch on the landing: the tip carries, however little it weighs."""
 CLOSE_RAD = 0.5 * DEG
 """To the pitch it is lifted to."""
 SUNK_RAD = 4.0 * DEG
@@ -102,6 +102,7 @@ class Edge:
         self._behind_m = nosing_behind_m
         self._press_from_m = config.early_m - plumb(config, slope_rad)
         self._t_s: float | None = None
+        self._level_rad = 0.0
         self._lead_rad = self._lead_rad_s = 0.0
         self._highest_rad = self._waited_s = 0.0
 
@@ -146,8 +147,9 @@ class Edge:
         config = self._config
         match self._stage:
             case "approach" if self._behind_m < self._press_from_m:
-                self._stage = "press"
-            case "press" if self._tip.carries or pitch > LIFTED_RAD:
+                self._begin("press", pitch)
+                self._level_rad = pitch
+            case "press" if self._tip.carries or pitch > self._level_rad + LIFTED_RAD:
                 self._begin("lift", pitch)
             case "lift" if pitch > self._lifted_rad - CLOSE_RAD:
                 self._stage = "settle"
@@ -155,7 +157,7 @@ class Edge:
                 self._begin("lower", pitch)
             case "settle" if pitch < self._lifted_rad - SUNK_RAD:
                 self._begin("lift", pitch)
-            case "lower" if pitch < LIFTED_RAD:
+            case "lower" if pitch < self._level_rad + LIFTED_RAD:
                 self._stage = "barred"
             case "settle" if plumb(config, self._slope_rad) + self._behind_m < -config.let_go_m:
                 self._begin("leave", pitch)
@@ -179,7 +181,7 @@ class Edge:
             case "settle":
                 return -config.settle_m_s, self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
             case "lower":
-                return max(self._balance(pitch), 0.0), self._turn(-LIFTED_RAD, pitch, arm, speed, dt_s)
+                return max(self._balance(pitch), 0.0), self._turn(self._level_rad - LIFTED_RAD, pitch, arm, speed, dt_s)
             case "barred":
                 return 0.0, self._stow(arm)
             case _:

@@ -56,6 +56,8 @@ class CrestCase:
     com_error_m: float = 0.0
     slope_error_deg: float = 0.0
     """Of the flight's slope as the edge believes it."""
+    gravity_error_deg: float = 0.0
+    """Of the IMU's idea of down."""
     keep_m: float | None = None
     """Of the centre of mass before the edge; far below zero the belts go on whatever the arm does."""
     range_deg: tuple[float, float] | None = None
@@ -92,7 +94,7 @@ class CrestCase:
                 heading_deg=self.heading_deg,
             ),
             control=Control(vision="truth"),
-            sensors=Sensors(),
+            sensors=Sensors(gravity_error_deg=self.gravity_error_deg),
         )
 
 
