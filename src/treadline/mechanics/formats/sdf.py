@@ -1,8 +1,8 @@
 """The chair, and the stair around it, as SDF 1.6 for Gazebo 11.
 
 Each belt is a link of its own, as Gazebo's tracked-vehicle plugins want them (Pecka et al., IROS 2017): ``left_track`` and
-``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the arm. The plugin that moves contact surfaces is handed over as
-``plugins``; without it the belts stand.
+``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the arm. The plugin that moves contact surfaces is
+handed over as ``plugins``; without it the belts stand.
 """
 
 import math
