@@ -12,7 +12,7 @@ import numpy as np
 from treadline.errors import SimulationDiverged
 from treadline.scenario import Scenario
 
-BAD_KG, DEADLY_KG = 100.0, 105.0
+BAD_KG, DEADLY_KG = 80.0, 92.0
 
 
 def quick(scenario: Scenario, seed: int) -> Mapping[str, Any]:

@@ -69,14 +69,16 @@ class Cluster:
             ) from None
         here = versions()
         try:
-            workers = self._client.run(versions)
+            found = {"the scheduler": self._client.run_on_scheduler(versions), **self._client.run(versions)}
         except ImportError as error:
-            raise SettingsError(f"--cluster {self._address}: its workers cannot fly: {error}; install treadline there") from None
-        for worker, there in workers.items():
+            raise SettingsError(
+                f"--cluster {self._address}: cannot fly there: {error}; install treadline on all machines"
+            ) from None
+        for worker, there in found.items():
             other = sorted(name for name in here if there.get(name) != here[name])
             if other:
                 raise SettingsError(
-                    f"--cluster {self._address}: worker {worker} has {other[0]} {there.get(other[0])}, here is "
+                    f"--cluster {self._address}: {worker} has {other[0]} {there.get(other[0])}, here is "
                     f"{here[other[0]]}; install the same versions there, or the results differ"
                 )
 

@@ -11,11 +11,11 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from treadline.campaign.run import Flight, Fly, Row, failed, run_one
 
@@ -25,6 +25,7 @@ LIVES = 2
 """Processes that a run may cost before it is given up."""
 
 
+@runtime_checkable
 class Runners(Protocol):
     """Whatever flies: processes here, or a cluster."""
 
@@ -116,6 +117,7 @@ def not_for_children(number: signal.Signals) -> Iterator[None]:
 
     Ctrl-C goes to all of a terminal's processes; the parent alone answers. What is blocked here stays so in a child.
     """
+    resource_tracker.ensure_running()  # started with the first process, it would unblock Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
     try:
         yield

@@ -119,6 +119,8 @@ def write_results(plan: Plan, folder: Path, rows: Mapping[int, Row], flights: Ma
     flat_rows = [flat(row) for row in kept]
     summary = summarise(flat_rows, drawn, [key for key in choices if "missing" not in key], plan.score)
     wanted = {row["index"] for row in kept if row["verdict"] != "arrived"} | {row["index"] for row in summary["worst"]}
+    for old in (folder / "scenarios").glob("*.toml"):
+        old.unlink()  # fewer runs ago it was among the worst
     for index in sorted(wanted):
         note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {rows[index]['verdict']}"
         write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(flights[index].scenario, note))

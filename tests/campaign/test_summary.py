@@ -1,0 +1,63 @@
+"""What a campaign came to."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from treadline.campaign.summary import clopper_pearson, lines, summarise, worst
+
+
+@pytest.mark.parametrize(
+    ("count", "total", "bounds"),
+    [
+        # Clopper and Pearson's own closed forms at the ends: 1 - 0.025^(1/n).
+        (0, 10, (0.0, 1.0 - 0.025**0.1)),
+        (10, 10, (0.025**0.1, 1.0)),
+        (0, 1000, (0.0, 1.0 - 0.025**0.001)),
+        # Textbook values to four decimals (Newcombe 1998, table I, method 5).
+        (81, 263, (0.2527, 0.3676)),
+        (15, 148, (0.0578, 0.1617)),
+        (1, 29, (0.0009, 0.1776)),
+        (0, 0, (0.0, 1.0)),
+    ],
+)
+def test_bounds_are_those_of_the_tables(count: int, total: int, bounds: tuple[float, float]) -> None:
+    assert clopper_pearson(count, total) == pytest.approx(bounds, abs=5e-5)
+
+
+@given(st.integers(1, 2000), st.data())
+def test_bounds_hold_the_share_and_mirror(total: int, data: st.DataObject) -> None:
+    count = data.draw(st.integers(0, total))
+    low, high = clopper_pearson(count, total)
+    assert 0.0 <= low <= count / total <= high <= 1.0
+    assert clopper_pearson(total - count, total) == pytest.approx((1.0 - high, 1.0 - low), abs=1e-9)
+
+
+ROWS = [
+    {"index": 0, "seed": 1, "verdict": "arrived", "cause": None, "min_margin": 9.0, "rate": 8.0, "side": "up"},
+    {"index": 1, "seed": 2, "verdict": "held", "cause": "no frame for 0.3 s", "min_margin": 7.0, "rate": -12.0, "side": "up"},
+    {"index": 2, "seed": 3, "verdict": "fell", "cause": "tilted 26°", "min_margin": None, "rate": 40.0, "side": "down"},
+    {"index": 3, "seed": 4, "verdict": "held", "cause": "no frame for 0.4 s", "min_margin": 6.0, "rate": 3.0, "side": "down"},
+    {"index": 4, "seed": 5, "verdict": "error", "cause": "no light", "side": "down"},
+]
+
+
+def test_the_worst_are_who_fell_then_who_failed_then_the_lowest_margins() -> None:
+    assert [row["index"] for row in worst(ROWS, "min_margin")] == [2, 4, 3, 1, 0]
+    assert [row["index"] for row in worst(ROWS, "rate", 3)] == [2, 4, 0]
+
+
+def test_scores_are_those_of_the_runs_that_have_them() -> None:
+    summary = summarise(ROWS, ["side"], ["side"], "min_margin")
+    assert summary["verdicts"]["held"]["count"] == 2
+    assert summary["by"]["side"] == {"down": {"error": 1, "fell": 1, "held": 1}, "up": {"arrived": 1, "held": 1}}
+    assert (summary["scores"]["min_margin"]["count"], summary["scores"]["min_margin"]["worst_run"]) == (3, 3)
+    assert (summary["scores"]["rate"]["worst"], summary["scores"]["rate"]["rms"]) == (40.0, pytest.approx(454.25**0.5))
+    assert summary["causes"]["held: no frame for s"] == 2
+    assert set(summary["scores"]) == {"min_margin", "rate"}
+    assert any("fell" in line for line in lines(summary))
+
+
+def test_what_never_happened_has_bounds_too() -> None:
+    fell = summarise(ROWS[:1] * 300, [], [], "min_margin")["verdicts"]["fell"]
+    assert (fell["count"], fell["bounds"]) == (0, [0.0, pytest.approx(0.01222, abs=1e-5)])

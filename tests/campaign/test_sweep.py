@@ -1,0 +1,277 @@
+"""A sweep, whole: the same whoever flies it, and nothing lost whatever happens."""
+
+import csv
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import flown
+import pytest
+
+from treadline.campaign.journal import NAME, Journal
+from treadline.campaign.pool import Pool, Runners
+from treadline.campaign.run import Fly, Row
+from treadline.campaign.spec import read_spec
+from treadline.campaign.sweep import Plan, fly_sweep
+from treadline.errors import SettingsError, TreadlineError
+from treadline.scenario import read_scenario
+
+HERE = Path(__file__).parent
+
+
+def fly(
+    plan: Plan, folder: Path, flies: Fly = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
+) -> dict[str, Any]:
+    runners: Runners = given.get("runners") or Pool(flies, workers)
+    return fly_sweep(plan, folder, runners, resume=resume, done=given.get("done", lambda _row, _left: None))
+
+
+def results(folder: Path) -> dict[str, bytes]:
+    """What must be the same: all but times and the folder's own name."""
+    summary = (folder / "summary.json").read_text().replace(str(folder), "OUT")
+    names = ["runs.csv", "runs.parquet", "spec.toml", *(f"scenarios/{path.name}" for path in folder.glob("scenarios/*"))]
+    return {"summary": summary.encode()} | {name: (folder / name).read_bytes() for name in names if (folder / name).exists()}
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "runs.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) -> None:
+    plan = Plan(spec=read_spec(small), runs=24, seed=5)
+    for workers in (1, 4):
+        fly(plan, tmp_path / str(workers), workers=workers)
+    assert results(tmp_path / "1") == results(tmp_path / "4")
+    table = rows(tmp_path / "1")
+    assert [int(row["index"]) for row in table] == list(range(24))
+    assert not {"cpu_s", "real_time_factor"} & set(table[0])
+    assert {"stair.slope_deg", "stair.friction.0", "verdict", "min_stability_margin_deg"} <= set(table[0])
+
+
+def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
+    fly(Plan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
+    table = parquet.read_table(tmp_path / "out" / "runs.parquet").to_pylist()
+    for as_text, typed in zip(rows(tmp_path / "out"), table, strict=True):
+        assert {key: "" if value is None else str(value) for key, value in typed.items()} == as_text
+
+
+def test_dask_gives_the_same_bytes_and_survives_a_worker(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed", reason="Dask is an extra")
+    from treadline.campaign.cluster import LOCAL, Cluster
+
+    monkeypatch.setenv("DIES_ONCE", str(tmp_path / "died"))
+    plan = Plan(spec=read_spec(small), runs=40, seed=1)
+    fly(plan, tmp_path / "pool", flown.unlucky)
+    (tmp_path / "died").unlink()
+    fly(plan, tmp_path / "dask", runners=Cluster(flown.unlucky, LOCAL, 2))
+    ours, theirs = (
+        [
+            {key: value for key, value in row.items() if key != "cause" or row["verdict"] != "crashed"}
+            for row in rows(tmp_path / name)
+        ]
+        for name in ("pool", "dask")
+    )
+    assert ours == theirs  # but for how a process died, which only its parent knows
+
+
+def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    once = tmp_path / "died"
+    monkeypatch.setenv("DIES_ONCE", str(once))
+    fly(Plan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
+    table = rows(tmp_path / "out")
+    assert len(table) == 40
+    seen = {"crashed": 0, "diverged": 0, "error": 0}
+    for row in table:
+        payload_kg = float(row["chair.payload_kg"])
+        if payload_kg > flown.DEADLY_KG:
+            expected, cause = "crashed", "its process was killed by SIGKILL, 2 times"
+        elif payload_kg > flown.BAD_KG:
+            expected, cause = "diverged", "time went back"
+        elif row["stair.texture"] == "dark":
+            expected, cause = "error", "ValueError: no light"
+        else:
+            assert row["verdict"] in ("arrived", "held")
+            continue
+        assert (row["verdict"], row["cause"]) == (expected, cause)
+        seen[expected] += 1
+    assert all(seen.values()), seen
+    assert once.exists()  # a process ended with exit code 3, and its run was done again
+
+
+def test_a_longer_sweep_begins_with_the_shorter_one(small: Path, tmp_path: Path) -> None:
+    done: list[int] = []
+    for sampling in ("random", "sobol"):
+        spec, out = read_spec(small), tmp_path / sampling
+        fly(Plan(spec=spec, runs=5, sampling=sampling), out)
+        fly(Plan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
+        fly(Plan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling} at once")
+        assert results(out) == results(tmp_path / f"{sampling} at once")
+    assert sorted(done) == sorted([*range(5, 12)] * 2)
+
+
+@pytest.mark.parametrize("change", [{"seed": 1}, {"sampling": "sobol"}, {"adversarial": True}])
+def test_another_sweep_is_not_added_to(small: Path, tmp_path: Path, change: dict[str, Any]) -> None:
+    spec, out = read_spec(small), tmp_path / "out"
+    fly(Plan(spec=spec, runs=8), out, workers=1)
+    before = (out / NAME).read_bytes()
+    with pytest.raises(SettingsError, match="a sweep is there already; go on with --resume, or give another --out"):
+        fly(Plan(spec=spec, runs=8), out, workers=1)
+    with pytest.raises(SettingsError, match=r"the sweep there has .*; resume with what it was started with"):
+        fly(Plan(spec=spec, runs=8, **change), out, workers=1, resume=True)
+    small.write_text(small.read_text().replace("[20, 30]", "[21, 30]"))
+    with pytest.raises(SettingsError, match="the sweep there has spec"):
+        fly(Plan(spec=read_spec(small), runs=8), out, workers=1, resume=True)
+    assert (out / NAME).read_bytes() == before
+
+
+def test_a_line_cut_short_is_flown_again_and_a_broken_one_is_told(small: Path, tmp_path: Path) -> None:
+    plan, out = Plan(spec=read_spec(small), runs=6), tmp_path / "out"
+    fly(plan, out, workers=1)
+    whole, journal = results(out), out / NAME
+    journal.write_bytes(journal.read_bytes()[:-40])
+    done: list[int] = []
+    fly(plan, out, workers=1, resume=True, done=lambda row, _: done.append(row["index"]))
+    assert (done, results(out)) == ([5], whole)
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join([*lines[:2], b'{"index": 1, "ver\n', *lines[3:]]))
+    with pytest.raises(SettingsError, match=r"journal.jsonl:3: no line of a sweep's journal"):
+        fly(plan, out, workers=1, resume=True)
+
+
+def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
+    with Journal(tmp_path, {"seed": 1}, resume=False), pytest.raises(SettingsError, match="another sweep is writing it"):
+        Journal(tmp_path, {"seed": 1}, resume=True)
+
+
+def test_a_disk_that_fills_keeps_what_is_done(tmp_path: Path) -> None:
+    row: Row = {"index": 0, "verdict": "arrived", "note": "x" * 60}
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
+            journal.add(row)
+            resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / NAME).stat().st_size + 50, hard))
+            with pytest.raises(
+                TreadlineError, match=r"cannot be written: .*; 1 runs are kept there: make room and go on with --resume"
+            ):
+                journal.add(row | {"index": 1})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, ignored)
+    with Journal(tmp_path, {"seed": 1}, resume=True) as journal:
+        assert journal.rows == {0: row}
+        journal.add(row | {"index": 1})
+    assert len((tmp_path / NAME).read_text().splitlines()) == 3
+
+
+def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, HERE / "fly_slowly.py", "sweep", spec, "--runs", "60", "--workers", "2", "--out", out, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,  # so that a signal can go to all of its processes, as a terminal's Ctrl-C does
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads are started here
+    )
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    limit = time.monotonic() + 60.0
+    while not condition() and time.monotonic() < limit:
+        time.sleep(0.02)
+    assert condition()
+
+
+def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp_path: Path) -> None:
+    out, journal = tmp_path / "out", tmp_path / "out" / NAME
+    kept = lambda: journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0  # noqa: E731
+
+    killed = started(small, out)
+    wait_for(lambda: kept() >= 4)
+    workers = children(killed.pid)
+    killed.kill()
+    killed.communicate(timeout=30.0)
+    wait_for(lambda: not any(alive(worker) for worker in workers))  # whoever is orphaned ends by itself
+    first = kept()
+    assert 4 <= first < 60
+
+    interrupted = started(small, out, "--resume")
+    wait_for(lambda: kept() >= first + 4)
+    os.killpg(interrupted.pid, signal.SIGINT)
+    said, progress = interrupted.communicate(timeout=30.0)
+    assert (interrupted.returncode, said) == (130, ""), progress
+    assert "Traceback" not in progress
+    assert progress.splitlines()[-1].startswith("treadline: interrupted")
+    assert "left" in progress
+    assert len(rows(out)) == kept() < 60
+    assert json.loads((out / "summary.json").read_text())["runs"] == kept()
+
+    done = started(small, out, "--resume", "--json")
+    said, progress = done.communicate(timeout=60.0)
+    assert json.loads(said)["runs"] == 60, progress
+    at_once = tmp_path / "at once"
+    fly(Plan(spec=read_spec(small), runs=60), at_once)
+    assert results(out) == results(at_once)
+
+
+def children(pid: int) -> list[int]:
+    return [int(child) for task in Path(f"/proc/{pid}/task").glob("*/children") for child in task.read_text().split()]
+
+
+def alive(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: Path) -> None:
+    plan, out = Plan(spec=read_spec(small), runs=20, seed=2), tmp_path / "out"
+    summary = fly(plan, out)
+    table = rows(out)
+    missed = {f"{int(row['index']):04d}" for row in table if row["verdict"] != "arrived"}
+    assert missed
+    assert missed <= {path.stem for path in out.glob("scenarios/*.toml")}
+    margins = sorted(float(row["min_stability_margin_deg"]) for row in table)
+    assert [row["min_stability_margin_deg"] for row in summary["worst"]] == margins[:10]
+    worst = summary["worst"][0]
+    words = worst["replay"].split()
+    assert words[:2] == ["treadline", "climb"]
+    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]))
+    assert again["min_stability_margin_deg"] == worst["min_stability_margin_deg"]
+
+
+def test_the_adversary_finds_worse_than_chance_and_goes_on_after_a_kill(small: Path, tmp_path: Path) -> None:
+    spec = read_spec(small)
+    plan = Plan(spec=spec, runs=96, seed=3, adversarial=True)
+    found = fly(plan, tmp_path / "whole")
+    chance = fly(Plan(spec=spec, runs=96, seed=3), tmp_path / "chance")
+    lowest = found["worst"][0]["min_stability_margin_deg"]
+    # 110 kg at ±30° is the worst there is: 12 - 5.5 - 6 = 0.5°, and noise of 0.01.
+    assert lowest == pytest.approx(0.5, abs=0.15)
+    assert lowest < chance["worst"][0]["min_stability_margin_deg"]
+    lines = (tmp_path / "whole" / NAME).read_bytes().splitlines(keepends=True)
+    (tmp_path / "cut").mkdir()
+    (tmp_path / "cut" / NAME).write_bytes(b"".join(lines[:50]))
+    fly(plan, tmp_path / "cut", resume=True)
+    assert results(tmp_path / "cut") == results(tmp_path / "whole")
+
+
+def test_the_manifest_says_how_to_repeat_it(small: Path, tmp_path: Path) -> None:
+    plan, out = Plan(spec=read_spec(small), runs=2, seed=9, sampling="sobol"), tmp_path / "out"
+    fly(plan, out, workers=1)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["seed"] == 9
+    assert {"spec": plan.spec.digest, "sampling": "sobol", "runs": 2}.items() <= manifest["settings"].items()
+    assert manifest["settings"]["commits"] == [manifest["git_commit"]]
+    assert read_spec(out / "spec.toml").digest == plan.spec.digest
+    page = (out / "report.html").read_text()
+    assert "http" not in page.replace("http-equiv", "")
+    assert "<script" not in page
