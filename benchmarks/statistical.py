@@ -31,6 +31,7 @@ from treadline.sim.camera.flight import Flight, draw_flight
 from treadline.sim.statistical import (
     COUNTS,
     DEPTHS_M,
+    LONGEST_RUN_M,
     MARGINS_PX,
     WALL_SHARES,
     Geometry,
@@ -53,6 +54,8 @@ AS_BUILT: dict[str, Any] = {
 }
 """What drawn stairs and white noise leave out: no step like the next, noise alike in neighbours, the rest of a warp."""
 SLOPE_DEG, RISE_M = (20.0, 32.0), (0.12, 0.18)
+LENGTH_SPARE_M = 0.01
+"""Uneven runs must stay below the longest, beyond which the detector knows no stair: the model knows that without a fit."""
 STATION_M, NEIGHBOUR_M = 0.25, 0.03
 """Along a traversal; at each station three frames: two from the same place, one from beside it."""
 FLAT_M = 0.475
@@ -69,7 +72,7 @@ GRID = np.array(
 """Normal numbers at which quantiles are kept."""
 SPARE = 1.1
 """By which errors are made larger than those seen: fifty drives do not show the worst."""
-LEAST_SAMPLES, LEAST_CHANCES = 60, 15
+LEAST_SAMPLES, LEAST_CHANCES = 60, 6
 """In a cell of its own: of quantiles, of a yes or no."""
 ACCEPT_PX = (-30.0, -20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 40.0)
 ACCEPT_AT_PX = [-35.0, -25.0, -15.0, -7.5, -2.5, 2.5, 7.5, 15.0, 30.0, 50.0]
@@ -114,6 +117,8 @@ def stair_of(seed: int, *, rear: bool) -> tuple[Flight, Recipe, np.random.Genera
     """Return a drive's stair, and the chance that goes on from it."""
     rng = np.random.default_rng([seed, int(rear)])
     slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
+    while rise / math.tan(slope * DEG) > LONGEST_RUN_M - LENGTH_SPARE_M:
+        slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
     recipe = Recipe(
         **AS_BUILT,
         rise_m=(rise, rise),
@@ -268,7 +273,7 @@ class Samples:
         for enough in (least, 1):
             alike_ = [other for other, count in known.items() if other[:-1] == cell[:-1] and count >= enough]
             if alike_:
-                nearest = min(alike_, key=lambda other: abs(other[-1] - cell[-1]))
+                nearest = min(alike_, key=lambda other: (abs(other[-1] - cell[-1]), other[-1]))
                 return np.array([value for value, other in zip(self.values, self.cells, strict=True) if other == nearest])
         return np.zeros(1)
 
@@ -284,7 +289,7 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
         kind = KINDS.index(f"{seen.direction} {'open' if record['open'] else 'closed'}")
         place = np.array(record["p"]) + np.array(record["R"])[:, 0]
         second = int(np.searchsorted(ACCEPT_PX, np.sort(seen.margins_px)[-2]))
-        found["accept"].add(record, place, (kind, second), told is not None)
+        found["accept"].add(record, place, (kind, int(seen.walled), second), told is not None)
         if told is None:
             continue
         add = partial(_add, found, record, place)
@@ -373,7 +378,7 @@ def _power(found: dict[str, Samples], kind: int) -> float:
 def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
     counts, depths = range(len(COUNTS)), range(len(DEPTHS_M) + 1)
     told = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
-    accept = [_score(found["accept"], (kind, cell)) for cell in range(len(ACCEPT_PX) + 1)]
+    accept = [[_score(found["accept"], (kind, walled, cell)) for cell in range(len(ACCEPT_PX) + 1)] for walled in (0, 1)]
     return {
         "accept": {"margins_px": ACCEPT_AT_PX, "score": accept},
         "told": {"score": told},

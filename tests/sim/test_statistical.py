@@ -10,10 +10,11 @@ from treadline.angles import DEG, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.perception import Sight, StairDetector
+from treadline.perception.nosings import STEP_RUN_M
 from treadline.scenario import Stair
 from treadline.signals import HeadingMeasurement, StairMap
 from treadline.sim.camera import Camera
-from treadline.sim.statistical import FAR_M, Geometry, StatisticalCamera, fitted_numbers
+from treadline.sim.statistical import FAR_M, LONGEST_RUN_M, Geometry, StatisticalCamera, fitted_numbers
 
 Pose = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 DOWN_W = np.array([0.0, 0.0, -1.0])
@@ -156,6 +157,12 @@ def test_a_missing_step_ends_the_row() -> None:
     _, stair_map = told(camera(staircase, exact=True), on_the_flight(staircase, 1.0))
     whole = told(camera(stair(), exact=True), on_the_flight(staircase, 1.0))[1]
     assert 2 <= len(stair_map.nosings_B) < len(whole.nosings_B)
+
+
+def test_steps_too_long_for_the_detector_are_too_long_for_the_model() -> None:
+    assert STEP_RUN_M[1] == LONGEST_RUN_M
+    staircase = stair(rise_m=0.17, run_m=LONGEST_RUN_M + 0.01)
+    assert camera(staircase).look(0.0, *on_the_flight(staircase, 1.5)) == ()
 
 
 def test_no_nosing_is_told_beyond_the_sensors_reach() -> None:

@@ -36,6 +36,8 @@ RAYS = (12, 9)
 LEAST_WALL = 0.03
 """Share of the coarse image that a wall fills where it is surely seen."""
 LEAST_NOSINGS = 2
+LONGEST_RUN_M = 0.45
+"""``perception.nosings.STEP_RUN_M``: to a detector, what is longer is no step."""
 HEADING_LIMIT_RAD = 45.0 * DEG
 END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
 """Where the next step is missed: so many rises above the last nosing, one run behind it; so many runs behind and below it."""
@@ -85,6 +87,11 @@ class Outlook:
     def seen(self) -> Bool[np.ndarray, " n"]:
         """Which nosings are in view."""
         return (self.margins_px > 0.0) & (self.depths_m > NEAR_M) & (self.depths_m < FAR_M)
+
+    @property
+    def walled(self) -> bool:
+        """Whether a wall stands beside the flight, which makes a detector more careful."""
+        return self.left is not None or self.right is not None
 
 
 class Geometry:
@@ -304,7 +311,8 @@ class _Errors:
         table = self._tables[f"{seen.direction} {self._kind}"]
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
-        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], table["accept"]["score"]):
+        accept = table["accept"]["score"][int(seen.walled)]
+        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > LONGEST_RUN_M:
             return ()
         of_nosings = normal[len(LATENTS) :].reshape(len(OF_NOSINGS), -1)[:, seen.numbers]
         which = self._which(table["told"], seen, of_nosings[0])
