@@ -97,7 +97,7 @@ def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path:
         elif payload_kg > flown.BAD_KG:
             expected, cause = "diverged", "time went back"
         elif row["stair.texture"] == "dark":
-            expected, cause = "error", "ValueError: no light"
+            expected, cause = "error", "ValueError: no light (flown.py:49)"
         else:
             assert row["verdict"] in ("arrived", "held")
             continue

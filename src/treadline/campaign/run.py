@@ -3,6 +3,8 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from traceback import extract_tb
 from typing import Any
 
 from treadline.errors import SimulationDiverged
@@ -40,7 +42,9 @@ def run_one(fly: Fly, flight: Flight) -> Row:
     except SimulationDiverged as error:
         result = {"verdict": "diverged", "cause": str(error)}
     except Exception as error:  # noqa: BLE001 - see above
-        result = {"verdict": "error", "cause": f"{type(error).__name__}: {error}"}
+        where = extract_tb(error.__traceback__)[-1]
+        place = f"{Path(where.filename).name}:{where.lineno}"
+        result = {"verdict": "error", "cause": f"{type(error).__name__}: {error} ({place})"}
     result["cpu_s"] = time.process_time() - started
     return failed(flight, "error", "no verdict") | plain(result) | {"seed": flight.seed}
 

@@ -1,9 +1,9 @@
 """The adversary: looks for the run with the worst score inside a sweep's ranges.
 
 The cross-entropy method (Rubinstein, 1999) on the unit cube of the draws, a generation at a time, so that a pool has work:
-new points are normal about the worst found so far, as wide as those lie apart. At 100 to 1000 runs in 18 dimensions it found
-a lower minimum of a smooth test function than differential evolution did with ten times as many. Its steps depend on seed
-and scores alone: a search that was killed repeats them from the journal.
+new points are normal about the worst found so far, as wide as those lie apart. On a test function of 18 variables it came as
+low in 200 runs as differential evolution in 1000. Its steps depend on seed and scores alone: a search that was killed
+repeats them from the journal.
 """
 
 from collections.abc import Callable

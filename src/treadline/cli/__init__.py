@@ -29,6 +29,7 @@ from treadline.cli import (
     reproduce,
     seat,
     see,
+    sweep,
     tune,
 )
 from treadline.cli.answer import Answer, say
@@ -58,6 +59,7 @@ for verb in (
     climb.climb,
     seat.seat,
     model.model,
+    sweep.sweep,
     see.see,
     frames.frames,
     mount.mount,

@@ -1,0 +1,122 @@
+"""``treadline sweep``, as a caller has it."""
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import treadline.cli.sweep as verb
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "campaign"))  # spawned processes find what flies by its module's name
+import flown
+
+SPEC = """
+[stair]
+slope_deg = 25
+run_m = 0.30
+[drive]
+duration_s = 100
+[[draw]]
+key = "chair.payload_kg"
+uniform = [0, 80]
+[[draw]]
+key = "start.heading_deg"
+uniform = [-5, 5]
+"""
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    path = tmp_path / "spec.toml"
+    path.write_text(SPEC)
+    return path
+
+
+def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verb, "fly", flown.quick)
+    done = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--json")
+    assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
+    assert {"verdicts", "scores", "worst", "traversals_per_cpu_hour", "report"} <= done.values.keys()
+    assert done.values["verdicts"]["arrived"]["count"] == 6
+    assert "6/6 run 000" in done.err
+    assert done.err.splitlines()[-1].endswith(", 0 s left")
+    for name in ("runs.csv", "summary.json", "manifest.json", "spec.toml", "report.html", "times.json", "journal.jsonl"):
+        assert (tmp_path / "out" / name).exists(), name
+    told = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--resume")
+    assert (told.code, told.err) == (0, "")  # all were flown: nothing to show progress of
+    assert "6 runs; shares with 95 % bounds:" in told.out
+    assert "treadline climb" in told.out
+
+
+def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verb, "fly", flown.unlucky)
+    monkeypatch.setenv("DIES_ONCE", os.devnull)
+    spec.write_text(SPEC.replace("[0, 80]", "[85, 90]"))
+    done = run("sweep", spec, "--runs", 2, "--workers", 1, "--out", tmp_path / "out", "--json")
+    assert (done.code, done.values["verdicts"]["diverged"]["count"]) == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--runs", 0], "--runs is 0; at least 1"),
+        (["--runs", 4, "--adversarial"], "--runs is 4; at least 8"),
+        (["--runs", 4, "--seed", -1], "--seed is -1; at least 0"),
+        (["--runs", 4, "--workers", 0], "--workers is 0; at least 1"),
+        (["--runs", 4, "--sampling", "halton"], "sampling"),
+        (["--runs", "many"], "runs"),
+        ([], "runs"),
+    ],
+)
+def test_bad_options_are_one_line(run: Callable, spec: Path, tmp_path: Path, options: list, words: str) -> None:
+    done = run("sweep", spec, *options, "--out", tmp_path / "out")
+    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
+    assert words in done.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_bad_draw_is_one_line_with_file_key_value_and_range(run: Callable, spec: Path, tmp_path: Path) -> None:
+    spec.write_text(SPEC.replace("[0, 80]", "[0, 800]"))
+    done = run("sweep", spec, "--runs", 3, "--out", tmp_path / "out")
+    assert done.code == 2
+    assert done.err == (
+        f"treadline: {spec}: draw 1 (chair.payload_kg): chair.payload_kg: must be a number from 0 to 200 (got 800)\n"
+    )
+
+
+def test_a_cluster_that_does_not_answer_is_one_line(
+    run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed", reason="Dask is an extra")
+    monkeypatch.setattr("treadline.campaign.cluster.ANSWERS_WITHIN_S", 0.5)
+    done = run("sweep", spec, "--runs", 3, "--cluster", "tcp://127.0.0.1:9", "--out", tmp_path / "out")
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert "no Dask scheduler answers" in done.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_dask_a_cluster_says_how_to_get_it(
+    run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "dask", None)
+    done = run("sweep", spec, "--runs", 3, "--cluster", "local", "--out", tmp_path / "out")
+    assert (done.code, done.err) == (
+        2,
+        "treadline: --cluster needs Dask: pip install 'treadline[cluster]', or leave it out for a pool here\n",
+    )
+
+
+def test_a_real_traversal_can_be_flown_again_by_the_command_it_names(run: Callable, spec: Path, tmp_path: Path) -> None:
+    spec.write_text(
+        SPEC.replace("duration_s = 100", 'duration_s = 3\n[start]\nplace = "flight"\n[sensors]\ncamera = "statistical"')
+    )
+    done = run("sweep", spec, "--runs", 1, "--workers", 1, "--out", tmp_path / "out", "--json")
+    row = json.loads((tmp_path / "out" / "journal.jsonl").read_text().splitlines()[-1])
+    assert row["verdict"] not in ("error", "crashed"), row["cause"]
+    words = done.values["worst"][0]["replay"].split()
+    again = run(*words[1:], "--json")
+    assert again.values["min_stability_margin_deg"] == row["min_stability_margin_deg"]
+    assert again.values["verdict"] == row["verdict"]
