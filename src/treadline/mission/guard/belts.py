@@ -80,7 +80,11 @@ DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
 
 
 class SlipWatch:
-    """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest."""
+    """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
+
+    A chair that turns on nosings skids, and keeps little of its belts' travel: it slips only where it does not turn, but rolls back
+    wherever it does.
+    """
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -88,45 +92,57 @@ class SlipWatch:
         self._travel_m = 0.0
         self._places: Sequence[float] = ()
         self._slid_m = 0.0
-        self._window: deque[tuple[float, float, float]] = deque()
+        self._furthest_m = -math.inf
+        self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
         self.slip = 0.0
         """Share of the belts' travel, if it is too much; else zero."""
         self.cause: str | None = None
 
-    def look(self, t_s: float, places_m: Sequence[float], travel_m: float) -> None:
-        """Take the nosings of one map: their distances along the chair, and the belts' travel towards them."""
+    def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float) -> None:
+        """Take one map.
+
+        Args:
+            places_m: Of the nosings from mid-track, square to them.
+            travel_m: Of the belts towards them.
+        """
         if t_s - self._t_s > MATCH_S or not places_m:
-            self._start()
+            self.forget()
         else:
             predicted = [place - (travel_m - self._travel_m) for place in self._places]
             apart = sorted(min((place - there for there in predicted), key=abs) for place in places_m)
             self._slid_m += apart[len(apart) // 2]
         self._t_s, self._places, self._travel_m = (t_s if places_m else -math.inf), places_m, travel_m
-        self._window.append((t_s, travel_m, self._slid_m))
+        self._window.append((t_s, travel_m, self._slid_m, heading_rad))
         self._judge(t_s)
+        self._roll(travel_m - self._slid_m)
 
     def forget(self) -> None:
         """Start anew."""
-        self._t_s = -math.inf
-        self._start()
-
-    def _start(self) -> None:
+        self._t_s = self._furthest_m = -math.inf
         self._window.clear()
         self._since_s = self.cause = None
         self.slip = 0.0
 
     def _judge(self, t_s: float) -> None:
-        window_s = self._config.slip_s - ROUNDING_S
+        limits, window_s = self._config, self._config.slip_s - ROUNDING_S
         while len(self._window) > 1 and t_s - self._window[1][0] >= window_s:
             self._window.popleft()
-        then_s, travel_m, slid_m = self._window[0]
+        then_s, travel_m, slid_m, _ = self._window[0]
         driven, slid = abs(self._travel_m - travel_m), abs(self._slid_m - slid_m)
-        slips = t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M and slid > max(self._config.slip * driven, SLID_LEAST_M)
-        self.slip = slid / driven if slips else 0.0
-        if not slips:
+        headings = [heading for *_, heading in self._window]
+        straight = max(headings) - min(headings) <= limits.slip_turn_rad
+        judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
+        self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
+        if self.slip == 0.0:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = t_s
         elif t_s - self._since_s >= window_s:
-            self.cause = f"slip {self.slip:.2f}: the chair stays {slid:.2f} m behind its belts in {t_s - then_s:.1f} s"
+            self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
+
+    def _roll(self, travel_m: float) -> None:
+        """Note how far the chair has come by the nosings."""
+        self._furthest_m = max(self._furthest_m, travel_m)
+        if self._furthest_m - travel_m > self._config.roll_back_m:
+            self.cause = f"rolled back {self._furthest_m - travel_m:.2f} m"

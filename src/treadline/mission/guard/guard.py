@@ -214,9 +214,9 @@ class Guard:
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
         self._ahead.look(stair, places, travel)
         # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
-        on_the_flight = self._plan is None or self._plan.phase in FLIGHT
-        if on_the_flight and abs(self._heading_rad) <= self._config.turning_rad:
-            self._slip.look(stair.t_s, [place for place, _ in places], travel)
+        if math.isfinite(self._heading_rad) and (self._plan is None or self._plan.phase in FLIGHT):
+            across = math.cos(self._heading_rad)
+            self._slip.look(stair.t_s, [place * across for place, _ in places], travel, self._heading_rad)
         else:
             self._slip.forget()
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from treadline.mission.guard.config import GuardConfig
 from treadline.signals import HeadingEstimate, Plan, TrackCommand
 
-PITCHING = ("mount", "traction", "crest", "edge", "leave")
+PITCHING = ("mount", "crest", "edge", "leave")
 """Phases in which the chair pitches; there steering gives way to a slow mean even while it turns."""
 FLIGHT = ("drive", "climb", "descend")
 """Phases on the flight itself: there the cruise limit holds, whatever the plan's speed, for steering adds to the mean."""
