@@ -67,12 +67,19 @@ def test_the_crest_bears_what_the_chair_believes_wrongly(ride: Ride, case: Crest
 @pytest.mark.parametrize(
     "case",
     [
-        CrestCase(direction="down", slope_deg=28.0, nosing_error_m=-0.15, com_error_m=0.10, seed=1),
+        CrestCase(direction="down", slope_deg=28.0, nosing_error_m=-0.15, com_error_m=0.10, payload_error_kg=30.0, seed=1),
         CrestCase(direction="down", slope_deg=30.0, nosing_error_m=0.10, com_error_m=-0.10, slope_error_deg=-2.0, seed=2),
         CrestCase(direction="down", slope_deg=25.0, payload_kg=0.0, slope_error_deg=2.0, heading_deg=5.0, seed=3),
-        CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0, com_error_m=-0.10, heading_deg=-5.0, seed=4),
+        CrestCase(
+            direction="down", slope_deg=26.0, payload_kg=110.0, payload_error_kg=-30.0, com_error_m=-0.10, heading_deg=-5.0, seed=4
+        ),
     ],
-    ids=["late, weight behind", "early, slope flatter", "empty, slope steeper, askew", "heavy, weight ahead, askew"],
+    ids=[
+        "late, weight behind, believed heavier",
+        "early, slope flatter",
+        "empty, slope steeper, askew",
+        "heavy, weight ahead, askew, believed lighter",
+    ],
 )
 def test_the_edge_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)

@@ -50,6 +50,8 @@ class CrestCase:
     slope_deg: float = 28.0
     chair: str = "wheelchair"
     payload_kg: float = 50.0
+    payload_error_kg: float = 0.0
+    """Believed payload less the true one."""
     heading_deg: float = 0.0
     nosing_error_m: float = 0.0
     """Believed place less the true one: positive has the nosing further ahead than it is."""
@@ -195,7 +197,11 @@ class _Ride:
         """Return the sequencer; at the first tick truth and the case's errors make what it believes."""
         if self._sequencer is None:
             case = self._case
-            load: Any = {"chair": self._chair, "payload_kg": case.payload_kg, "com_error_m": case.com_error_m}
+            load: Any = {
+                "chair": self._chair,
+                "payload_kg": case.payload_kg + case.payload_error_kg,
+                "com_error_m": case.com_error_m,
+            }
             if case.direction == "up":
                 ahead_m = (self._nosing_m - truth.x_m) / math.cos(truth.heading_rad)
                 self._sequencer = Crest(CrestConfig(**load), ahead_m + case.nosing_error_m)
