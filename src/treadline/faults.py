@@ -59,7 +59,7 @@ EXTENTS: dict[FaultKind, Extent] = {
         high=50.0,
     ),
     "depth_holes": Extent(means="the share of the depth image lost in blotches", default=0.4, high=0.98),
-    "false_edges": Extent(means="degrees by which a bar on the nosings lies askew", default=15.0, low=-45.0, high=45.0),
+    "false_edges": Extent(means="degrees by which a bar on the nosings lies askew (in images)", default=15.0, low=-45.0, high=45.0),
     "imu_nan": Extent(means="nothing: every number is NaN"),
     "imu_stuck": Extent(means="nothing: the last numbers arrive again and again, with new stamps"),
     "imu_bias": Extent(

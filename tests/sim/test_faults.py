@@ -536,13 +536,3 @@ def test_a_false_edge_lies_in_colour_and_depth_askew_and_still() -> None:
     assert 4.0 * DEG < abs(math.atan(slant)) < 20.0 * DEG
     pixels = np.abs(frames[5].rgb.astype(float) - frames[4].rgb).mean(axis=2)
     assert pixels[masks[5]].mean() > 5.0 * pixels[~masks[5]].mean()
-
-
-def test_without_images_a_false_edge_is_one_more_that_is_believed() -> None:
-    pulled, right = (
-        {reading.t_s: reading for reading in of(came, HeadingMeasurement)}
-        for came in (run(scenario(fault("false_edges")))[0], sound()[0])
-    )
-    for t_s, seen in right.items():
-        error = (pulled[t_s].heading_rad - seen.heading_rad) / DEG
-        assert error == pytest.approx(-15.0 / (seen.edge_count + 1) if within(t_s) else 0.0)

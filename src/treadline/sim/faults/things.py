@@ -22,8 +22,8 @@ from treadline.sim.statistical import StatisticalCamera
 
 Eye = Camera | StatisticalCamera
 
-BOX_M = (0.25, 0.8, 0.5)
-"""Depth, width and height of the obstacle: a suitcase. Both belts run into it; between them the chair has no body here."""
+BOX_M = (0.25, 0.6, 0.5)
+"""Depth, width and height of the obstacle: a suitcase. It reaches both belts; between them the chair has no body here."""
 OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
 """Where the box waits."""
 BOX_COLOUR = (150.0, 40.0, 38.0)
