@@ -50,7 +50,7 @@ class Scores:
     final_heading_deg: float
     max_abs_heading_deg: float
     roll_back_m: float
-    """Largest retreat along the flight from the furthest point reached before it."""
+    """Largest retreat along the flight, against the direction of travel, from the furthest point reached before it."""
     lateral_m: float
     """Largest distance across the flight from the start."""
     climbed_m: float
@@ -69,11 +69,12 @@ class Scores:
     """When each phase began."""
 
 
-def score(trace: Trace, phases: tuple[tuple[float, str], ...] = ()) -> Scores:
+def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True) -> Scores:
     """Return the figures of a run; the phases are the mission's own word."""
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]
+    onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
     aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
@@ -84,7 +85,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = ()) -> Scores:
         settle_s=settling_time(t, heading),
         final_heading_deg=float(heading[-1]) / DEG,
         max_abs_heading_deg=float(np.abs(heading).max()) / DEG,
-        roll_back_m=float((np.maximum.accumulate(x) - x).max()),
+        roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
         lateral_m=float(np.abs(y - y[0]).max()),
         climbed_m=float(x[-1] - x[0]),
         seat_rms_deg=rms(seat) / DEG,

@@ -16,16 +16,16 @@ from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import check
-from treadline.mission.config import MissionConfig, build_blocks
+from treadline.mission.config import MissionConfig, build_blocks, is_whole
 from treadline.mission.drivers import Driver
 from treadline.mission.loop import Mission, Signal, Tick
-from treadline.mission.planner import Cruise
 from treadline.mission.rates import TICK_S
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
 from treadline.signals import Event, Plan
 from treadline.sim import open_plant
+from treadline.sim.faults import faulty
 
 FALLEN_RAD = 25.0 * DEG
 """Pitch beyond the stair's slope or below level, or roll, at which the chair counts as fallen."""
@@ -106,7 +106,7 @@ class _Ending:
 
 def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> MissionConfig:
     """Return what the operator would enter for this scenario: choices, files, and no truth."""
-    chair = read_chair(scenario.chair.model)
+    chair = with_seat_shifted(read_chair(scenario.chair.model), scenario.chair.seat_shift_m)
     return MissionConfig(
         chair=chair,
         controller=controller,
@@ -118,6 +118,13 @@ def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> M
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
+
+
+def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
+    """Return the chair as its mission knows it: the seat where it has been shifted to."""
+    x, y, z = chair.seat.hinge_m
+    seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
+    return chair.model_copy(update={"seat": seat})
 
 
 def ready(scenario: Scenario, chair: ChairDescription) -> tuple[Scenario, str | None, str | None]:
@@ -156,16 +163,17 @@ def traverse(
         SettingsError: If the scenario asks for what the chair cannot do.
     """
     config = mission_config(scenario, controller)
+    shifted = refusal = None
+    if is_whole(config, driver):
+        scenario, refusal, shifted = ready(scenario, read_chair(scenario.chair.model))
+        config = mission_config(scenario, controller)
     blocks = build_blocks(config, driver)
     ride = _Ride(scenario, seed, sink)
-    refusal = None
-    if not isinstance(blocks.planner, Cruise):
-        scenario, refusal, shifted = ready(scenario, config.chair)
-        if shifted is not None:
-            ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted))
-        if refusal is not None:
-            ride.log(Event(t_s=0.0, name="refused", cause=refusal))
-    plant: TruthPlant = open_plant(scenario, seed)
+    if shifted is not None:
+        ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted))
+    if refusal is not None:
+        ride.log(Event(t_s=0.0, name="refused", cause=refusal))
+    plant = faulty(open_plant(scenario, seed), scenario, seed)
     started = time.process_time()
     ending = _Ending(scenario, config.chair)
     over: tuple[str, str | None] | None = None if refusal is None else ("refused", refusal)
@@ -229,7 +237,7 @@ class _Ride:
             seed=self._seed,
             verdict=over[0],
             cause=over[1],
-            scores=score(trace, tuple(self._phases)),
+            scores=score(trace, tuple(self._phases), upward=self._scenario.drive.direction == "up"),
             trace=trace,
             estimate_rad=np.array(self._estimates),
             events=tuple(self._events),

@@ -1,54 +1,13 @@
-"""Static stability on a stair: how far the chair is from tipping, in four directions, with the payload where it is.
-
-The chair stands on nosings, and which ones changes as it climbs. At the worst phase of that cycle the rearmost nosing
-lies nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is
-shorter than the track by a pitch on either side. The margin is the angle by which gravity may still turn before its
-line through the centre of mass leaves the support.
-"""
+"""Static stability on a stair: how far a chair is from tipping, in four directions, with the payload where it is."""
 
 import math
-from dataclasses import dataclass
 
 from treadline.mechanics.chair import Arm, ChairDescription, Point
+from treadline.mechanics.tipping import Margins, tipping_margins, worst_support
 from treadline.scenario import Chair
 
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Margins:
-    """Angles to tipping [rad]; negative has tipped."""
-
-    uphill: float
-    downhill: float
-    left: float
-    right: float
-
-    @property
-    def worst(self) -> float:
-        """The smallest of the four."""
-        return min(self.uphill, self.downhill, self.left, self.right)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Support:
-    """How far the ground that the chair stands on reaches from B's origin, in B."""
-
-    front_m: float
-    rear_m: float
-    """Positive to the rear."""
-    left_m: float
-    right_m: float
-    """Positive to the right."""
-
-
-def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
-    """Return the support that is there at every phase of the nosing cycle."""
-    tracks = chair.tracks
-    half_length_m = 0.5 * tracks.flat_run_m - pitch_m
-    half_width_m = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-    return Support(front_m=half_length_m, rear_m=half_length_m, left_m=half_width_m, right_m=half_width_m)
 
 
 def seat_mass_kg(loading: Chair) -> float:
@@ -96,25 +55,6 @@ def _with_arm(chair: ChairDescription, arm: Arm, angle_rad: float | None) -> tup
         (chassis_kg * x + arm.mass_kg * arm_x) / total,
         chassis_kg * y / total,
         (chassis_kg * z + arm.mass_kg * arm_z) / total,
-    )
-
-
-def tipping_margins(com_B: Point, up_B: Point, support: Support) -> Margins:
-    """Return the angles by which gravity may still turn before the chair tips over each edge of its support.
-
-    Args:
-        com_B: Centre of mass in B [m].
-        up_B: Unit vector against gravity, in B.
-    """
-    x, y, z = com_B
-    ux, uy, uz = up_B
-    lengthwise, sidewise = math.atan2(ux, uz), math.atan2(uy, uz)
-    return Margins(
-        # Nose up (ux > 0) leans the plumb line to the rear.
-        uphill=math.atan2(support.front_m - x, z) + lengthwise,
-        downhill=math.atan2(support.rear_m + x, z) - lengthwise,
-        left=math.atan2(support.left_m - y, z) + sidewise,
-        right=math.atan2(support.right_m + y, z) - sidewise,
     )
 
 

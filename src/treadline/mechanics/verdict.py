@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import Margins, static_margins
+from treadline.mechanics.stability import static_margins
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mechanics.traction import friction_use, largest_heading_rad
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
 """Friction wanted over tan β: nosings jolt."""
-MARGIN_LIMIT_RAD = 7.0 * DEG
-"""The figure of ISO 7176-24; no claim to the standard is made."""
 SEAT_RESERVE_RAD = 3.0 * DEG
 """Range the seat keeps beyond the slope: the chair rocks over nosings."""
 SIDES = ("uphill", "downhill", "left", "right")
@@ -158,6 +157,6 @@ def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
     half_width = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
     reach = half_width * math.cos(heading) + 0.5 * tracks.flat_run_m * math.sin(heading)
     beside_m = abs(start.lateral_m) + reach - 0.5 * width_m
-    if start.place == "floor" or beside_m <= 0.0:
+    if start.place != "flight" or beside_m <= 0.0:
         return None
     return f"a track starts {beside_m:.2f} m beside the flight, which is {width_m:g} m wide; start nearer its middle"

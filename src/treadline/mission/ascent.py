@@ -19,7 +19,7 @@ from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample
 
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
-LEVEL_RAD = 3.0 * DEG
+LEVEL_RAD = 2.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,12 +34,17 @@ class AscentConfig:
     slow_from_m: float = 0.35
     """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
     mount_from_m: float = 0.22
+    clear_m: float = 0.05
+    """Of the arm's tip above the next nosing while mounting. The section meets the second nosing at its own angle plus the pitch:
+    from its rest, at 40°, belts with friction 0.45 do not get up there; so low they do."""
+    arm_per_s: float = 2.0
+    arm_rate_rad_s: float = 15.0 * DEG
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
     mounted_rad: float = 4.0 * DEG
     """Below the slope, from which on the belts lie on two nosings."""
-    beyond_second_m: float = 0.06
-    """Of the front pulley past the second nosing when the traction is tested; the rear is on the floor still."""
+    test_before_m: float = 0.0
+    """Of the way to where the rear leaves the floor, when the traction is tested: the nosings carry nearly all."""
     crest_from_m: float = 1.2
     """Of the last nosing ahead of the front pulley when the crest's sequencer takes over: it slows down in time by itself."""
     unseen_end_m: float = 0.10
@@ -155,13 +160,33 @@ class Ascent:
         if (
             self._phase == "mount"
             and len(ahead) > 1
-            and ahead[1] < self._pivot_m - config.beyond_second_m
+            and ahead[0] < self._lift_off_m() + config.test_before_m
             and where.pitch_rad > where.slope_rad - config.mounted_rad
         ):
             self._traction = TractionTest(config.traction, where.slope_rad)
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
-        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()))
+        return self._plan(
+            t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad())
+        )
+
+    def _mounting_rad(self) -> float:
+        """Return the arm's angle at which its tip just clears a step."""
+        tracks = self._config.chair.tracks
+        lowest = math.asin(min((self._where.rise_m + self._config.clear_m) / tracks.approach_m, 1.0))
+        return min(lowest, tracks.approach_angle_deg * DEG)
+
+    def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
+        if self._arm is None:
+            return None
+        rate = self._config.arm_per_s * (angle_rad - self._arm.angle_rad)
+        limit = self._config.arm_rate_rad_s
+        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -limit), limit))
+
+    def _lift_off_m(self) -> float:
+        """Return how far ahead of mid-track the first nosing is when belts on two nosings lift the rear pulley off the floor."""
+        slope, radius = self._where.slope_rad, self._config.chair.tracks.pulley_radius_m
+        return self._where.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - self._pivot_m
 
     def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
         if not test.over:
@@ -186,7 +211,8 @@ class Ascent:
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._cause = f"end of the flight {top - self._pivot_m:.2f} m before the front pulley, {seen}"
         if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
-            return self._plan(t_s, config.cruise_m_s, heading_rad=self._aside())
+            rest = config.chair.tracks.approach_angle_deg * DEG
+            return self._plan(t_s, config.cruise_m_s, heading_rad=self._aside(), arm=self._arm_to(t_s, rest))
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)
         command = self._crest.step(self._imu, self._arm, self._tracks)

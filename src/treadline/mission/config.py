@@ -69,16 +69,24 @@ def heading_driver(config: MissionConfig) -> Driver:
     )
 
 
-def planner_of(config: MissionConfig) -> Planner:
-    """Return the planner of a whole traversal, or of the flight alone where something needed for a whole one is missing.
+def is_whole(config: MissionConfig, driver: Driver | None = None) -> bool:
+    """Say whether a mission goes from floor to landing, or back, and not along a flight alone.
 
-    The paper's vision sees no stair map, an open loop steers by nothing, and a chair without an arm must not cross a crest.
+    The paper's vision sees no stair map, an open loop steers by nothing, a chair without an arm must not cross a crest, and an
+    experiment's own driver has the flight for itself.
+    """
+    steers = driver is None or isinstance(driver, HeadingController)
+    return steers and config.loop == "closed" and config.vision == "robust" and config.chair.arm is not None
+
+
+def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
+    """Return the planner of a whole traversal, or of the flight alone.
 
     Raises:
         SettingsError: If the chair cannot come down.
     """
     chair = config.chair
-    if config.loop == "open" or config.vision == "paper" or chair.arm is None:
+    if not is_whole(config, driver):
         if config.direction == "down":
             raise SettingsError(
                 "coming down needs a chair with an arm, a closed loop and robust vision; set chair.model = 'wheelchair'"
@@ -92,7 +100,7 @@ def planner_of(config: MissionConfig) -> Planner:
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
     """Return the blocks of one mission; an experiment may bring its own driver, which then drives on the flight alone."""
-    planner = planner_of(config) if driver is None or isinstance(driver, HeadingController) else Cruise(config.climb_speed_m_s)
+    planner = planner_of(config, driver)
     driver = driver or heading_driver(config)
     detector: Detector = StairDetector(DetectorConfig(method=config.vision))
     estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()

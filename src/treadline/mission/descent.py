@@ -129,6 +129,8 @@ class Descent:
         command = self._edge.step(self._imu, self._arm, self._tracks)
         if command.stage == "done":
             return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
+        if command.stage == "barred":
+            self._hold = "the arm could not let the chair down over the edge; it stands on the landing again"
         self._note(command)
         turn = self._level.keep(estimate)
         return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)

@@ -7,12 +7,11 @@ at a limit is let pass by a degree's reserve less than ``check`` wants: what ``c
 import math
 
 from treadline.angles import DEG
+from treadline.control.arm import Loading, centre_of_mass_level
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import static_margins
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, tipping_margins, worst_support
 from treadline.mechanics.tracks import minimum_track_length
-from treadline.mechanics.verdict import MARGIN_LIMIT_RAD
-from treadline.scenario import Chair
 
 MEASURED_RAD = 1.0 * DEG
 """Reserve for the slope's error: three of its standard deviations."""
@@ -28,8 +27,9 @@ def refusal_of(chair: ChairDescription, payload_kg: float, rise_m: float, run_m:
     reach = SeatLinkage(chair.seat).angle_range[1]
     if reach < slope_rad - MEASURED_RAD:
         return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
-    loading = Chair(model=chair.name, payload_kg=payload_kg)
-    worst = static_margins(chair, loading, slope_rad, math.hypot(rise_m, run_m), 0.0).worst
+    x_m, z_m = centre_of_mass_level(Loading(chair=chair, payload_kg=payload_kg), slope_rad)
+    up = (math.sin(slope_rad), 0.0, math.cos(slope_rad))
+    worst = tipping_margins((x_m, 0.0, z_m), up, worst_support(chair, math.hypot(rise_m, run_m))).worst
     if worst < MARGIN_LIMIT_RAD - MEASURED_RAD - MEASURED_RAD:
         least = MARGIN_LIMIT_RAD / DEG
         return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; shift the seat or take less payload"

@@ -23,9 +23,9 @@ class LevelConfig:
     turn_rad_s: float = 20.0 * DEG
     skid: float = 1.4
     """Belt speed over what rolling without skidding would need: one track drags the other."""
-    keep_m_s_rad: float = 0.3
+    keep_m_s_rad: float = 1.5
     """Half the belts' difference per heading error while the belts are on more than one level."""
-    keep_limit_m_s: float = 0.05
+    keep_limit_m_s: float = 0.10
     look_s: float = 1.0
     """To look for a stair before turning to find one."""
     sweep_rad: float = 40.0 * DEG

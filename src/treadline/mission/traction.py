@@ -1,8 +1,8 @@
 """The traction test: on two nosings, the rear still on the floor, ask the belts for a little more than the stair will.
 
-Hazard 15. At rest, friction holds tan β of the normal force. Belts that speed up at a = share·g·sin β ask for (1 + share)·tan β;
-where friction gives less, the chair falls behind its belts. The IMU tells by how much: specific force along the chair, less what
-gravity and the sensor's bias were at rest.
+Hazard 15. Pitched by θ and speeding up at a, belts ask friction for tan θ + a/(g·cos θ) of the normal force; a is chosen such that
+this is (1 + share)·tan β. Where friction gives less, the chair falls behind its belts. The IMU tells by how much: specific force
+along the chair, less what gravity and the sensor's bias were at rest.
 """
 
 import math
@@ -19,9 +19,9 @@ Stage = Literal["rest", "pulse", "brake", "over"]
 class TractionConfig:
     """How hard the belts ask, and what counts as no."""
 
-    share: float = 0.10
+    share: float = 0.085
     """Over tan β."""
-    wanted: float = 0.075
+    wanted: float = 0.065
     """Over tan β, which friction must give: between the 1.05 that must be refused and the 1.10 that must not."""
     rest_s: float = 0.6
     """To rest before the pulse; its second half is what gravity and bias are taken from."""
@@ -34,7 +34,8 @@ class TractionTest:
 
     def __init__(self, config: TractionConfig, slope_rad: float) -> None:
         self._config = config
-        self._asked_m_s2 = config.share * G_M_S2 * math.sin(slope_rad)
+        self._slope_rad = slope_rad
+        self._pitch_rad = slope_rad
         self._began_s: float | None = None
         self._t_s = 0.0
         self._rest_sum, self._rest_count = 0.0, 0
@@ -54,6 +55,7 @@ class TractionTest:
         push = float(signal.linear_acceleration_m_s2[0]) - G_M_S2 * math.sin(pitch_of(signal))
         if 0.5 * self._config.rest_s < since <= self._config.rest_s:
             self._rest_sum += push
+            self._pitch_rad = pitch_of(signal)
             self._rest_count += 1
         elif since > self._config.rest_s and self._slip is None:
             self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))
@@ -69,6 +71,11 @@ class TractionTest:
         return self._asked_m_s2 * since
 
     @property
+    def _asked_m_s2(self) -> float:
+        wanted = (1.0 + self._config.share) * math.tan(self._slope_rad)
+        return G_M_S2 * (wanted * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
+
+    @property
     def over(self) -> bool:
         """Whether the pulse and the stop after it are over."""
         config = self._config
@@ -82,4 +89,5 @@ class TractionTest:
     @property
     def holds(self) -> bool:
         """Whether friction gave what was wanted."""
-        return self.slip < 1.0 - self._config.wanted / self._config.share
+        lacking = (self._config.share - self._config.wanted) * math.tan(self._slope_rad) * G_M_S2 * math.cos(self._pitch_rad)
+        return self.slip < lacking / self._asked_m_s2

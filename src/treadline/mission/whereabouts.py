@@ -18,8 +18,10 @@ KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
 MAPS_MAX = 50
 """Weight of the mean shape: five seconds of frames."""
-BLEND_LEAST = 0.15
-"""Share of a new sight in a nosing's place: frames share errors, and belts slip."""
+BLEND_LEAST = 0.02
+"""Share of a new sight in a nosing's place, at least."""
+SLIP_SHARE = 0.5
+"""Share of a frame in where the chair is against the nosings: belts slip by a few per cent, a frame errs by millimetres."""
 
 
 @dataclass(slots=True)
@@ -121,26 +123,46 @@ class Whereabouts:
         self.run_m += (seen.run_m - self.run_m) * share
         self.slope_rad += (seen.slope_rad - self.slope_rad) * share
         self.left_wall_m, self.right_wall_m = seen.left_wall_m, seen.right_wall_m
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        places = self._places(seen)
+        matched = [(nosing, place) for place in places if (nosing := self._find(*place)) is not None]
+        self._move_onto(matched)
         last: _Nosing | None = None
-        across = math.cos(self.heading_rad)
-        for x, _, z in seen.nosings_B.tolist():
-            last = self._place(self._x_m + (x * c - z * s) * across, self._z_m + x * s + z * c)
+        for x_m, z_m in self._places(seen):
+            last = self._place(x_m, z_m)
         self._nosings.sort(key=lambda nosing: nosing.x_m)
         if last is not None:
             self._note_end(last, seen)
 
-    def _place(self, x_m: float, z_m: float) -> _Nosing:
-        """Return the nosing that was seen at a place, new or bettered."""
+    def _places(self, seen: StairMap) -> list[tuple[float, float]]:
+        """Return where a map puts its nosings in the level frame, the nearest first."""
+        c, s, across = math.cos(self.pitch_rad), math.sin(self.pitch_rad), math.cos(self.heading_rad)
+        return [(self._x_m + (x * c - z * s) * across, self._z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
+
+    def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> None:
+        """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together."""
+        known = [(nosing, place) for nosing, place in matched if nosing.count >= KNOWN_AFTER]
+        if known:
+            self._x_m -= SLIP_SHARE * sum(place[0] - nosing.x_m for nosing, place in known) / len(known)
+            self._z_m -= SLIP_SHARE * sum(place[1] - nosing.z_m for nosing, place in known) / len(known)
+
+    def _find(self, x_m: float, z_m: float) -> _Nosing | None:
+        """Return the nosing that stands at a place, or None."""
         for nosing in self._nosings:
             if abs(nosing.x_m - x_m) < SAME * self.run_m and abs(nosing.z_m - z_m) < SAME_RISE_M:
-                nosing.count += 1
-                share = max(1.0 / nosing.count, BLEND_LEAST)
-                nosing.x_m += (x_m - nosing.x_m) * share
-                nosing.z_m += (z_m - nosing.z_m) * share
                 return nosing
-        nosing = _Nosing(x_m, z_m)
-        self._nosings.append(nosing)
+        return None
+
+    def _place(self, x_m: float, z_m: float) -> _Nosing:
+        """Return the nosing that was seen at a place, new or bettered."""
+        nosing = self._find(x_m, z_m)
+        if nosing is None:
+            nosing = _Nosing(x_m, z_m)
+            self._nosings.append(nosing)
+            return nosing
+        nosing.count += 1
+        share = max(1.0 / nosing.count, BLEND_LEAST)
+        nosing.x_m += (x_m - nosing.x_m) * share
+        nosing.z_m += (z_m - nosing.z_m) * share
         return nosing
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:

@@ -19,8 +19,9 @@ from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotati
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import Support, centre_of_mass, tipping_margins
+from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Scenario
@@ -54,6 +55,8 @@ SETTLE_S = 1.0
 SETTLE_FRICTION = 4.0
 SUPPORT_TICKS = 25
 """How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
+ROCKING_M = 0.015
+"""Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
@@ -80,6 +83,7 @@ class MujocoPlant:
         self._arm_rng = streams[5]
         self._linkage = SeatLinkage(chair.seat)
         self._R_SW = self.staircase.R_WS.T
+        self._nosings_W = self.staircase.nosings_W
         self._damage = Damage()
         self._build_physics()
         self._tick = 0
@@ -381,11 +385,15 @@ class MujocoPlant:
         camera = eye.calibration
         return [eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
 
-    def _support_of(self, row: Float[np.ndarray, " c"]) -> Support:
-        """Return what the chair stands on, of late: a chair that rocks over nosings touches now the one, now the other."""
+    def _support_of(self, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Support:
+        """Return what the chair stands on: what it touched of late, and nosings under its belts that it rocks onto in a moment."""
         reach = row[kernels.SUPPORT : kernels.SUPPORT + 4]
         self._reaches.append(reach)
         front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
+        x, z = ((self._nosings_W - row[kernels.QPOS : kernels.QPOS + 3]) @ R_WB[:, [0, 2]]).T
+        under = x[(np.abs(z) < ROCKING_M) & (np.abs(x) < 0.5 * self._chair.tracks.flat_run_m)]
+        if under.size:
+            front, rear = max(front, float(under.max())), max(rear, -float(under.min()))
         return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
 
     def _grip_left(self) -> tuple[float, float]:
@@ -417,7 +425,7 @@ class MujocoPlant:
             stability_margin_rad=tipping_margins(
                 centre_of_mass(self._chair, self._scenario.chair, angle, float(row[kernels.ARM])),
                 (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
-                self._support_of(row),
+                self._support_of(row, R_WB),
             ).worst,
             friction_use=friction_use(self.staircase.slope_rad, heading, self._grip_left()),
         )
