@@ -30,7 +30,9 @@ def fly(
     plan: Plan, folder: Path, flies: Fly = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
 ) -> dict[str, Any]:
     runners: Runners = given.get("runners") or Pool(flies, workers)
-    return fly_sweep(plan, folder, runners, resume=resume, done=given.get("done", lambda _row, _left: None))
+    return fly_sweep(
+        plan, folder, runners, resume=resume, begin=lambda _left: None, done=given.get("done", lambda _row, _left: None)
+    )
 
 
 def results(folder: Path) -> dict[str, bytes]:

@@ -75,7 +75,15 @@ class Plan:
         return Flight(index=index, seed=run_seed(self.seed, index), scenario=drawn.scenario, values=drawn.values)
 
 
-def fly_sweep(plan: Plan, folder: Path, runners: Runners, *, resume: bool, done: Callable[[Row, int], None]) -> dict[str, Any]:
+def fly_sweep(
+    plan: Plan,
+    folder: Path,
+    runners: Runners,
+    *,
+    resume: bool,
+    begin: Callable[[int], None],
+    done: Callable[[Row, int], None],
+) -> dict[str, Any]:
     """Fly what is not flown yet; write and return the summary.
 
     Args:
@@ -83,6 +91,7 @@ def fly_sweep(plan: Plan, folder: Path, runners: Runners, *, resume: bool, done:
         folder: Where the results go.
         runners: Who flies.
         resume: Go on with the sweep that is there.
+        begin: Hears how many there are to fly.
         done: Hears each row as it ends, and how many are left.
     """
     count = generation_size(plan.runs) if plan.adversarial else plan.runs
@@ -91,12 +100,13 @@ def fly_sweep(plan: Plan, folder: Path, runners: Runners, *, resume: bool, done:
     flown: dict[int, Flight] = {}
     with runners, Journal(folder, plan.identity, resume=resume) as journal:
         _write_what_was_asked(plan, folder)
+        begin(_left(plan, journal))
 
         def fly(flights: Sequence[Flight]) -> None:
             flown.update((flight.index, flight) for flight in flights)
             for row in runners.results([flight for flight in flights if flight.index not in journal.rows]):
                 journal.add(row)
-                done(row, plan.total - len(journal.rows))
+                done(row, _left(plan, journal))
 
         try:
             if plan.adversarial:
@@ -138,6 +148,10 @@ def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
     """Return the command that flies a run again."""
     name = f"{row['index']:04d}"
     return f"treadline climb {folder / 'scenarios' / name}.toml --seed {row['seed']} --out {folder / 'flown' / name}"
+
+
+def _left(plan: Plan, journal: Journal) -> int:
+    return plan.total - sum(index < plan.total for index in journal.rows)
 
 
 def _search(

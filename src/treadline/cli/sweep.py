@@ -1,10 +1,12 @@
 """``treadline sweep``: many traversals, drawn from what a file says."""
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from treadline.cli.answer import Answer
+from treadline.cli.progress import Progress
 
 if TYPE_CHECKING:
     from treadline.scenario import Scenario
@@ -55,8 +57,8 @@ def sweep(
     plan = Plan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
-    with _Left(plan.total) as progress:
-        summary = fly_sweep(plan, out, runners, resume=resume, done=progress.done)
+    with _Left() as progress:
+        summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
     worst = summary["worst"][0]
     rate = summary["traversals_per_cpu_hour"]
@@ -85,17 +87,9 @@ def fly(scenario: "Scenario", seed: int) -> Mapping[str, Any]:
 class _Left:
     """Progress by runs, with the time that is left: the pace so far, for those still to come."""
 
-    def __init__(self, total: int) -> None:
-        import time
-
-        from treadline.cli.progress import Progress
-
-        self._clock = time.monotonic
-        self._started = self._clock()
-        self._flown = 0
-        self._total = total
-        self._make = Progress
+    def __init__(self) -> None:
         self._progress: Progress | None = None
+        self._started, self._flown = 0.0, 0
 
     def __enter__(self) -> "_Left":
         return self
@@ -104,15 +98,19 @@ class _Left:
         if self._progress is not None:
             self._progress.__exit__(None, None, None)
 
+    def begin(self, left: int) -> None:
+        """Start the clock; of a sweep that is gone on with, only what is left counts."""
+        self._started = time.monotonic()
+        if left:
+            self._progress = Progress("sweep", left)
+            self._progress.__enter__()
+
     def done(self, row: Mapping[str, Any], left: int) -> None:
         """Count one run."""
-        if self._progress is None:
-            # Only now is it known how many of them were there already.
-            self._progress = self._make("sweep", left + 1)
-            self._progress.__enter__()
         self._flown += 1
-        left_s = (self._clock() - self._started) / self._flown * left
-        self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
+        left_s = (time.monotonic() - self._started) / self._flown * left
+        if self._progress is not None:
+            self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
 
 
 def _spoken(duration_s: float) -> str:
