@@ -80,7 +80,7 @@ class Guard:
                 mended = self._senses.health(signal)
                 if mended is not None:
                     self._latch.tell(mended.t_s, mended.name, mended.cause)
-            case Plan():
+            case _:
                 self._follow(signal)
 
     def beat(self, process: str, t_s: float) -> None:

@@ -1,0 +1,640 @@
+"""Each watch of the guard alone, on its very limits: numbers are sums of powers of two, so that "equal" means equal."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.estimation import HeadingHealth
+from treadline.mission.guard import GuardConfig
+from treadline.mission.guard.ahead import AheadWatch, GapWatch, ObstacleWatch
+from treadline.mission.guard.belts import BeltWatch, SlipWatch
+from treadline.mission.guard.body import SeatWatch, TiltWatch
+from treadline.mission.guard.latch import Latch
+from treadline.mission.guard.limits import limited, mean_limit
+from treadline.mission.guard.lost import SenseWatch, estimate_fault
+from treadline.mission.guard.sight import SightWatch
+from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.signals import FrameQuality, HeadingEstimate, Plan, StairMap, TrackCommand, TrackReading
+
+
+def health(fault: Any, t_s: float, since_s: float | None = None) -> HeadingHealth:
+    return HeadingHealth(
+        t_s=t_s, fault=fault, since_s=since_s, cause=None, disagreement_rad=0.0, unseen_s=0.0, bias_rad_s=0.0, scale=1.0,
+        walk_rad_rts=0.0,
+    )  # fmt: skip
+
+
+def estimate(t_s: float = 0.0, heading_rad: float = 0.0) -> HeadingEstimate:
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+
+def test_the_shipped_limits_are_those_of_the_table() -> None:
+    """Test: the defaults. Expected result: the numbers of the table of hazards."""
+    config = GuardConfig()
+    deg = math.pi / 180.0
+    assert (config.belt_limit_m_s, config.cruise_limit_m_s, config.turn_limit_m_s) == (1.0, 0.30, 0.55)
+    assert (config.blind_limit_m_s, config.edge_limit_m_s, config.plan_margin, config.plan_spare_m_s) == (0.10, 0.10, 0.25, 0.02)
+    assert (config.imu_timeout_s, config.vision_only_s, config.frame_timeout_s) == (0.05, 1.0, 0.3)
+    assert (config.blind_timeout_s, config.blind_travel_m, config.estimate_timeout_s) == (3.0, 0.5, 0.3)
+    assert (config.lost_timeout_s, config.disagreement_s, config.driver_timeout_s) == (12.0, 0.5, 0.75)
+    assert (config.heartbeat_timeout_s, config.link_timeout_s, config.clock_jump_s) == (0.75, 0.3, 1.0)
+    assert (config.frozen_travel_m, config.valid_least, config.valid_least_dark) == (0.05, 0.15, 0.3)
+    assert (config.dark, config.contrast_least) == (0.02, 0.008)
+    assert (config.drive_lag_s, config.drive_acceleration_m_s2) == (0.15, 4.0)
+    assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
+    assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
+    assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.5 * deg, 5.0 * deg, 5.0 * deg)
+    assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
+    assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
+    assert (config.front_m, config.rear_m, config.track_span_m) == (0.89, 0.55, 0.95)
+    assert (config.gap_clear_m, config.obstacle_clear_m, config.stopping_s) == (0.2, 0.3, 0.4)
+    assert config.needs_heading
+    assert config.watches_motion
+
+
+def test_a_stamp_may_be_off_by_the_leap_and_not_by_more() -> None:
+    """Test: stamps at the leap's very length, ahead and back, and beyond. Expected result: only beyond is a leap."""
+    stamps = Stamps(1.0)
+    assert stamps.admit("a", 2.0, 1.0)
+    assert stamps.leap is None
+    assert not stamps.admit("a", 2.125, 1.0)
+    assert stamps.leap == "clock of a leapt 1.12 s ahead"
+    assert not stamps.admit("a", 1.0, 1.0)
+    assert stamps.leap is None
+    assert not stamps.admit("a", 0.875, 1.0)
+    assert stamps.leap == "clock of a leapt 1.12 s back"
+    assert stamps.admit("a", 1.0, 1.0)  # the new clock goes on
+    assert stamps.admit("b", 0.5, 1.0)  # each kind has its own
+
+
+def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
+    """Test: two sources; one speaks out of order, one of the future. Expected result: its later word counts, not the future."""
+    silence = Silence(0.5, "process ")
+    assert silence.cause(100.0) is None
+    silence.heard("a", 1.0)
+    silence.heard("a", 0.75)
+    silence.heard("b", 9.0)
+    assert silence.cause(1.5) is None
+    assert silence.cause(1.5625) == "process a silent for 0.56 s"
+    silence.heard("a", 2.0)
+    assert silence.cause(2.0) is None  # b is taken to have spoken at 1.5
+    assert silence.cause(2.03125) == "process b silent for 0.53 s"
+    silence.restart(3.0)
+    assert silence.cause(3.5) is None
+    assert silence.cause(3.625) is not None
+
+
+def test_the_latch_keeps_its_first_cause() -> None:
+    """Test: two causes, none, and a release that has nothing to release. Expected result: the first stays; events once each."""
+    latch = Latch()
+    assert not latch.release(0.0)
+    latch.hold(1.0, None)
+    assert latch.cause is None
+    latch.hold(2.0, "first")
+    latch.hold(3.0, "second")
+    assert latch.cause == "first"
+    assert latch.release(4.0)
+    latch.slow(5.0, "a", "one")
+    latch.slow(6.0, "a", "two")
+    latch.slow(7.0, "b", "three")
+    latch.slow(8.0, "", "well")
+    latch.slow(9.0, "", "well")
+    told = [(event.t_s, event.name, event.cause) for event in latch.take()]
+    assert told == [
+        (2.0, "hold", "first"),
+        (4.0, "rearmed", "by a person, after: first"),
+        (5.0, "slow", "one"),
+        (7.0, "slow", "three"),
+        (8.0, "resumed", "well"),
+    ]
+    assert latch.take() == []
+
+
+def test_what_is_pressed_is_a_press_once() -> None:
+    """Test: pressed, held, released, pressed. Expected result: two presses."""
+    latch = Latch()
+    assert [latch.press(rearm=rearm) for rearm in (True, True, False, True)] == [True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("brightness", "contrast", "valid", "usable", "dark"),
+    [
+        (0.25, 0.125, 0.25, True, False),
+        (0.25, 0.125, 0.1875, False, False),
+        (0.125, 0.125, 0.5, True, False),
+        (0.0625, 0.125, 0.5, True, True),
+        (0.0625, 0.125, 0.4375, False, True),
+        (0.875, 0.125, 0.4375, True, False),
+        (0.9375, 0.125, 0.4375, False, True),
+        (0.5, 0.0625, 0.4375, True, False),
+        (0.5, 0.03125, 0.4375, False, True),
+    ],
+)
+def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, valid: float, usable: bool, dark: bool) -> None:
+    """Test: values on a limit and next to it. Expected result: on the limit it is good."""
+    watch = SightWatch(GuardConfig(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
+    frame = FrameQuality(t_s=0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
+    assert watch.frame(frame) is usable
+    assert watch.is_dark is dark
+
+
+def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
+    """Test: one value over 0.0625 m of belt, backwards too, and over more. Expected result: frozen beyond."""
+    for sign in (1.0, -1.0):
+        watch = SightWatch(GuardConfig(frozen_travel_m=0.0625))
+        assert watch.says("map", 1, 4.0)
+        assert watch.says("map", 1, 4.0 + sign * 0.0625)
+        assert not watch.says("map", 1, 4.0 + sign * 0.125)
+        assert watch.refused == "is frozen"
+        assert watch.says("heading", 1, 4.125)
+        assert watch.says("map", 2, 4.0 + sign * 0.125)
+        assert watch.says("map", 2, 4.0 + sign * 0.1875)
+        assert watch.refused == ""
+
+
+def reading(t_s: float, left: float, right: float) -> TrackReading:
+    return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=False)
+
+
+def test_a_belts_travel_and_speed_are_the_means() -> None:
+    """Test: 0.25 and 0.75 m/s for a second, a gap of readings, backwards. Expected result: half a metre, none for the gap."""
+    watch = BeltWatch(GuardConfig(mismatch_s=99.0))
+    for k in range(17):
+        watch.feel(reading(k / 16, 0.25, 0.75))
+    assert watch.travel_m == 0.5
+    assert watch.speed_m_s == 0.5
+    watch.feel(reading(2.0, 0.25, 0.75))
+    assert watch.travel_m == 0.5
+    watch.feel(reading(2.0625, -1.0, -1.0))
+    assert watch.travel_m == 0.4375
+
+
+def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
+    """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
+    and the brake's deceleration to zero and no further, both ways."""
+    watch = BeltWatch(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0))
+    watch.feel(reading(0.0, 0.0, 0.0))
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
+    watch.feel(reading(0.0625, 0.0, 0.0))
+    lag = math.exp(-0.25)
+    assert watch._expected == pytest.approx([0.125, -0.1 * (1.0 - lag)])
+    watch.feel(reading(0.125, 0.0, 0.0))
+    assert watch._expected == pytest.approx([0.25, -0.1 * (1.0 - lag * lag)])
+    watch._expected = [1.0, -0.75]
+    watch.ask(TrackCommand.stop(0.0))
+    watch.feel(reading(0.1875, 0.0, 0.0))
+    assert watch._expected == [0.375, -0.125]
+    watch.feel(reading(0.25, 0.0, 0.0))
+    assert watch._expected == [0.0, 0.0]
+    watch._expected = [-1.0, 0.0]
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=0.0))
+    watch._config = GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=8.0)
+    watch.feel(reading(0.3125, 0.0, 0.0))
+    assert watch._expected[0] == pytest.approx(-1.0 + 2.0 * (1.0 - lag))
+
+
+def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
+    """Test: 0.5 m/s asked; a quarter and 1/16 m/s are allowed; on the limit, below, for the time and for less. Expected result:
+    a cause for what lasts, and none where it comes and goes."""
+    config = GuardConfig(mismatch=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25)
+
+    def run(*lefts: float) -> str | None:
+        watch = BeltWatch(config)
+        watch.feel(reading(0.0, 0.5, 0.5))
+        watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
+        for k, left in enumerate(lefts, start=1):
+            watch.feel(reading(k / 16, left, 0.5))
+        return watch.cause
+
+    assert run(*[0.3125] * 9) is None
+    assert run(*[0.6875] * 9) is None
+    assert run(*[0.25] * 4) is None
+    assert run(*[0.25] * 5) == "left track is stalled: 0.25 m/s where 0.50 is expected"
+    assert run(*[0.75] * 5) == "left track runs away: 0.75 m/s where 0.50 is expected"
+    assert run(*[-0.5] * 5) == "left track is stalled: -0.50 m/s where 0.50 is expected"
+    assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
+
+
+def test_readings_apart_by_the_gap_are_still_compared() -> None:
+    """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
+    watch = BeltWatch(GuardConfig(mismatch_s=0.0625))
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
+    watch.feel(reading(0.0, 0.0, 0.0))
+    watch.feel(reading(0.0625, 0.0, 0.0))
+    watch.feel(reading(0.1875, 0.0, 0.0))
+    assert watch._expected == [0.0, 0.0]
+    assert watch.cause is None
+    watch.feel(reading(0.25, 0.0, 0.0))
+    watch.feel(reading(0.3125, 0.0, 0.0))
+    assert watch.cause is not None
+    watch.forget()
+    assert watch.cause is None
+    watch.feel(reading(0.328125, 1.0, 1.0))
+    assert watch._expected == [1.0, 1.0]
+
+
+def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipWatch:
+    """Feed maps an eighth of a second apart: each step is the belts' travel, what of it the nosings do not show, how often."""
+    watch = SlipWatch(config)
+    t_s = travel = slid = 0.0
+    places = [1.0, 1.5, 2.0, 2.5]
+    watch.look(t_s, places, travel, 0.0)
+    for driven, lost, times in steps:
+        for _ in range(int(times)):
+            t_s, travel, slid = t_s + 0.125, travel + driven, slid + lost
+            there = [1.0 + (place + slid - travel) % 2.0 for place in places]
+            watch.look(t_s, sorted(there), travel, turn_rad * t_s)
+    return watch
+
+
+def test_slip_is_told_after_its_time_and_held_after_twice() -> None:
+    """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
+    from the eighth."""
+    config = GuardConfig(slip=0.25)
+    assert slipping(config, (0.0625, 0.03125, 3)).slip == 0.0
+    assert slipping(config, (0.0625, 0.03125, 4)).slip == 0.5
+    assert slipping(config, (0.0625, 0.03125, 7)).cause is None
+    assert slipping(config, (0.0625, 0.03125, 8)).cause == "slip 0.50: the chair is 0.12 m off its belts in 0.5 s"
+    assert slipping(config, (-0.0625, -0.03125, 8)).cause is not None
+    assert slipping(config, (0.0625, -0.03125, 8)).cause is not None
+
+
+def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
+    """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
+    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.0166, 12)).slip > 0.25
+    assert slipping(GuardConfig(slip=0.25), (0.0074, 0.0064, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0076, 0.0064, 12)).slip > 0.8
+    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
+
+
+def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; while it turns none at all."""
+    config = GuardConfig(slip=0.25, slip_turn_rad=0.0625)
+    lost, none = (0.0625, 0.03125), (0.0625, 0.0)
+    assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
+    assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
+    assert slipping(config, (*lost, 8), turn_rad=0.125).cause is not None
+    assert slipping(config, (*lost, 12), turn_rad=0.140625).slip == 0.0
+    assert slipping(config, (*lost, 12), turn_rad=-0.140625).slip == 0.0
+
+
+def test_a_chair_rolls_back_beyond_its_limit() -> None:
+    """Test: forwards, then back by 0.25 m and by more. Expected result: a cause beyond, counted from the furthest place."""
+    config = GuardConfig(slip=9.0, roll_back_m=0.25)
+    forwards = (0.0625, 0.0, 4)
+    assert slipping(config, forwards, (0.0625, 0.125, 4)).cause is None
+    assert slipping(config, forwards, (0.0625, 0.125, 5)).cause == "rolled back 0.31 m"
+    assert slipping(config, (0.0625, 0.125, 3), forwards, (0.0625, 0.125, 3)).cause is None
+
+
+def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
+    """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
+    watch = SlipWatch(GuardConfig())
+    watch.look(0.0, [1.0], 0.0, 0.0)
+    watch.look(0.25, [0.9375], 0.125, 0.0)
+    assert watch._slid_m == 0.0625
+    watch.look(0.75, [0.75], 0.5, 0.0)
+    assert watch._slid_m == 0.0625
+    assert len(watch._window) == 1
+    watch.look(0.875, [], 0.5, 0.0)
+    watch.look(1.0, [0.5], 0.625, 0.0)
+    assert watch._slid_m == 0.0625
+    assert len(watch._window) == 1
+    watch.cause, watch.slip, watch._since_s = "x", 0.5, 0.0
+    watch.forget()
+    assert (watch.cause, watch.slip, watch._since_s, len(watch._window)) == (None, 0.0, None, 0)
+    watch.look(1.0625, [0.0], 0.625, 0.0)
+    assert watch._slid_m == 0.0625
+
+
+def test_something_in_the_way_counts_from_its_second_map() -> None:
+    """Test: seen once, twice, not, again. Expected result: a distance after two in a row, less what the belts ran."""
+    watch = ObstacleWatch()
+    assert watch.distance_m(0.0) == math.inf
+    watch.look(2.0, 1.0)
+    assert watch.distance_m(1.0) == math.inf
+    watch.look(1.5, 1.5)
+    assert watch.distance_m(2.0) == 1.0
+    watch.look(None, 2.0)
+    assert watch.distance_m(2.0) == math.inf
+    watch.look(1.0, 2.0)
+    assert watch.distance_m(2.0) == math.inf
+
+
+def on_a_line(*places: float) -> list[tuple[float, float]]:
+    return [(place, 0.0) for place in places]
+
+
+def test_a_gap_lies_behind_the_last_good_nosing() -> None:
+    """Test: spacings just within and beyond the span, two nosings, three, the gap before or behind the short step, on a slope.
+    Expected result: the nosing before the wider spacing, and the span."""
+    watch = GapWatch(1.0)
+    assert watch._gap([]) is None
+    assert watch._gap(on_a_line(1.0)) is None
+    assert watch._gap(on_a_line(1.0, 2.0)) is None
+    assert watch._gap(on_a_line(1.0, 2.125)) == (1.0, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.5, 2.0)) is None
+    assert watch._gap(on_a_line(1.0, 1.5, 2.125)) == (1.5, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.75, 2.125)) == (1.0, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.75, 2.5)) == (1.0, 1.5)
+    assert watch._gap(on_a_line(0.5, 1.0, 1.5, 2.25)) == (1.5, 1.25)
+    assert watch._gap([(1.0, 0.0), (1.75, 1.0)]) == (1.0, 1.25)
+
+
+def test_a_gap_counts_from_its_third_map_and_fades() -> None:
+    """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after three more
+    for than against; what is out of view is kept."""
+    gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
+    watch = GapWatch(1.0)
+    for _ in range(2):
+        watch.look(gap, 0.0)
+        assert watch.distance_m(0.0) == math.inf
+    watch.look(gap, 0.0)
+    assert watch.distance_m(0.25) == 1.25
+    assert watch.width_m == 1.25
+    watch.look(on_a_line(), 0.0)
+    watch.look(on_a_line(1.625, 2.0, 2.25), 0.0)
+    watch.look(on_a_line(0.5, 1.0, 1.5), 0.0)
+    assert watch.distance_m(0.0) == 1.5
+    watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == math.inf
+    for _ in range(9):
+        watch.look(gap, 0.0)
+    for _ in range(3):
+        watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == 1.5  # counted up to six
+    watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == math.inf
+    for _ in range(9):
+        watch.look(whole, 0.0)
+    for _ in range(3):
+        watch.look(gap, 0.0)
+    assert watch.distance_m(0.0) == 1.5  # counted down to none
+    watch.look(on_a_line(0.0, 0.5, 1.25), 0.0)
+    assert watch.distance_m(0.0) == math.inf
+    watch.look(on_a_line(1.0, 1.625, 2.375), 0.0)
+    assert watch.distance_m(0.0) == 1.625
+
+
+def ahead(config: GuardConfig, **changes: Any) -> AheadWatch:
+    """Return what three maps tell of one thing ahead, at no travel."""
+    values: dict[str, Any] = {
+        "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
+        "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
+    }  # fmt: skip
+    places = changes.pop("places", [])
+    watch = AheadWatch(config)
+    for _ in range(3):
+        watch.look(StairMap(**{**values, **changes}), places, 0.0)
+    return watch
+
+
+LENGTHS = GuardConfig(
+    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("direction", "sign", "lead_m"), [("up", 1.0, 1.0), ("down", -1.0, 0.5)])
+def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, sign: float, lead_m: float) -> None:
+    """Test: an obstacle 4 m from mid-track, belts at ±0.25 m/s. Expected result: held from clearance + 0.125 m on, and only towards
+    it."""
+    watch = ahead(LENGTHS, direction=direction, obstacle_m=4.0)
+    limit_m = sign * (4.0 - lead_m - 0.25 - 0.125)
+    assert watch.cause(limit_m, sign * 0.25) is None
+    assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
+    assert watch.cause(limit_m + sign * 0.0625, 0.0) is None
+    assert watch.cause(limit_m + sign * 0.0625, -sign * 0.25) is None
+    assert watch.doubt(limit_m) is None
+
+
+def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
+    """Test: a gap that begins 4 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
+    watch = ahead(LENGTHS, places=on_a_line(3.5, 4.0, 4.75))
+    limit_m = 4.0 - 1.0 - 0.125 - 0.125
+    assert watch.cause(limit_m, 0.25) is None
+    assert watch.doubt(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
+    assert watch.cause(limit_m + 0.0625, 0.25) == "1.25 m from nosing to nosing 0.19 m ahead, too long for the track"
+    assert watch.cause(limit_m + 0.0625, 0.0) is None
+    assert watch.cause(3.9375, 0.25) is not None
+    assert watch.cause(4.0, 0.25) is None
+    assert watch.doubt(4.0) is None
+    assert AheadWatch(LENGTHS).doubt(0.0) is None
+
+
+def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of a roll after a pitch, front up."""
+    c, s, cr, sr = math.cos(-pitch / 2), math.sin(-pitch / 2), math.cos(roll / 2), math.sin(roll / 2)
+    return c * cr, c * sr, s * cr, -s * sr
+
+
+@pytest.mark.parametrize(
+    ("pitch", "roll", "rate", "cause"),
+    [
+        (0.3, 0.0, 0.5, None),
+        (0.3, 0.0, -0.5, None),
+        (0.3, 0.0, 0.5625, "pitch rate 32 °/s, pitch 17°"),
+        (0.501, 0.0, 0.0, "pitch 29°"),
+        (0.499, 0.0, 0.0, None),
+        (-0.251, 0.0, 0.0, "pitch -14°"),
+        (-0.249, 0.0, 0.0, None),
+        (0.2, 0.27, 0.0, "roll 15°"),
+        (0.2, -0.27, 0.0, "roll -15°"),
+        (0.2, 0.24, 0.0, None),
+    ],
+)
+def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, cause: str | None) -> None:
+    """Test: attitudes and rates around their limits, for 3/64 and 4/64 s. Expected result: a cause after the time, if beyond."""
+    config = GuardConfig(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
+    watch = TiltWatch(config)
+    for k in range(4):
+        watch.feel(k / 64, tilted(pitch, roll), rate)
+    assert watch.cause is None
+    watch.feel(4 / 64, tilted(pitch, roll), rate)
+    assert watch.cause == cause
+    watch.forget()
+    watch.feel(5 / 64, tilted(pitch, roll), rate)
+    assert watch.cause is None
+
+
+def test_a_tilt_that_ends_is_forgotten() -> None:
+    """Test: beyond for 3/64 s, within, beyond for 3/64 s. Expected result: no cause."""
+    watch = TiltWatch(GuardConfig(front_up_rad=0.5))
+    for k in range(8):
+        watch.feel(k / 64, tilted(0.6 if k % 4 else 0.0, 0.0), 0.0)
+    assert watch.cause is None
+
+
+def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
+    """Test: straight up and straight down with rounding beyond one. Expected result: 90°, no exception."""
+    for sign in (1.0, -1.0):
+        watch = TiltWatch(GuardConfig())
+        for k in range(9):
+            watch.feel(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
+        assert watch.cause == f"pitch {sign * 90:.0f}°"
+
+
+def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
+    """Test: 0.25 rad allowed for a second; on the limit, beyond, shrinking by less and by more than 2° a time. Expected result: a
+    cause a second after the last shrinking."""
+    config = GuardConfig(seat_rad=0.25, seat_s=1.0)
+    watch = SeatWatch(config)
+    for k in range(20):
+        watch.feel(k / 8, 0.25)
+    assert watch.cause is None
+    for k in range(8):
+        watch.feel(3.0 + k / 8, -0.5)
+        assert watch.cause is None
+    watch.feel(4.0, -0.5)
+    assert watch.cause == "seat is -28.6° off level for 1.0 s"
+    watch.forget()
+    assert watch.cause is None
+    for k in range(8):
+        watch.feel(5.0 + k / 8, 0.5)
+    watch.feel(6.0, 0.4375)
+    assert watch.cause is None
+    watch.feel(6.9375, 0.4375)
+    assert watch.cause is None
+    watch.feel(7.0, 0.4375 - 0.03)
+    assert watch.cause is not None
+
+
+def senses(config: GuardConfig | None = None) -> SenseWatch:
+    watch = SenseWatch(
+        config
+        or GuardConfig(
+            imu_timeout_s=0.0625,
+            frame_timeout_s=0.25,
+            vision_only_s=1.0,
+            blind_timeout_s=4.0,
+            blind_travel_m=0.5,
+            lost_timeout_s=8.0,
+        )
+    )
+    watch.restart(0.0, 0.0)
+    return watch
+
+
+def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
+    """Test: each sense silent for exactly its time, and longer. Expected result: missed beyond only."""
+    watch = senses()
+    assert watch.doubt(0.0625) is None
+    assert watch.doubt(0.125) == ("imu", "no IMU sample for 0.12 s")
+    watch.imu(1.0)
+    watch.imu(0.5)
+    watch.frame(0.75, 0.0)
+    watch.frame(0.5, 0.0)
+    assert watch.doubt(1.0) is None
+    assert watch.doubt(1.03125) == ("camera", "no frame for 0.28 s")
+    watch.frame(2.0, 0.0)
+    watch.frame(1.75, 0.0)
+    watch.seen(2.0)
+    assert watch.alarm(2.0, 0.0, None) is None
+
+
+def test_without_imu_alarms_begin_beyond_a_second() -> None:
+    """Test: frames go on, the IMU is silent for 1 s and longer; over the crest for less. Expected result: an alarm beyond only."""
+    watch = senses()
+    watch.frame(1.0, 0.0)
+    assert watch.alarm(1.0, 0.0, "climb") is None
+    assert watch.alarm(1.0, 0.0, "crest") == "no IMU sample for 1.00 s"
+    assert watch.alarm(1.0625, 0.0, "climb") == "no IMU sample for 1.06 s"
+    assert watch.alarm(1.25, 0.0, "climb") == "no IMU sample for 1.25 s"
+    assert watch.alarm(1.3125, 0.0, "climb") == "no IMU sample for 1.31 s, and no frame for 0.3 s"
+
+
+def test_without_frames_alarms_begin_beyond_time_or_way() -> None:
+    """Test: the IMU goes on, frames end; 4 s, 0.5 m forwards and backwards. Expected result: an alarm beyond only, none for
+    a way driven while frames still counted as arriving."""
+    for sign in (1.0, -1.0):
+        watch = senses()
+        watch.imu(4.0)
+        assert watch.alarm(0.25, sign * 9.0, None) is None or watch._imu_s == 0.25
+        watch = senses()
+        watch.imu(4.0)
+        assert watch.alarm(4.0, sign * 0.5, None) is None
+        assert watch.alarm(4.0, sign * 0.5625, None) == "no frame for 4.0 s, 0.56 m driven since"
+        watch.imu(4.125)
+        assert watch.alarm(4.125, 0.0, None) == "no frame for 4.1 s"
+    watch = senses()
+    watch.imu(0.25)
+    assert watch.alarm(0.25, 9.0, None) is None
+
+
+def test_a_stair_is_missed_beyond_its_time() -> None:
+    """Test: IMU and frames go on, no stair for 8 s and longer. Expected result: an alarm beyond only."""
+    watch = senses()
+    watch.imu(8.0)
+    watch.frame(8.0, 0.0)
+    assert watch.alarm(8.0, 0.0, None) is None
+    watch.imu(8.0625)
+    watch.seen(0.0)
+    assert watch.alarm(8.0625, 0.0, None) == "no stair in view for 8.1 s"
+    watch.seen(1.0)
+    watch.seen(0.5)
+    assert watch.alarm(8.0625, 0.0, None) is None
+
+
+def test_what_clocks_tell_of_the_future_was_told_now() -> None:
+    """Test: each sense speaks of 9 s at 0.25 s. Expected result: missed from 0.25 s on."""
+    watch = senses()
+    watch.imu(9.0)
+    watch.frame(9.0, 0.0)
+    watch.seen(9.0)
+    assert watch.alarm(0.25, 0.0, None) is None
+    assert (watch._imu_s, watch._frame_s, watch._seen_s) == (0.25, 0.25, 0.25)
+
+
+def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
+    """Test: the IMU spoke at -1 s, the mission begins at 2 s. Expected result: the IMU is missed, the others are not yet."""
+    watch = SenseWatch(GuardConfig())
+    watch.imu(-1.0)
+    watch.begin(2.0)
+    assert (watch._imu_s, watch._frame_s, watch._seen_s) == (-1.0, 2.0, 2.0)
+
+
+def test_a_disagreement_lasts_beyond_its_time() -> None:
+    """Test: told for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
+    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    assert watch.health(health("disagreement", 1.5, 1.0)) is None
+    assert watch.alarm(1.5, 0.0, None) is None
+    assert watch.alarm(1.5625, 0.0, None) == "camera and gyro disagree for 0.6 s"
+    watch.health(health("disagreement", 1.5))
+    assert watch.alarm(2.0, 0.0, None) is None
+    assert watch.alarm(2.0625, 0.0, None) is not None
+
+
+def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
+    """Test: stuck since 1.0 s; for a second and longer. Expected result: doubt at once, an alarm beyond a second only."""
+    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    watch.imu(2.0)
+    watch.health(health("stuck", 1.0, 1.0))
+    assert watch.doubt(1.5) == ("imu", "gyro stuck for 0.50 s")
+    assert watch.alarm(2.0, 0.0, None) is None
+    assert watch.alarm(2.0625, 0.0, None) == "gyro stuck for 1.06 s"
+
+
+@pytest.mark.parametrize(("age_s", "fault"), [(0.25, None), (-0.25, None), (0.3125, "is +0.31 s old"), (-0.3125, "is -0.31 s old")])
+def test_an_estimates_age_may_be_its_limit(age_s: float, fault: str | None) -> None:
+    """Test: an estimate of exactly 0.25 s, and older or younger. Expected result: a fault beyond only."""
+    found = estimate_fault(estimate(1.0 - age_s), 1.0, 0.25)
+    assert found == (None if fault is None else f"heading estimate {fault}")
+    assert estimate_fault(None, 1.0, 0.25) is None
+
+
+def test_limits_hold_on_their_very_values() -> None:
+    """Test: heading on its limit; shares of one and a half; belts on their limit. Expected result: square; all, half; as asked."""
+    config = GuardConfig(turning_rad=0.125)
+    assert mean_limit(config, estimate(heading_rad=0.125), None, doubt=False) == 0.30
+    assert mean_limit(config, estimate(heading_rad=-0.25), None, doubt=False) == 0.55
+    assert mean_limit(config, estimate(heading_rad=0.25), None, doubt=True) == 0.10
+    slow = Plan(t_s=0.0, phase="crest", speed_m_s=0.02)
+    assert mean_limit(config, estimate(), slow, doubt=True) == pytest.approx(0.045)
+    asked = TrackCommand(t_s=0.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
+    assert limited(asked, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
+    assert limited(asked, 2.0, 0.25, 1.0, 0.5) == TrackCommand(t_s=2.0, left_m_s=-0.5, right_m_s=0.5, brake=True)
+    back = TrackCommand(t_s=0.0, left_m_s=-0.5, right_m_s=-0.25)
+    assert limited(back, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-0.375, right_m_s=-0.125)
