@@ -7,12 +7,14 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.mechanics.chair import read_chair
 from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.down import down_of_treads
 from treadline.perception.kernels import BEYOND
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Ends, Surface
 
+CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN = np.array([0.0, 1.0, 0.0])
 TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])
 AHEAD = (5.0 * DEG, 70.0 * DEG)
@@ -41,7 +43,7 @@ def tread() -> Surface:
 
 
 def fit(risers: list[Nosing]) -> EdgeFit:
-    return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]))
+    return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]), CAMERA)
 
 
 def sigma_of(found: EdgeFit) -> float:
@@ -72,7 +74,7 @@ def test_planes_that_tilt_with_their_distance_tell_of_warped_depth() -> None:
     facing = rotation_y(20.0 * DEG) @ np.array([0.0, 0.0, 1.0])
     planes = [bent(facing, distance) for distance in (1.0, 1.4, 1.8, 2.2, 2.6, 3.0)]
     risers = [replace(riser(), riser=plane, point=plane.centre) for plane in planes]
-    found = fit_edges(risers, [bent(DOWN, 0.8), bent(DOWN, 1.2)], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]))
+    found = fit_edges(risers, [bent(DOWN, 0.8), bent(DOWN, 1.2)], DOWN, 0.5 * DEG, np.array([1.0, 0.0, 0.0]), CAMERA)
     # The mean of the six is 0.23° off.
     assert off_rad(found) < 0.1 * DEG
 

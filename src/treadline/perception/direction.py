@@ -1,13 +1,14 @@
 """One edge direction from all treads, risers and nosings in view, and how sure it is.
 
 Every tread, every riser and every plane through a nosing and the camera's centre holds the edges' direction e, so each
-normal n says n·e = 0. Three small numbers are sought around a first direction: α, by which the edges are turned about the
-vertical, ρ, by which they are off level, and s, by which the camera's depth is warped along the edges. Risers tell α, treads
-and gravity ρ, nosings seen from above a mixture of the two. A warp tilts every plane that depth shows, the further the more,
-and no line in the image: lines and planes together, and planes at different distances, tell it.
+normal n says n·e = 0. Small numbers are sought around a first direction: α, by which the edges are turned about the vertical,
+ρ, by which they are off level, and the terms of the depth's warp (``unknowns.warp``). Risers tell α, treads and gravity ρ, nosings
+seen from above a mixture of the two. A warp tilts every plane that depth shows, the further the more, and no line in the image:
+lines and planes together, and planes at different places and distances, tell it.
 
-What a surface says is off by the sensor's noise, which residuals show, and by the stair itself, whose treads and nosings are
-not quite parallel. How irregular a stair is, is integrated out (``irregular``), for treads and nosings each.
+What a surface says is off by the sensor's noise, which residuals show, and by the stair itself, whose steps are not quite parallel:
+riser and nosing of a step turn with it, tread and nosing tilt with it. How irregular a stair is and how warped the depth, is
+integrated out (``unknowns.kernels``).
 """
 
 from collections.abc import Sequence
@@ -17,26 +18,27 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.irregular import believed
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
+from treadline.perception.unknowns.kernels import integrated_out
+from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
+from treadline.signals import PinholeCamera
 
-TURNS, TILTS = (
-    grid.ravel() for grid in np.meshgrid(np.geomspace(0.003 * DEG, 2.0 * DEG, 9), np.geomspace(0.003 * DEG, 2.0 * DEG, 9))
-)
-"""Irregularities thought possible of nosings (about the vertical) and of treads (off level), in pairs."""
-WARP = 0.0015
-"""How far the depth's warp is believed to tilt planes along the edges, in 1/m (one sigma): leftover of a calibration of 0.03 px
-of a Kinect's disparity, most of it over the width of the image."""
+TURNS = TILTS = np.geomspace(0.003 * DEG, 2.0 * DEG, 7)
+"""Irregularities thought possible of steps: about the vertical, and off level."""
+ONE_GUESS = slice(3, 4)
+"""For a first, rough turn."""
+WARPS_PX = np.geomspace(0.006, 0.1, 3)
+"""Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
+SAME_STEP_M = 0.03
+"""Between a nosing and the plane of its tread."""
 OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
 """Surfaces further apart than this, and by so many of their deviations, are not of one straight flight."""
 GRAVITY_DOUBT, AGREED_SHARE = 2.0, 0.5
 """Declared deviations off which treads have the IMU doubted, if they agree within such a share of that."""
 TILT_BELIEVED = 0.5 * DEG
 """Of a single tread, where risers and nosings are compared."""
-FLAT = 1e-8
-"""Prior precision of α and ρ: none to speak of."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,22 +74,29 @@ class _Axes:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """Linear equations ``by · (α, ρ, s) = value``, one for each normal."""
+    """Linear equations ``by · (α, ρ) + warp · terms = value``, one for each normal."""
 
     value: Float[np.ndarray, " k"]
-    by: Float[np.ndarray, "k 3"]
+    by: Float[np.ndarray, "k 2"]
+    warp: Float[np.ndarray, "k t"]
     noise: Float[np.ndarray, " k"]
     """Variance of the normal's angle across the edges."""
     tilts: Bool[np.ndarray, " k"]
     """Whether it tilts with a tread."""
     group: Int[np.ndarray, " k"]
     """Number of the nosing it turns with; -1 for none."""
+    step: Int[np.ndarray, " k"]
+    """Number of the step it is of: a nosing's, or one of its own for a tread without one; -1 for gravity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solution:
-    mean: Float[np.ndarray, " 3"]
-    covariance: Float[np.ndarray, "3 3"]
+    mean: Float[np.ndarray, " n"]
+    """The warp's terms, α and ρ."""
+    covariance: Float[np.ndarray, "2 2"]
+    """Of α and ρ."""
+    likeliest: Float[np.ndarray, "n n"]
+    """Covariance of all under the irregularity and the size of the warp that fit best."""
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
@@ -113,6 +122,7 @@ def fit_edges(
     down: Float[np.ndarray, " 3"],
     down_sigma_rad: float,
     start: Float[np.ndarray, " 3"],
+    camera: PinholeCamera,
 ) -> EdgeFit:
     """Return the direction at right angles to all normals.
 
@@ -123,23 +133,25 @@ def fit_edges(
     """
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.tells]
+    warps = _warps(nosings, treads, camera)
+    step = _steps(nosings, treads)
     for last in (False, True):
         axes = _axes(edge, down)
-        rows = _rows(nosings, treads, down, down_sigma_rad, axes)
+        rows = _rows(nosings, treads, down, down_sigma_rad, axes, warps, step)
         angles, noise = _angles(rows, len(nosings))
         kept = _agreeing(angles, noise)
         chosen = np.concatenate([kept, [True]])[rows.group]
         chosen[rows.group < 0] = _agreeing_treads(rows)
-        # A first, rough turn needs no more than one guess of the irregularity.
-        solution = _solved(_only(rows, chosen), slice(None) if last else slice(40, 41))
-        edge = axes.edge + solution.mean[0] * axes.ahead + solution.mean[1] * axes.down
+        solution = _solved(_only(rows, chosen), slice(None) if last else ONE_GUESS)
+        alpha, rho = solution.mean[-2:].tolist()
+        edge = axes.edge + alpha * axes.ahead + rho * axes.down
         edge /= np.linalg.norm(edge)
-    off = angles - solution.mean[0]
+    off = angles - alpha
     return EdgeFit(
         edge=edge,
         ahead=axes.ahead,
         down=axes.down,
-        covariance=solution.covariance[:2, :2],
+        covariance=solution.covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
         planes_against_lines_rad=_planes_against_lines(rows, solution),
@@ -152,34 +164,69 @@ def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes
     return _Axes(edge=edge, ahead=cross(edge, d), down=d)
 
 
+def _warps(nosings: Sequence[Nosing], treads: Sequence[Surface], camera: PinholeCamera) -> Float[np.ndarray, "k 3 t"]:
+    """Return by how much each term of the warp changes each normal, in the order of the rows."""
+    none = np.zeros((3, TERMS))
+    found = [tread.distance_m * turns_of(tread, camera) for tread in treads]
+    for nosing in nosings:
+        if nosing.riser is not None:
+            found.append(nosing.riser.distance_m * turns_of(nosing.riser, camera))
+        found += [none] * len(nosing.lines)
+    return np.array([*found, none])
+
+
+def _steps(nosings: Sequence[Nosing], treads: Sequence[Surface]) -> list[int]:
+    """Return the number of each tread's step: that of its nosing, or a new one."""
+    found: list[int] = []
+    for tread in treads:
+        off = [abs(float(tread.normal @ nosing.point) - 1.0) * tread.distance_m for nosing in nosings]
+        nearest = int(np.argmin(off)) if off else 0
+        own = bool(off) and off[nearest] < SAME_STEP_M and nearest not in found
+        found.append(nearest if own else len(nosings) + len(found))
+    return found
+
+
 def _rows(
-    nosings: Sequence[Nosing], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], down_sigma_rad: float, axes: _Axes
+    nosings: Sequence[Nosing],
+    treads: Sequence[Surface],
+    down: Float[np.ndarray, " 3"],
+    down_sigma_rad: float,
+    axes: _Axes,
+    warps: Float[np.ndarray, "k 3 t"],
+    steps: Sequence[int],
 ) -> _Rows:
     """Return the equations of all normals, gravity the last."""
     normals: list[Float[np.ndarray, " 3"]] = []
-    noise, distance, tilts, group = [], [], [], []
+    noise, tilts, group = [], [], []
 
-    def add(unit: Float[np.ndarray, " 3"], variance: float, plane_m: float, *, tilting: bool, number: int) -> None:
+    def add(unit: Float[np.ndarray, " 3"], variance: float, *, tilting: bool, number: int) -> None:
         normals.append(unit)
         noise.append(variance)
-        distance.append(plane_m)
         tilts.append(tilting)
         group.append(number)
 
     for tread in treads:
-        add(tread.unit, _variance(tread, axes.edge), tread.distance_m, tilting=True, number=-1)
+        add(tread.unit, _variance(tread, axes.edge), tilting=True, number=-1)
     for number, nosing in enumerate(nosings):
         if nosing.riser is not None:
-            add(nosing.riser.unit, _variance(nosing.riser, axes.edge), nosing.riser.distance_m, tilting=False, number=number)
+            add(nosing.riser.unit, _variance(nosing.riser, axes.edge), tilting=False, number=number)
         for line in nosing.lines:
-            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), 0.0, tilting=True, number=number)
-    add(down, 0.0, 0.0, tilting=False, number=-1)
+            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), tilting=True, number=number)
+    add(down, 0.0, tilting=False, number=-1)
     stacked = np.array(normals)
     value = -(stacked @ axes.edge)
-    by = np.column_stack([stacked @ axes.ahead, stacked @ axes.down, -np.array(distance)])
+    by = np.column_stack([stacked @ axes.ahead, stacked @ axes.down])
     level = value[: len(treads)] / by[: len(treads), 1] if treads else np.empty(0)
     noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
-    return _Rows(value=value, by=by, noise=np.array(noise), tilts=np.array(tilts), group=np.array(group))
+    return _Rows(
+        value=value,
+        by=by,
+        warp=-np.einsum("i,kit->kt", axes.edge, warps),
+        noise=np.array(noise),
+        tilts=np.array(tilts),
+        group=np.array(group),
+        step=np.array([*steps, *group[len(treads) :]]),
+    )
 
 
 def _variance(surface: Surface, edge: Float[np.ndarray, " 3"]) -> float:
@@ -190,9 +237,11 @@ def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
     return _Rows(
         value=rows.value[chosen],
         by=rows.by[chosen],
+        warp=rows.warp[chosen],
         noise=rows.noise[chosen],
         tilts=rows.tilts[chosen],
         group=rows.group[chosen],
+        step=rows.step[chosen],
     )
 
 
@@ -222,36 +271,24 @@ def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
 
 
 def _solved(rows: _Rows, grid: slice) -> _Solution:
-    """Return α, ρ and s with their covariance, the irregularities integrated out.
-
-    All that belongs to one nosing turns with it by one angle of variance τ², which the matrix inversion lemma takes out of the
-    covariance (Sherman, Morrison 1950); what tilts with a tread does so by itself, with variance κ².
-    """
-    turn, tilt = TURNS[grid] ** 2, TILTS[grid] ** 2
-    a, d = rows.by[:, 0], rows.by[:, 1]
-    spread = rows.noise[None, :] + tilt[:, None] * np.where(rows.tilts, d * d, 0.0)[None, :]
-    P = 1.0 / spread
-    full = np.column_stack([rows.by, rows.value])
-    M = np.einsum("gk,ki,kj->gij", P, full, full)
-    log = -0.5 * np.log(spread).sum(axis=1)
-    for number in range(int(rows.group.max()) + 1):
-        own = rows.group == number
-        if not own.any():
-            continue
-        q = P[:, own] @ (a[own] ** 2)
-        g = (P[:, own] * a[own]) @ full[own]
-        M -= (turn / (1.0 + turn * q))[:, None, None] * g[:, :, None] * g[:, None, :]
-        log -= 0.5 * np.log1p(turn * q)
-    prior = np.diag([FLAT, FLAT, 1.0 / WARP**2])
-    A, b = M[:, :3, :3] + prior, M[:, :3, 3]
-    inverse = np.linalg.inv(A)
-    means = np.einsum("gij,gj->gi", inverse, b)
-    log -= 0.5 * (np.linalg.slogdet(A)[1] + M[:, 3, 3] - np.einsum("gi,gi->g", b, means))
-    belief = believed(log)
-    mean = belief @ means
-    apart = means - mean
-    covariance = np.einsum("g,gij->ij", belief, inverse) + np.einsum("g,gi,gj->ij", belief, apart, apart)
-    return _Solution(mean=mean, covariance=covariance)
+    """Return the warp's terms, α and ρ with what is not known of stair and camera integrated out."""
+    turning = (rows.group >= 0).astype(float)
+    by = np.column_stack([rows.warp, rows.by])
+    covariance = np.empty((by.shape[1], by.shape[1]))
+    mean, spread = integrated_out(
+        by,
+        rows.value,
+        rows.noise,
+        turning * rows.by[:, 0],
+        np.where(rows.tilts, rows.by[:, 1], 0.0),
+        rows.step,
+        int(rows.step.max()) + 1,
+        TURNS[grid],
+        TILTS[grid],
+        WARPS_PX if grid == slice(None) else WARPS_PX[1:2],
+        covariance,
+    )
+    return _Solution(mean=mean, covariance=np.array([[spread[0], spread[2]], [spread[2], spread[1]]]), likeliest=covariance)
 
 
 def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
@@ -260,10 +297,10 @@ def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, floa
     of_riser = (rows.group >= 0) & ~rows.tilts
     if not of_line.any() or not of_riser.any():
         return None
-    left = rows.value - rows.by[:, 1:] @ solution.mean[1:]
-    shared = rows.by[:, 1:] @ solution.covariance[1:, 1:]
+    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])
+    left = rows.value - others @ solution.mean
     tilting = np.where(rows.tilts, rows.by[:, 1] * TILT_BELIEVED, 0.0)
-    variance = rows.noise + np.einsum("ki,ki->k", shared, rows.by[:, 1:]) + tilting**2
+    variance = rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others) + tilting**2
     means, variances = [], []
     for chosen in (of_riser, of_line):
         weight = rows.by[chosen, 0] ** 2 / variance[chosen]

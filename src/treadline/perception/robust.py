@@ -101,7 +101,7 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
     seen = flight_under(frame, blocks, unit, down.direction, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
-    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing))
+    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down, watch)
     watch.lap("geometry")

@@ -1,0 +1,169 @@
+"""The edges' direction with what nobody knows of stair and camera integrated out, compiled.
+
+Rows ``by · x = value`` with a noise each; x holds the warp's terms first and α and ρ last. All rows of a step turn with it by
+one angle of variance τ² and tilt by another of variance κ², which Woodbury's identity takes out of the covariance; the warp's terms
+have a prior of one size. τ, κ and that size run over grids, every value as likely as the next, and count by their evidence.
+"""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+FLAT = 1e-8
+"""Prior precision of α and ρ: none to speak of."""
+
+
+@njit(cache=True)
+@no_type_check
+def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, covariance):
+    """Return the mean of x, and the variances and covariance of α and ρ; fill ``covariance`` with x's at the likeliest guess.
+
+    Args:
+        noise: Variance of each row.
+        turn_by: How a row's value changes with the turn of its step, and ``tilt_by`` with its tilt.
+        step: Number of each row's step, below ``steps``; -1 for a row that belongs to none.
+        turns: Standard deviations τ, ``tilts`` κ and ``warps`` of the warp's terms that are tried.
+    """
+    n = by.shape[1]
+    size = turns.size * tilts.size * warps.size
+    logs, means, spreads = np.empty(size), np.empty((size, n)), np.empty((size, 3))
+    M, L, x = np.zeros((n + 1, n + 1)), np.zeros((n, n)), np.empty(n)
+    at = 0
+    for turn in turns:
+        for tilt in tilts:
+            log = _information(by, value, noise, turn_by, tilt_by, step, steps, turn * turn, tilt * tilt, M)
+            for warp in warps:
+                logs[at] = log + _solved(M, warp, L, x)
+                means[at] = x
+                # The last two unknowns' part of the inverse needs the last corner of L alone.
+                first, last = 1.0 / L[n - 2, n - 2], 1.0 / L[n - 1, n - 1]
+                both = -L[n - 1, n - 2] * first * last
+                spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
+                at += 1
+    best = np.argmax(logs)
+    belief = np.exp(logs - logs[best])
+    belief /= belief.sum()
+    mean, spread = np.zeros(n), np.zeros(3)
+    for k in range(size):
+        mean += belief[k] * means[k]
+    for k in range(size):
+        a, r = means[k, n - 2] - mean[n - 2], means[k, n - 1] - mean[n - 1]
+        spread[0] += belief[k] * (spreads[k, 0] + a * a)
+        spread[1] += belief[k] * (spreads[k, 1] + r * r)
+        spread[2] += belief[k] * (spreads[k, 2] + a * r)
+    pair = best // warps.size
+    turn, tilt = turns[pair // tilts.size], tilts[pair % tilts.size]
+    _information(by, value, noise, turn_by, tilt_by, step, steps, turn * turn, tilt * tilt, M)
+    _solved(M, warps[best % warps.size], L, x)
+    inverse = np.linalg.inv(L)
+    covariance[:] = inverse.T @ inverse
+    return mean, spread
+
+
+@njit(cache=True)
+@no_type_check
+def _information(by, value, noise, turn_by, tilt_by, step, steps, turn, tilt, M):
+    """Fill the lower half of ``M`` with the normal equations, values in its last row, for variances of turn and tilt.
+
+    Returns:
+        What the rows' covariance adds to the log evidence.
+    """
+    rows, n = by.shape
+    M[:] = 0.0
+    turned, tilted = np.zeros((steps, n + 1)), np.zeros((steps, n + 1))
+    own = np.zeros((steps, 3))
+    full = np.empty(n + 1)
+    log = 0.0
+    for k in range(rows):
+        P = 1.0 / noise[k]
+        log -= 0.5 * math.log(noise[k])
+        full[:n] = by[k]
+        full[n] = value[k]
+        for i in range(n + 1):
+            for j in range(i + 1):
+                M[i, j] += P * full[i] * full[j]
+        s = step[k]
+        if s >= 0:
+            a, d = turn_by[k], tilt_by[k]
+            own[s, 0] += P * a * a
+            own[s, 1] += P * d * d
+            own[s, 2] += P * a * d
+            for i in range(n + 1):
+                turned[s, i] += P * a * full[i]
+                tilted[s, i] += P * d * full[i]
+    for s in range(steps):
+        a, d, both = 1.0 + turn * own[s, 0], 1.0 + tilt * own[s, 1], own[s, 2]
+        det = a * d - turn * tilt * both * both
+        log -= 0.5 * math.log(det)
+        a, d, both = tilt * a / det, turn * d / det, -turn * tilt * both / det
+        for i in range(n + 1):
+            for j in range(i + 1):
+                M[i, j] -= (
+                    d * turned[s, i] * turned[s, j]
+                    + a * tilted[s, i] * tilted[s, j]
+                    + both * (turned[s, i] * tilted[s, j] + tilted[s, i] * turned[s, j])
+                )
+    return log
+
+
+@njit(cache=True)
+@no_type_check
+def _solved(M, warp, L, x):
+    """Fill ``L`` with the Cholesky factor under a prior of the warp's terms, ``x`` with the solution; return its log evidence."""
+    n = L.shape[0]
+    prior = 1.0 / (warp * warp)
+    log, misfit = 0.5 * (n - 2) * math.log(prior), M[n, n]
+    for i in range(n + 1):
+        # The last row is the right-hand side: its factor is L⁻¹ times it.
+        for j in range(min(i, n - 1) + 1):
+            s = M[i, j]
+            if i == j:
+                s += prior if i < n - 2 else FLAT
+            for k in range(j):
+                s -= (L[i, k] if i < n else x[k]) * L[j, k]
+            if i == j:
+                L[i, i] = math.sqrt(s)
+                log -= math.log(L[i, i])
+            elif i < n:
+                L[i, j] = s / L[j, j]
+            else:
+                x[j] = s / L[j, j]
+                misfit -= x[j] * x[j]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
+    return log - 0.5 * misfit
+
+
+@njit(cache=True)
+@no_type_check
+def fitted_terms(columns, top, bottom, width, height, fx, fy, cx, cy, turns):
+    """Fill ``turns`` with the n that fits each Legendre product best at the top, middle and bottom of some columns."""
+    M, right = np.zeros((3, 3)), np.zeros((3, turns.shape[1]))
+    ray, across, down = np.ones(3), np.ones(4), np.ones(4)
+    for k in range(columns.shape[0]):
+        ray[0] = (columns[k] - cx) / fx
+        _legendre(2.0 * columns[k] / (width - 1.0) - 1.0, across)
+        for part in range(3):
+            v = top[k] + 0.5 * part * (bottom[k] - top[k])
+            ray[1] = (v - cy) / fy
+            _legendre(2.0 * v / (height - 1.0) - 1.0, down)
+            for a in range(3):
+                for b in range(3):
+                    M[a, b] += ray[a] * ray[b]
+                term = 0
+                for i in range(4):
+                    for j in range(4):
+                        if 0 < i + j <= 3:
+                            right[a, term] += ray[a] * down[i] * across[j]
+                            term += 1
+    turns[:] = np.linalg.solve(M, right)
+
+
+@njit(cache=True)
+@no_type_check
+def _legendre(x, values):
+    values[1], values[2], values[3] = x, 1.5 * x * x - 0.5, (2.5 * x * x - 1.5) * x
