@@ -67,7 +67,33 @@ GRAVITY_ERROR_RAD = 0.5 * DEG
 DOWN_W = np.array([0.0, 0.0, -1.0])
 KINDS = ("up closed", "up open", "down closed", "down open")
 GRID = np.array(
-    [-3.3, -3.0, -2.6, -2.3, -2.0, -1.65, -1.3, -1.0, -0.7, -0.4, -0.2, 0.0, 0.2, 0.4, 0.7, 1.0, 1.3, 1.65, 2.0, 2.3, 2.6, 3.0, 3.3]
+    [
+        -4.0,
+        -3.3,
+        -3.0,
+        -2.6,
+        -2.3,
+        -2.0,
+        -1.65,
+        -1.3,
+        -1.0,
+        -0.7,
+        -0.4,
+        -0.2,
+        0.0,
+        0.2,
+        0.4,
+        0.7,
+        1.0,
+        1.3,
+        1.65,
+        2.0,
+        2.3,
+        2.6,
+        3.0,
+        3.3,
+        4.0,
+    ]
 )
 """Normal numbers at which quantiles are kept."""
 SPARE = 1.15
@@ -294,7 +320,7 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
         kind = KINDS.index(f"{seen.direction} {'open' if record['open'] else 'closed'}")
         place = np.array(record["p"]) + np.array(record["R"])[:, 0]
         second = int(np.searchsorted(ACCEPT_PX, np.sort(seen.margins_px)[-2]))
-        found["accept"].add(record, place, (kind, int(seen.walled), second), told is not None)
+        found["accept"].add(record, place, (kind, seen.doubt, second), told is not None)
         if told is None:
             continue
         add = partial(_add, found, record, place)
@@ -385,7 +411,7 @@ def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
     # Open or closed, which open stairs are too few to tell apart.
     either = (kind - kind % 2, kind - kind % 2 + 1)
     told = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
-    accept = [[_score(found["accept"], (kind, walled, cell)) for cell in range(len(ACCEPT_PX) + 1)] for walled in (0, 1)]
+    accept = [[_score(found["accept"], (kind, doubt, cell)) for cell in range(len(ACCEPT_PX) + 1)] for doubt in range(4)]
     return {
         "accept": {"margins_px": ACCEPT_AT_PX, "score": accept},
         "told": {"score": told},

@@ -43,6 +43,8 @@ END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
 """Where the next step is missed: so many rises above the last nosing, one run behind it; so many runs behind and below it."""
 END_SHARE = 0.4
 """Of those points that must be in view."""
+FAR_FIRST_M = 1.2
+"""Depth from which the nearest nosing is seen from the floor before the flight."""
 FAR_END_M = 2.5
 """Depth from which an end that is in view is often not told."""
 COUNTS = (2, 3, 4, 6)
@@ -89,9 +91,10 @@ class Outlook:
         return (self.margins_px > 0.0) & (self.depths_m > NEAR_M) & (self.depths_m < FAR_M)
 
     @property
-    def walled(self) -> bool:
-        """Whether a wall stands beside the flight, which makes a detector more careful."""
-        return self.left is not None or self.right is not None
+    def doubt(self) -> int:
+        """Return which row of acceptance holds: a wall beside the flight and a first nosing far away make a detector careful."""
+        walled = self.left is not None or self.right is not None
+        return 2 * int(walled) + int(self.depths_m[0] > FAR_FIRST_M)
 
 
 class Geometry:
@@ -311,7 +314,7 @@ class _Errors:
         table = self._tables[f"{seen.direction} {self._kind}"]
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
-        accept = table["accept"]["score"][int(seen.walled)]
+        accept = table["accept"]["score"][seen.doubt]
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > LONGEST_RUN_M:
             return ()
         of_nosings = normal[len(LATENTS) :].reshape(len(OF_NOSINGS), -1)[:, seen.numbers]
