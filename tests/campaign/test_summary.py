@@ -48,7 +48,10 @@ def test_the_worst_are_who_fell_then_who_failed_then_the_lowest_margins() -> Non
 
 
 def test_scores_are_those_of_the_runs_that_have_them() -> None:
+    refused = ROWS[0] | {"index": 5, "verdict": "refused", "side": None, "min_margin": 1.0, "rate": 99.0}
+    with_one = summarise([*ROWS, refused], ["side"], [], "min_margin")
     summary = summarise(ROWS, ["side"], ["side"], "min_margin")
+    assert with_one["scores"] == summary["scores"]
     assert summary["verdicts"]["held"]["count"] == 2
     assert summary["by"]["side"] == {"down": {"error": 1, "fell": 1, "held": 1}, "up": {"arrived": 1, "held": 1}}
     assert (summary["scores"]["min_margin"]["count"], summary["scores"]["min_margin"]["worst_run"]) == (3, 3)

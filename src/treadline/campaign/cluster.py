@@ -42,7 +42,8 @@ class Cluster:
             from distributed import Client, LocalCluster
         except ImportError:
             raise SettingsError("--cluster needs Dask: pip install 'treadline[cluster]', or leave it out for a pool here") from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said by our errors and rows
+        for name in ("distributed", "tornado.application"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by our errors and rows
         dask.config.set(SETTINGS)
         if self._address != LOCAL:
             _must_answer(self._address)

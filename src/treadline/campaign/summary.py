@@ -44,14 +44,17 @@ def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> t
 
 
 def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
-    """Return the summary of flat rows: ``drawn`` names their columns that are no scores, ``choices`` those to count by."""
+    """Return the summary of flat rows: ``drawn`` names their columns that are no scores, ``choices`` those to count by.
+
+    Scores are those of runs that drove: a refused chair that stands askew on the floor says nothing about heading.
+    """
     verdicts = Counter(row["verdict"] for row in rows)
     return {
         "runs": len(rows),
         "verdicts": {name: _share(verdicts[name], len(rows)) for name in sorted({*verdicts, "arrived", "fell"})},
         "by": {key: _crossed(rows, key) for key in choices},
         "causes": dict(Counter(_kind(row) for row in rows if row["verdict"] != "arrived").most_common(20)),
-        "scores": _scores(rows, drawn),
+        "scores": _scores([row for row in rows if row["verdict"] != "refused"], drawn),
         "score": score,
         "worst": [_short(row, score) for row in worst(rows, score)],
     }
