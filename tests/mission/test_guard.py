@@ -331,6 +331,24 @@ def test_a_camera_without_depth_is_as_good_as_lost() -> None:
     assert drive.guard.holding == "no frame for 3.0 s: the last has 10% of its depth"
 
 
+@pytest.mark.parametrize(("valid_share", "frozen", "lost"), [(0.03, False, False), (0.01, False, True), (0.03, True, True)])
+def test_over_a_crest_a_camera_that_lives_is_enough(valid_share: float, frozen: bool, lost: bool) -> None:
+    """Test: where the plan needs no stair the camera looks over a landing, with 3 % and 1 % of depth, new and frozen. Expected
+    result: frames refused; the camera counts as lost without any depth, or frozen."""
+    drive = Drive(GuardConfig(blind_timeout_s=1.0))
+
+    def spoil(reading: Any) -> Any:
+        if not isinstance(reading, FrameQuality):
+            return reading
+        return replace(reading, valid_share=valid_share, fingerprint=7 if frozen else reading.fingerprint)
+
+    drive.spoil = spoil
+    plan = Plan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
+    drive.run(2.0, lambda drive: drive.guard.notice(replace(plan, t_s=drive.t_s)))
+    assert drive.admitted["FrameQuality"] is False
+    assert (drive.guard.holding is not None) is lost
+
+
 # Rows 6, 8 and 9
 
 

@@ -41,7 +41,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.lost_timeout_s, config.disagreement_s, config.driver_timeout_s) == (12.0, 0.5, 0.75)
     assert (config.heartbeat_timeout_s, config.link_timeout_s, config.clock_jump_s) == (0.75, 0.3, 1.0)
     assert (config.frozen_travel_m, config.valid_least, config.valid_least_dark) == (0.05, 0.15, 0.3)
-    assert (config.dark, config.contrast_least) == (0.02, 0.008)
+    assert (config.alive_least, config.dark, config.contrast_least) == (0.02, 0.02, 0.008)
     assert (config.drive_lag_s, config.drive_acceleration_m_s2) == (0.15, 4.0)
     assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
     assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
@@ -138,6 +138,16 @@ def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, val
     frame = FrameQuality(t_s=0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
     assert watch.frame(frame) is usable
     assert watch.is_dark is dark
+
+
+def test_a_camera_lives_on_its_least_share_of_depth() -> None:
+    """Test: shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
+    watch = SightWatch(GuardConfig(alive_least=0.125, valid_least=0.5))
+    for k, (share, alive) in enumerate(((0.125, True), (0.0625, False), (0.75, True))):
+        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=share))
+        assert watch.is_alive is alive
+    watch.frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.5, contrast=0.1, valid_share=0.75))
+    assert not watch.is_alive
 
 
 def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:

@@ -54,6 +54,8 @@ class GuardConfig:
     """Share of a depth image without which nothing is seen in it (row 4)."""
     valid_least_dark: float = 0.3
     """The same where the colours do not help (row 3)."""
+    alive_least: float = 0.02
+    """Share of a depth image below which a camera is dead, even over a crest, where it looks across a landing and sees no stair."""
     dark: float = 0.02
     """Mean of the colours below which, or above one less which, they say nothing."""
     contrast_least: float = 0.008

@@ -187,7 +187,8 @@ class Guard:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
             self._latch.tell(quality.t_s, "vision_clear" if was_dark else "vision_dim", shown)
         self._senses.refused = self._sight.refused
-        if usable:
+        needs_stair = self._plan is None or self._plan.needs_stair
+        if usable or (self._sight.is_alive and not needs_stair):
             self._senses.frame(quality.t_s, self._belts.travel_m)
         return usable
 

@@ -16,13 +16,17 @@ class SightWatch:
         self._blind = False
         self.refused = ""
         """Why the last frame was of no use; empty if it was."""
+        self.is_alive = False
+        """Whether the camera shows something new, even if it is too little to see a stair in."""
         self.is_dark = False
         """Whether the last frame's colours said nothing."""
 
     def frame(self, quality: FrameQuality) -> bool:
         """Say whether anything can be seen in a frame."""
         before, self._fingerprint = self._fingerprint, quality.fingerprint
-        self.refused = self._fault(quality, frozen=quality.fingerprint == before)
+        frozen = quality.fingerprint == before
+        self.refused = self._fault(quality, frozen=frozen)
+        self.is_alive = not frozen and quality.valid_share >= self._config.alive_least
         self._blind = bool(self.refused)
         return not self._blind
 
