@@ -60,6 +60,26 @@ class CdrWriter:
         return HEADER + bytes(self._data)
 
 
+class Ros1Writer(CdrWriter):
+    """The same of a ROS 1 message: nothing is aligned, strings end without a zero, headers begin with a count."""
+
+    def _align(self, size: int) -> None:
+        pass
+
+    def string(self, text: str) -> None:
+        """Append a string with its length."""
+        self.raw(text.encode())
+
+    def stamp(self, t_s: float, frame_id: str) -> None:
+        """Append a std_msgs/Header."""
+        self.uint32(0)
+        super().stamp(t_s, frame_id)
+
+    def message(self) -> bytes:
+        """Return the whole message."""
+        return bytes(self._data)
+
+
 TICK_NS = 10_000_000
 TICK_S = 0.01
 """Base period of a mission (Table I: 100 Hz)."""

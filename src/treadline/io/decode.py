@@ -6,9 +6,10 @@ A pose and its ``…/detail`` say one thing twice; the detail is exact, so only 
 calibration has come. The camera's mount is not in a ``CameraInfo``: it comes back as zero.
 """
 
+import math
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -20,14 +21,17 @@ from treadline.signals import (
     ArmCommand,
     ArmReading,
     Event,
+    FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
     PinholeCamera,
+    Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
+    StairMap,
     TrackCommand,
     TrackReading,
 )
@@ -214,18 +218,42 @@ def _joints(r: CdrReader) -> tuple[float, str, tuple[float, ...], tuple[float, .
     return t_s, frame, r.sequence(), r.sequence()
 
 
+def _named(r: CdrReader) -> tuple[float, str, dict[str, float]]:
+    """Return time, frame and positions by name of a JointState."""
+    t_s, frame = r.stamp()
+    names = [r.string() for _ in range(r.uint32())]
+    return t_s, frame, dict(zip(names, _counted(r.sequence(), len(names)), strict=True))
+
+
 def _counted(values: tuple[float, ...], count: int) -> tuple[float, ...]:
     if len(values) != count:
         raise LogFormatError(f"a JointState holds {len(values)} numbers where {count} belong")
     return values
 
 
-def _event(r: CdrReader) -> Event:
+class Status(NamedTuple):
+    """The one status of a DiagnosticArray that ``messages`` writes."""
+
+    t_s: float
+    level: int
+    name: str
+    message: str
+    hardware: str
+    values: dict[str, str]
+
+
+def status(r: CdrReader) -> Status:
+    """Return the status in a diagnostic_msgs/DiagnosticArray."""
     t_s, _ = r.stamp()
     if r.uint32() != 1:
         raise LogFormatError("a DiagnosticArray of treadline holds one status")
-    r.uint8()
-    return Event(t_s=t_s, name=r.string(), cause=r.string())
+    level, name, message, hardware = r.uint8(), r.string(), r.string(), r.string()
+    return Status(t_s, level, name, message, hardware, {r.string(): r.string() for _ in range(r.uint32())})
+
+
+def _event(r: CdrReader) -> Event:
+    told = status(r)
+    return Event(t_s=told.t_s, name=told.name, cause=told.message)
 
 
 def _belts(r: CdrReader) -> tuple[float, float, float, bool]:
@@ -289,6 +317,51 @@ def _truth(r: CdrReader) -> Truth:
     return Truth(t_s=t_s, **dict(zip(TRUTH_NAMES, _counted(places, len(TRUTH_NAMES)), strict=True)))
 
 
+def _quality(r: CdrReader) -> FrameQuality:
+    t_s, _, values = _named(r)
+    return FrameQuality(t_s=t_s, fingerprint=int(values.pop("fingerprint")), **values)
+
+
+def _plan(r: CdrReader) -> Plan:
+    told = status(r)
+    values = told.values
+    arm = ArmCommand(t_s=float(values["arm_t_s"]), rate_rad_s=float(values["arm_rad_s"])) if "arm_t_s" in values else None
+    return Plan(
+        t_s=told.t_s,
+        phase=cast("Any", told.name),
+        speed_m_s=float(values["speed_m_s"]),
+        turn_m_s=float(values["turn_m_s"]) if "turn_m_s" in values else None,
+        heading_rad=float(values["heading_rad"]),
+        arm=arm,
+        needs_stair=values["needs_stair"] == "True",
+        cause=told.message,
+        hold=values.get("hold"),
+    )
+
+
+class StairMaps:
+    """Puts a map together again: the nosings' poses, then the numbers of the same time."""
+
+    def __init__(self) -> None:
+        self._t_s = math.nan
+        self._nosings_B = np.zeros((0, 3))
+
+    def poses(self, r: CdrReader) -> None:
+        """Take a PoseArray."""
+        self._t_s, _ = r.stamp()
+        count = r.uint32()
+        self._nosings_B = np.array(r.doubles(7 * count) if count else ()).reshape(-1, 7)[:, :3]
+
+    def detail(self, r: CdrReader) -> StairMap | None:
+        """Take the numbers; return the map, or None where its poses were lost."""
+        t_s, direction, values = _named(r)
+        if t_s != self._t_s:
+            return None
+        seen = {name: values.pop(name, None) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
+        ends = bool(values.pop("ends"))
+        return StairMap(t_s=t_s, direction=cast("Any", direction), nosings_B=self._nosings_B, ends=ends, **values, **seen)
+
+
 IMU = "sensor_msgs/msg/Imu"
 JOINTS = "sensor_msgs/msg/JointState"
 HEADINGS = "/stair/heading_measured/detail"
@@ -309,3 +382,8 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/truth": (JOINTS, _truth),
 }
 """Topics of a run's log, images aside: their type, and what reads them."""
+BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
+    "/camera/quality": (JOINTS, _quality),
+    "/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan),
+}
+"""Topics that only nodes speak to each other on."""

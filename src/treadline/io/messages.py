@@ -1,11 +1,12 @@
-"""ROS 2 messages of what a run's log holds: topic, type and bytes for each signal.
+"""ROS messages of what a run's log holds and of what nodes tell each other: topic, type and bytes for each signal.
 
 The types are the standard ones, so that Foxglove, PlotJuggler and ``ros2 bag`` open the log. Belts, seat and truth are
-``JointState``: names beside numbers. What a pose cannot hold (rate, σ, source) goes to a companion ``…/detail``.
+``JointState``: names beside numbers. What a pose cannot hold (rate, σ, source) goes to a companion ``…/detail``. The bytes are
+ROS 2's, or with ``Ros1Writer`` those of ROS 1: the fields are the same.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -17,13 +18,16 @@ from treadline.signals import (
     ArmCommand,
     ArmReading,
     Event,
+    FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
+    Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
+    StairMap,
     TrackCommand,
     TrackReading,
 )
@@ -61,6 +65,12 @@ DEFINITIONS = {
         "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
         _QUATERNION,
     ),
+    "geometry_msgs/msg/PoseArray": _definition(
+        "std_msgs/Header header\ngeometry_msgs/Pose[] poses",
+        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
+        _QUATERNION,
+    ),
     "sensor_msgs/msg/Image": _definition(
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data"
     ),
@@ -80,18 +90,28 @@ DEFINITIONS = {
 
 TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 
+Writer = type[CdrWriter]
+"""Which ROS's bytes are written."""
 
-def messages_of(signal: Any) -> list[Message]:
-    """Return the messages that hold a signal."""
+
+def messages_of(signal: Any, topic: str | None = None, writer: Writer = CdrWriter) -> list[Message]:
+    """Return the messages that hold a signal, on its own topic unless another is given."""
     kind = next(kind for kind in type(signal).__mro__ if kind in _WRITERS)
-    return _WRITERS[kind](signal)
+    own, write = _WRITERS[kind]
+    return write(signal, topic or own, writer)
 
 
 def joints(
-    topic: str, t_s: float, names: tuple[str, ...], position: tuple[float, ...], velocity: tuple[float, ...], frame: str
+    topic: str,
+    t_s: float,
+    names: tuple[str, ...],
+    position: tuple[float, ...],
+    velocity: tuple[float, ...],
+    frame: str,
+    writer: Writer = CdrWriter,
 ) -> Message:
     """Return a JointState."""
-    w = CdrWriter()
+    w = writer()
     w.stamp(t_s, frame)
     w.uint32(len(names))
     for name in names:
@@ -103,18 +123,41 @@ def joints(
     return topic, "sensor_msgs/msg/JointState", w.message()
 
 
-def _imu(sample: ImuSample) -> list[Message]:
-    w = CdrWriter()
+def status(
+    topic: str,
+    t_s: float,
+    told: tuple[int, str, str, str],
+    values: Mapping[str, str],
+    frame: str,
+    writer: Writer = CdrWriter,
+) -> Message:
+    """Return a DiagnosticArray of one status: level, name, message, hardware; and what stands behind it by key."""
+    level, *texts = told
+    w = writer()
+    w.stamp(t_s, frame)
+    w.uint32(1)
+    w.uint8(level)
+    for text in texts:
+        w.string(text)
+    w.uint32(len(values))
+    for key, value in values.items():
+        w.string(key)
+        w.string(value)
+    return topic, "diagnostic_msgs/msg/DiagnosticArray", w.message()
+
+
+def _imu(sample: ImuSample, topic: str, writer: Writer) -> list[Message]:
+    w = writer()
     w.stamp(sample.t_s, "imu")
     qw, qx, qy, qz = sample.orientation.tolist()
     zeros = [0.0] * 9
     w.doubles(qx, qy, qz, qw, *zeros, *sample.angular_velocity_rad_s.tolist(), *zeros)
     w.doubles(*sample.linear_acceleration_m_s2.tolist(), *zeros)
-    return [("/imu", "sensor_msgs/msg/Imu", w.message())]
+    return [(topic, "sensor_msgs/msg/Imu", w.message())]
 
 
-def _heading(topic: str, t_s: float, heading_rad: float, sigma_rad: float) -> Message:
-    w = CdrWriter()
+def _heading(topic: str, t_s: float, heading_rad: float, sigma_rad: float, writer: Writer) -> Message:
+    w = writer()
     w.stamp(t_s, "stair")
     covariance = [0.0] * 36
     covariance[35] = sigma_rad * sigma_rad
@@ -122,66 +165,86 @@ def _heading(topic: str, t_s: float, heading_rad: float, sigma_rad: float) -> Me
     return topic, "geometry_msgs/msg/PoseWithCovarianceStamped", w.message()
 
 
-def _estimate(estimate: HeadingEstimate) -> list[Message]:
-    topic = "/stair/heading"
+def _estimate(estimate: HeadingEstimate, topic: str, writer: Writer) -> list[Message]:
     values = (estimate.heading_rad, estimate.heading_rate_rad_s, estimate.sigma_rad)
     names = ("heading_rad", "heading_rate_rad_s", "sigma_rad")
     return [
-        _heading(topic, estimate.t_s, estimate.heading_rad, estimate.sigma_rad),
-        joints(topic + "/detail", estimate.t_s, names, values, (), estimate.source),
+        _heading(topic, estimate.t_s, estimate.heading_rad, estimate.sigma_rad, writer),
+        joints(topic + "/detail", estimate.t_s, names, values, (), estimate.source, writer),
     ]
 
 
-def _measurement(seen: HeadingMeasurement) -> list[Message]:
-    topic = "/stair/heading_measured"
+def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[Message]:
     values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count))
+    names = ("heading_rad", "sigma_rad", "edge_count")
     return [
-        _heading(topic, seen.t_s, seen.heading_rad, seen.sigma_rad),
-        joints(topic + "/detail", seen.t_s, ("heading_rad", "sigma_rad", "edge_count"), values, (), "camera"),
+        _heading(topic, seen.t_s, seen.heading_rad, seen.sigma_rad, writer),
+        joints(topic + "/detail", seen.t_s, names, values, (), "camera", writer),
     ]
 
 
-def _tracks(topic: str, t_s: float, left_m_s: float, right_m_s: float, *, brake: bool) -> list[Message]:
-    velocity = (left_m_s, right_m_s, 0.0)
-    return [joints(topic, t_s, ("left", "right", "brake"), (0.0, 0.0, float(brake)), velocity, "chair")]
+def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
+    w = writer()
+    w.stamp(stair.t_s, "chair")
+    w.uint32(len(stair.nosings_B))
+    for place in stair.nosings_B.tolist():
+        w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
+    # What was not seen is not named: no number stands for nothing.
+    maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
+    known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
+    known |= {name: value for name, value in maybe.items() if value is not None}
+    detail = joints(topic + "/detail", stair.t_s, tuple(known), tuple(known.values()), (), stair.direction, writer)
+    return [(topic, "geometry_msgs/msg/PoseArray", w.message()), detail]
 
 
-def _event(event: Event) -> list[Message]:
-    w = CdrWriter()
-    w.stamp(event.t_s, "guard")
-    w.uint32(1)
-    w.uint8(2 if event.name == "hold" else 1)
-    w.string(event.name)
-    w.string(event.cause)
-    w.string("treadline")
-    w.uint32(0)
-    return [("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", w.message())]
+def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]:
+    names = ("fingerprint", "brightness", "contrast", "valid_share")
+    values = (float(quality.fingerprint), quality.brightness, quality.contrast, quality.valid_share)
+    return [joints(topic, quality.t_s, names, values, (), "camera", writer)]
 
 
-def _frame(frame: RgbdFrame) -> list[Message]:
+def _plan(plan: Plan, topic: str, writer: Writer) -> list[Message]:
+    numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
+    numbers |= {} if plan.arm is None else {"arm_t_s": plan.arm.t_s, "arm_rad_s": plan.arm.rate_rad_s}
+    values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
+    values |= {"needs_stair": str(plan.needs_stair)} | ({} if plan.hold is None else {"hold": plan.hold})
+    return [status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair", writer)]
+
+
+def _tracks(topic: str, t_s: float, belts: tuple[float, float], *, brake: bool, writer: Writer) -> list[Message]:
+    names, places = ("left", "right", "brake"), (0.0, 0.0, float(brake))
+    return [joints(topic, t_s, names, places, (*belts, 0.0), "chair", writer)]
+
+
+def _event(event: Event, topic: str, writer: Writer) -> list[Message]:
+    level = 2 if event.name == "hold" else 1
+    return [status(topic, event.t_s, (level, event.name, event.cause, "treadline"), {}, "guard", writer)]
+
+
+def _frame(frame: RgbdFrame, topic: str, writer: Writer) -> list[Message]:
     return [
-        _image("/camera/color/image_raw", frame.t_s, frame.rgb, "rgb8", 3),
-        _image("/camera/depth/image_rect", frame.t_s, frame.depth_m, "32FC1", 4),
-        _camera_info(frame),
+        _image(topic + "/color/image_raw", frame.t_s, frame.rgb, "rgb8", writer),
+        _image(topic + "/depth/image_rect", frame.t_s, frame.depth_m, "32FC1", writer),
+        _camera_info(frame, topic + "/color/camera_info", writer),
     ]
 
 
-def _image(topic: str, t_s: float, pixels: np.ndarray, encoding: str, bytes_per_pixel: int) -> Message:
-    w = CdrWriter()
+def _image(topic: str, t_s: float, pixels: np.ndarray, encoding: str, writer: Writer) -> Message:
+    w = writer()
     w.stamp(t_s, "camera")
     height, width = pixels.shape[:2]
     w.uint32(height)
     w.uint32(width)
     w.string(encoding)
     w.uint8(0)
-    w.uint32(width * bytes_per_pixel)
+    w.uint32(pixels.nbytes // height)
     w.raw(np.ascontiguousarray(pixels).tobytes())
     return topic, "sensor_msgs/msg/Image", w.message()
 
 
-def _camera_info(frame: RgbdFrame) -> Message:
+def _camera_info(frame: RgbdFrame, topic: str, writer: Writer) -> Message:
     camera = frame.camera
-    w = CdrWriter()
+    w = writer()
     w.stamp(frame.t_s, "camera")
     w.uint32(camera.height_px)
     w.uint32(camera.width_px)
@@ -195,35 +258,41 @@ def _camera_info(frame: RgbdFrame) -> Message:
     for _ in range(6):
         w.uint32(0)
     w.uint8(0)
-    return "/camera/color/camera_info", "sensor_msgs/msg/CameraInfo", w.message()
+    return topic, "sensor_msgs/msg/CameraInfo", w.message()
 
 
-def _truth(truth: Truth) -> list[Message]:
+def _truth(truth: Truth, topic: str, writer: Writer) -> list[Message]:
     values = tuple(float(getattr(truth, name)) for name in TRUTH_NAMES)
-    return [joints("/truth", truth.t_s, TRUTH_NAMES, values, (), "simulator")]
+    return [joints(topic, truth.t_s, TRUTH_NAMES, values, (), "simulator", writer)]
 
 
-_WRITERS: dict[type, Callable[[Any], list[Message]]] = {
-    ImuSample: _imu,
-    RgbdFrame: _frame,
-    HeadingMeasurement: _measurement,
-    HeadingEstimate: _estimate,
-    Event: _event,
-    Truth: _truth,
-    TrackCommand: lambda s: _tracks("/tracks/cmd", s.t_s, s.left_m_s, s.right_m_s, brake=s.brake),
-    TrackReading: lambda s: _tracks("/tracks/state", s.t_s, s.left_m_s, s.right_m_s, brake=s.brake_on),
-    SeatCommand: lambda s: [joints("/seat/cmd", s.t_s, ("stroke",), (), (s.rate_m_s,), "chair")],
-    SeatReading: lambda s: [joints("/seat/state", s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair")],
-    ArmCommand: lambda s: [joints("/arm/cmd", s.t_s, ("arm",), (), (s.rate_rad_s,), "chair")],
-    ArmReading: lambda s: [joints("/arm/state", s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair")],
-    OperatorInput: lambda s: [
-        joints(
-            "/operator",
-            s.t_s,
-            ("dead_man", "stop", "rearm"),
-            (float(s.dead_man), float(s.stop), float(s.rearm)),
-            (),
-            "operator",
-        )
-    ],
+def _operator(operator: OperatorInput, topic: str, writer: Writer) -> list[Message]:
+    names = ("dead_man", "stop", "rearm")
+    values = (float(operator.dead_man), float(operator.stop), float(operator.rearm))
+    return [joints(topic, operator.t_s, names, values, (), "operator", writer)]
+
+
+_WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = {
+    ImuSample: ("/imu", _imu),
+    RgbdFrame: ("/camera", _frame),
+    FrameQuality: ("/camera/quality", _quality),
+    HeadingMeasurement: ("/stair/heading_measured", _measurement),
+    HeadingEstimate: ("/stair/heading", _estimate),
+    StairMap: ("/stair/map", _stair_map),
+    Plan: ("/plan", _plan),
+    Event: ("/diagnostics", _event),
+    Truth: ("/truth", _truth),
+    TrackCommand: ("/tracks/cmd", lambda s, t, w: _tracks(t, s.t_s, (s.left_m_s, s.right_m_s), brake=s.brake, writer=w)),
+    TrackReading: ("/tracks/state", lambda s, t, w: _tracks(t, s.t_s, (s.left_m_s, s.right_m_s), brake=s.brake_on, writer=w)),
+    SeatCommand: ("/seat/cmd", lambda s, t, w: [joints(t, s.t_s, ("stroke",), (), (s.rate_m_s,), "chair", w)]),
+    SeatReading: (
+        "/seat/state",
+        lambda s, t, w: [joints(t, s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair", w)],
+    ),
+    ArmCommand: ("/arm/cmd", lambda s, t, w: [joints(t, s.t_s, ("arm",), (), (s.rate_rad_s,), "chair", w)]),
+    ArmReading: (
+        "/arm/state",
+        lambda s, t, w: [joints(t, s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair", w)],
+    ),
+    OperatorInput: ("/operator", _operator),
 }
