@@ -72,7 +72,7 @@ class GuardConfig:
     slip_s: float = 0.5
     """Over which slip is measured, and for which it may last."""
 
-    slip_turn_rad: float = 0.5 * DEG
+    slip_turn_rad: float = 0.25 * DEG
     """A chair that turns by more meanwhile skids, as all tracks do: what slips is not told from it."""
     roll_back_m: float = 0.25
     """By the nosings, turning or not: 0.30 m when it stands."""
