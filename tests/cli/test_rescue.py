@@ -3,10 +3,12 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from treadline.angles import DEG
 from treadline.experiments.shipped import shipped_controller
+from treadline.io.runs import read_series
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mechanics.verdict import check
@@ -16,8 +18,9 @@ FLIGHT = """\
 [stair]
 slope_deg = 28
 run_m = 0.30
-steps = 18
+steps = 12
 width_m = 2.4
+landing_m = 3.0
 [chair]
 model = "rescue"
 payload_kg = 3
@@ -26,9 +29,10 @@ place = "flight"
 step = 6
 heading_deg = {heading}
 [drive]
-duration_s = 60
+duration_s = 80
 [sensors]
 gravity_error_deg = 0.5
+camera = "{camera}"
 """
 
 
@@ -73,7 +77,7 @@ def test_its_head_stays_level_to_44_degrees_as_the_wheelchairs_seat_does() -> No
 def test_its_controller_is_its_own(run, tmp_path: Path) -> None:
     assert shipped_controller("rescue").vehicle == "rescue"
     scenario = tmp_path / "rescue.toml"
-    scenario.write_text(FLIGHT.format(heading=0))
+    scenario.write_text(FLIGHT.format(heading=0, camera="kinect1"))
     wheelchairs = tmp_path / "wheelchair.json"
     shipped_controller("wheelchair").save(wheelchairs)
     outcome = run("climb", scenario, "--controller", wheelchairs, "--out", tmp_path / "run")
@@ -81,15 +85,18 @@ def test_its_controller_is_its_own(run, tmp_path: Path) -> None:
     assert "'wheelchair'" in outcome.err
 
 
-@pytest.mark.parametrize("heading_deg", [30, -30])
-def test_it_climbs_with_its_own_eyes_from_30_degrees(run, tmp_path: Path, heading_deg: int) -> None:
+@pytest.mark.parametrize(("heading_deg", "camera"), [(30, "kinect1"), (-30, "statistical")])
+def test_it_climbs_from_30_degrees_over_the_crest_by_itself(run, tmp_path: Path, heading_deg: int, camera: str) -> None:
     scenario = tmp_path / "rescue.toml"
-    scenario.write_text(FLIGHT.format(heading=heading_deg))
+    scenario.write_text(FLIGHT.format(heading=heading_deg, camera=camera))
     outcome = run("climb", scenario, "--out", tmp_path / "run", "--seed", "3", "--json")
     assert outcome.code == 0, outcome.err + outcome.out
     values = outcome.values
     assert values["verdict"] == "arrived"
-    # Measured 3.5 to 4 s over seeds 1 and 3; the wheelchair needs 3 s on this stair.
-    assert values["settle_s"] < 6.0
-    assert values["steady_rms_heading_deg"] < 0.5
-    assert values["roll_back_m"] < 0.05
+    drawn = read_series(tmp_path / "run")
+    t_s = drawn["t_s"]
+    # Settles to ±2° within 2.4 s over seeds 1 and 3 (the wheelchair: 3 s), and reaches the crest after 14 s.
+    assert np.abs(drawn["heading_deg"][(t_s > 5.0) & (t_s < 13.0)]).max() < 2.0
+    assert values["roll_back_m"] < 0.15
+    # Over the crest the arm lets it down at 10.7°/s; without one it falls at more than 100. Jolts of milliseconds reach 33.
+    assert np.abs(np.diff(drawn["pitch_deg"]) / np.diff(t_s)).max() < 20.0
