@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
+from treadline.devices.imu import IMUS, TICK_S, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.mechanics.chair import read_chair
@@ -33,7 +34,6 @@ from treadline.signals import (
     TrackReading,
 )
 from treadline.sim import open_plant
-from treadline.sim.imu import IMUS, TICK_S, Imu
 
 SLOPE_RAD = 28.0 * DEG
 VISION_SIGMA_RAD = 0.3 * DEG

@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
+from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.perception.camera_file import CameraFile
@@ -34,7 +35,6 @@ from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
 from treadline.sim.camera import ROOM_SCENES, Drive, Recipe, StairTruth, View, draw_view
-from treadline.sim.imu import IMUS, Imu
 
 LEAST_SHARE = 0.15
 """Of the image that must be stair for a frame to count."""

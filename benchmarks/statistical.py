@@ -21,14 +21,7 @@ from jaxtyping import Float
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import Staircase
-from treadline.perception import StairDetector
-from treadline.signals import HeadingMeasurement, StairMap
-from treadline.sim.camera import Camera, Recipe
-from treadline.sim.camera.camera import TEXTURES
-from treadline.sim.camera.flight import Flight, draw_flight
-from treadline.sim.statistical import (
+from treadline.devices.statistical import (
     COUNTS,
     DEPTHS_M,
     LONGEST_RUN_M,
@@ -42,6 +35,13 @@ from treadline.sim.statistical import (
     end_class,
     told_cell,
 )
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import Staircase
+from treadline.perception import StairDetector
+from treadline.signals import HeadingMeasurement, StairMap
+from treadline.sim.camera import Camera, Recipe
+from treadline.sim.camera.camera import TEXTURES
+from treadline.sim.camera.flight import Flight, draw_flight
 
 AS_BUILT: dict[str, Any] = {
     "grain_px": 1.2,

@@ -7,8 +7,8 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of, rotation_y, rotation_z, wrap
+from treadline.devices.imu import IMUS, TICK_S, Imu
 from treadline.signals import ImuSample
-from treadline.sim.imu import IMUS, TICK_S, Imu
 
 LEVEL = np.eye(3)
 STILL = np.zeros(3)

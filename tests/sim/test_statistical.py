@@ -7,6 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_z
+from treadline.devices.statistical import FAR_M, LONGEST_RUN_M, Geometry, StatisticalCamera, fitted_numbers
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.perception import Sight, StairDetector
@@ -14,7 +15,6 @@ from treadline.perception.nosings import STEP_RUN_M
 from treadline.scenario import Stair
 from treadline.signals import HeadingMeasurement, StairMap
 from treadline.sim.camera import Camera
-from treadline.sim.statistical import FAR_M, LONGEST_RUN_M, Geometry, StatisticalCamera, fitted_numbers
 
 Pose = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 DOWN_W = np.array([0.0, 0.0, -1.0])

@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
+from treadline.devices.imu import IMUS, TICK_S, Imu
+from treadline.devices.statistical import StatisticalCamera
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
@@ -40,10 +42,8 @@ from treadline.sim import kernels
 from treadline.sim.camera import Camera
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
-from treadline.sim.imu import IMUS, TICK_S, Imu
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD, TIMESTEP_S, scene_xml
-from treadline.sim.statistical import StatisticalCamera
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from treadline.devices.statistical import crossings
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import PinholeCamera
@@ -88,19 +89,6 @@ def stair_truth(
         right_wall_m=right,
         obstacle_m=_obstacle(solids, pose, chair),
     )
-
-
-def crossings(
-    places_W: Float[np.ndarray, "n 3"],
-    along_W: Float[np.ndarray, "n 3"],
-    R_WB: Float[np.ndarray, "3 3"],
-    p_WB: Float[np.ndarray, " 3"],
-) -> Float[np.ndarray, "n 3"]:
-    """Return where edges, extended beyond the stair's width, meet the chair's middle plane, in B."""
-    places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB
-    points = places - (places[:, 1] / along[:, 1])[:, None] * along
-    points[:, 1] = 0.0
-    return np.asarray(points)
 
 
 def _nosings(flight: Flight, pose: Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:

@@ -7,6 +7,7 @@ they are.
 
 from collections.abc import Sequence
 
+from treadline.devices.imu import TICK_S
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
@@ -15,7 +16,6 @@ from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim.faults.damage import PHYSICAL, Breakable, Damage, damage_of
 from treadline.sim.faults.orders import Line, Order, Watchdog
 from treadline.sim.faults.sensors import SensorFaults
-from treadline.sim.imu import TICK_S
 
 
 class FaultyPlant:

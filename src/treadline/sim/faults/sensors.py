@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.devices.imu import TICK_S
 from treadline.faults import SAME_TIME_S, Fault, FaultKind, Process
 from treadline.signals import FrameQuality, HeadingMeasurement, ImuSample, OperatorInput, Reading, RgbdFrame, StairMap
 from treadline.sim.camera.camera import RenderedFrame
-from treadline.sim.imu import TICK_S
 
 SIGHT = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
 """All that a camera hands over."""

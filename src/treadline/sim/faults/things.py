@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_z
+from treadline.devices.statistical import StatisticalCamera
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import Reading, StairMap
@@ -18,7 +19,6 @@ from treadline.sim.camera.camera import Camera
 from treadline.sim.camera.solids import Shadow, Solid, beam
 from treadline.sim.camera.truth import SWEPT_HEIGHT_M
 from treadline.sim.faults.damage import Damage
-from treadline.sim.statistical import StatisticalCamera
 
 Eye = Camera | StatisticalCamera
 

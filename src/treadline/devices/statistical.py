@@ -19,7 +19,6 @@ from jaxtyping import Bool, Float, Int
 from treadline.angles import DEG
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import HeadingMeasurement, PinholeCamera, StairMap
-from treadline.sim.camera.truth import crossings
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: small, so that a filter has something to weigh."""
@@ -402,6 +401,19 @@ def end_class(seen: Outlook, last_told: int) -> int:
     if not seen.ends:
         return 1
     return 2 if seen.depths_m[-1] < FAR_END_M else 3
+
+
+def crossings(
+    places_W: Float[np.ndarray, "n 3"],
+    along_W: Float[np.ndarray, "n 3"],
+    R_WB: Float[np.ndarray, "3 3"],
+    p_WB: Float[np.ndarray, " 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return where edges, extended beyond the stair's width, meet the chair's middle plane, in B."""
+    places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB
+    points = places - (places[:, 1] / along[:, 1])[:, None] * along
+    points[:, 1] = 0.0
+    return np.asarray(points)
 
 
 @cache

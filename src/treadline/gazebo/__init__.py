@@ -1,0 +1,1 @@
+"""The chair in Gazebo 11: the second simulator behind the same port."""
