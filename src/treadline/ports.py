@@ -1,12 +1,12 @@
 """What the mission needs of a chair, real or simulated, and what only a simulator can tell.
 
 ``Plant`` is all the mission ever sees. ``Truth`` comes from a ``TruthPlant`` and is for scoring: experiments read it,
-the mission cannot.
+the mission cannot. ``Transport`` is what carries signals where the blocks run apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 
@@ -67,3 +67,20 @@ class TruthPlant(Plant, Protocol):
 
     def truth(self) -> Sequence[Truth]:
         """Return every 100 Hz truth sample since the last call, ``t_s = 0`` included."""
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """What carries signals between nodes, by channel: calls in one process, ROS 1, or ROS 2's wire."""
+
+    def publish(self, channel: str, signal: Any) -> None:
+        """Send a signal to all who take from the channel."""
+
+    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+        """Have a channel's signals taken; ``take`` runs in the thread that delivers, one signal after the other."""
+
+    def deliver(self, timeout_s: float) -> int:
+        """Hand out what has come, waiting for something at most that long; return how many signals."""
+
+    def close(self) -> None:
+        """Leave."""

@@ -1,0 +1,103 @@
+"""Who says what to whom: channels, the topics and standard types that they are on a wire, and their quality of service.
+
+Paper: Fig. 7.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+CLOCK = "/clock"
+IMU = "/imu"
+TRACKS = "/tracks/state"
+SEAT = "/seat/state"
+ARM = "/arm/state"
+OPERATOR = "/operator"
+CAMERA = "/camera"
+CAMERA_HEADING, CAMERA_MAP, CAMERA_QUALITY = "/camera/stair/heading", "/camera/stair/map", "/camera/stair/quality"
+"""Of a camera that measures by itself, and hands over no image."""
+QUALITY = "/camera/quality"
+MEASURED = "/stair/heading_measured"
+MAP = "/stair/map"
+ESTIMATE = "/stair/heading"
+HEALTH = "/stair/heading/health"
+PLAN = "/plan"
+TRACKS_PROPOSED, SEAT_PROPOSED = "/tracks/proposed", "/seat/proposed"
+TRACKS_CMD, SEAT_CMD, ARM_CMD = "/tracks/cmd", "/seat/cmd", "/arm/cmd"
+GUARD = "/guard/state"
+DIAGNOSTICS = "/diagnostics"
+TRUTH = "/truth"
+TWIST = "/cmd_vel"
+
+JOINTS, POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
+STATUS, IMAGE = "diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/Image"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """One topic of a channel."""
+
+    name: str
+    kind: str
+    """The message type as ROS 2 writes it."""
+    read: bool = True
+    """Whether our nodes read it; the rest is for people and their tools."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Channel:
+    """What a channel is on a wire."""
+
+    topics: tuple[Topic, ...]
+    depth: int
+    """How many messages may wait: a picture or a command is of use while it is new, what a filter integrates comes whole."""
+    reliability: Literal["reliable", "best_effort"] = "reliable"
+
+
+def _one(name: str, kind: str, depth: int) -> Channel:
+    return Channel(topics=(Topic(name=name, kind=kind),), depth=depth)
+
+
+def _with_detail(name: str, kind: str, depth: int) -> Channel:
+    topics = (Topic(name=name, kind=kind, read=kind != POSE), Topic(name=f"{name}/detail", kind=JOINTS))
+    return Channel(topics=topics, depth=depth)
+
+
+SECOND = 100
+"""Messages of a sensor at 100 Hz."""
+
+CHANNELS: dict[str, Channel] = {
+    CLOCK: _one(CLOCK, "rosgraph_msgs/msg/Clock", 10),
+    IMU: _one(IMU, "sensor_msgs/msg/Imu", SECOND),
+    TRACKS: _one(TRACKS, JOINTS, SECOND),
+    SEAT: _one(SEAT, JOINTS, SECOND),
+    ARM: _one(ARM, JOINTS, SECOND),
+    OPERATOR: _one(OPERATOR, JOINTS, 10),
+    CAMERA: Channel(
+        topics=(
+            Topic(name="/camera/color/image_raw", kind=IMAGE),
+            Topic(name="/camera/depth/image_rect", kind=IMAGE),
+            Topic(name="/camera/color/camera_info", kind="sensor_msgs/msg/CameraInfo"),
+        ),
+        depth=2,
+    ),
+    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, 10),
+    CAMERA_MAP: _with_detail(CAMERA_MAP, "geometry_msgs/msg/PoseArray", 10),
+    CAMERA_QUALITY: _one(CAMERA_QUALITY, JOINTS, 10),
+    QUALITY: _one(QUALITY, JOINTS, 10),
+    MEASURED: _with_detail(MEASURED, POSE, 10),
+    MAP: _with_detail(MAP, "geometry_msgs/msg/PoseArray", 10),
+    ESTIMATE: _with_detail(ESTIMATE, POSE, 10),
+    HEALTH: _one(HEALTH, STATUS, 10),
+    PLAN: _one(PLAN, STATUS, 10),
+    TRACKS_PROPOSED: _one(TRACKS_PROPOSED, JOINTS, 1),
+    SEAT_PROPOSED: _one(SEAT_PROPOSED, JOINTS, 1),
+    TRACKS_CMD: _one(TRACKS_CMD, JOINTS, 1),
+    SEAT_CMD: _one(SEAT_CMD, JOINTS, 1),
+    ARM_CMD: _one(ARM_CMD, JOINTS, 1),
+    GUARD: _one(GUARD, STATUS, 10),
+    DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
+    TRUTH: _one(TRUTH, JOINTS, 10),
+    TWIST: _one(TWIST, "geometry_msgs/msg/Twist", 1),
+}
+SENSORS = (IMU, TRACKS, SEAT, ARM, OPERATOR, CAMERA)
+"""What stamps are compared on with the clock."""

@@ -1,0 +1,42 @@
+"""The whole graph in one process, tick by tick: the commands are those of ``mission.loop``, bit for bit."""
+
+from treadline.mission.guard import GuardConfig
+from treadline.mission.loop import Blocks
+from treadline.mission.rates import TICK_S
+from treadline.nodes import channels as on
+from treadline.nodes.inproc import InProcess
+from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, PlantNode, SeatNode
+from treadline.nodes.words import Beat
+from treadline.ports import Plant, Transport
+
+BEAT_TICKS = 25
+"""Ticks between two signs of life: a third of what the guard waits for."""
+
+
+class LockStep:
+    """All nodes on one transport, turned in the loop's order."""
+
+    def __init__(self, plant: Plant, blocks: Blocks, config: GuardConfig, transport: Transport | None = None) -> None:
+        self.transport = transport or InProcess()
+        self.guard = GuardNode(config)
+        self._plant = PlantNode(plant)
+        driver = DriverNode(blocks.planner, blocks.driver, config)
+        heading = HeadingNode(blocks.estimator, config)
+        camera, seat = CameraNode(blocks.detector, config), SeatNode(blocks.leveller, config)
+        # The guard takes each reading before anybody acts on it, and speaks after all others.
+        for node in (self._plant, self.guard, camera, heading, seat, driver):
+            node.listen(self.transport)
+        self.nodes: list[Node] = [camera, seat, driver, heading, self.guard]
+        self._tick = 0
+        self._plant.start()
+
+    def tick(self) -> float:
+        """Advance the plant to the next tick, and let each node do what is due; return the time."""
+        t_s = self._tick * TICK_S
+        self._plant.tick(t_s)
+        for node in self.nodes:
+            node.tick(t_s)
+            if self._tick % BEAT_TICKS == 0:
+                self.transport.publish(on.DIAGNOSTICS, Beat(t_s=t_s, node=node.name))
+        self._tick += 1
+        return t_s

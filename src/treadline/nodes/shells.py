@@ -1,0 +1,402 @@
+"""The nodes: each takes signals from channels, hands them to its block and says what the block answers.
+
+Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`` ─► ``driver`` ─► ``guard`` ─► ``plant``, with ``seat``
+beside them. Nothing here computes: what a block would be asked in ``mission.loop`` it is asked here, in the same order.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_of
+from treadline.mission.drivers import Driver
+from treadline.mission.guard import Guard, GuardConfig
+from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
+from treadline.mission.planner import Planner
+from treadline.mission.rates import TICK_S
+from treadline.nodes import channels as on
+from treadline.nodes.words import Beat, GuardState
+from treadline.perception.quality import quality_of
+from treadline.ports import Plant, Transport
+from treadline.signals import (
+    ArmCommand,
+    ArmReading,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    PinholeCamera,
+    Plan,
+    Reading,
+    RgbdFrame,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+
+COMMAND_TIMEOUT_S = 0.3
+"""The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
+PLAN_TIMEOUT_S = 0.1
+"""An arm's rate is for the moment: without a newer plan it stands."""
+
+
+@runtime_checkable
+class Node(Protocol):
+    """A block and its channels."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in the graph."""
+
+    def listen(self, transport: Transport) -> None:
+        """Take from the channels it needs; they may speak from now on."""
+
+    def tick(self, t_s: float) -> None:
+        """Do what is due at this time."""
+
+
+class Gate:
+    """The guard's eyes beside another node: whether a reading may be used is asked where it is used."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._guard = Guard(config)
+
+    def admits(self, reading: Reading) -> bool:
+        """Say whether anybody may use a reading; the guard's own answer, for it has seen the same readings."""
+        return self._guard.admit(reading)
+
+    def tick(self, t_s: float) -> None:
+        """Note the time; what it would hold for is the guard's to say."""
+        self._guard.step(t_s, None)
+        self._guard.take_events()
+
+
+class CameraNode:
+    """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap``; the paper's ``/depth``."""
+
+    name = "camera"
+
+    def __init__(self, detector: Detector, config: GuardConfig) -> None:
+        self._detector = detector
+        self._gate = Gate(config)
+        self._gravity_B: Float[np.ndarray, " 3"] | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Take frames, or what a camera has measured by itself, and whatever tells where down is."""
+        self._say = transport.publish
+        transport.subscribe(on.IMU, self._tilt)
+        transport.subscribe(on.TRACKS, self._gate.admits)
+        transport.subscribe(on.CAMERA, self._look)
+        transport.subscribe(on.CAMERA_QUALITY, self._judge)
+        transport.subscribe(on.CAMERA_HEADING, self._pass)
+        transport.subscribe(on.CAMERA_MAP, self._pass)
+
+    def tick(self, t_s: float) -> None:
+        """Note the time."""
+        self._gate.tick(t_s)
+
+    def warm(self, camera: PinholeCamera) -> None:
+        """Look once at nothing: what is compiled at the first look is then compiled."""
+        size = camera.height_px, camera.width_px
+        depth = np.full(size, 2.0, np.float32)
+        self._detector.see(
+            RgbdFrame(t_s=0.0, rgb=np.zeros((*size, 3), np.uint8), depth_m=depth, camera=camera), np.array([0.0, 1.0, 0.0])
+        )
+
+    def _tilt(self, sample: ImuSample) -> None:
+        if self._gate.admits(sample):
+            self._gravity_B = rotation_of(sample.orientation).T @ DOWN_W
+
+    def _look(self, frame: RgbdFrame) -> None:
+        quality = quality_of(frame)
+        self._say(on.QUALITY, quality)
+        if not (self._gate.admits(frame) and self._gate.admits(quality)):
+            return
+        gravity_C = None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
+        seen = self._detector.see(frame, gravity_C)
+        measurement, stair_map = seen.measurement, seen.stair_map
+        if measurement is not None:
+            self._say(on.MEASURED, measurement)
+        if stair_map is not None:
+            self._say(on.MAP, stair_map)
+
+    def _judge(self, quality: FrameQuality) -> None:
+        self._gate.admits(quality)
+        self._say(on.QUALITY, quality)
+
+    def _pass(self, seen: HeadingMeasurement | StairMap) -> None:
+        if self._gate.admits(seen):
+            self._say(on.MEASURED if isinstance(seen, HeadingMeasurement) else on.MAP, seen)
+
+
+class HeadingNode:
+    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``."""
+
+    name = "heading"
+
+    def __init__(self, estimator: Estimator, config: GuardConfig) -> None:
+        self._estimator = estimator
+        self._gate = Gate(config)
+        self._told: tuple[object, ...] | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Take what moves the heading, and what shows it."""
+        self._say = transport.publish
+        transport.subscribe(on.IMU, self._feel)
+        transport.subscribe(on.TRACKS, self._feel)
+        transport.subscribe(on.MEASURED, self._step)
+
+    def tick(self, t_s: float) -> None:
+        """Say how the filter is, where that is new."""
+        self._gate.tick(t_s)
+        health = self._estimator.health
+        if health is None:
+            return
+        told = (health.fault, health.since_s, health.cause)
+        if told != self._told:
+            self._told = told
+            self._say(on.HEALTH, health)
+
+    def _feel(self, reading: ImuSample | TrackReading) -> None:
+        if self._gate.admits(reading):
+            self._step(reading)
+
+    def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
+        estimate = self._estimator.step(signal)
+        if estimate is not None:
+            self._say(on.ESTIMATE, estimate)
+
+
+class SeatNode:
+    """``SeatReading, ImuSample -> SeatCommand``: the seat's own loop."""
+
+    name = "seat"
+
+    def __init__(self, leveller: SeatLeveller, config: GuardConfig) -> None:
+        self._leveller = leveller
+        self._gate = Gate(config)
+        self._imu: ImuSample | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Take the seat's state and the chassis' IMU."""
+        self._say = transport.publish
+        transport.subscribe(on.IMU, self._tilt)
+        transport.subscribe(on.SEAT, self._level)
+
+    def tick(self, t_s: float) -> None:
+        """Note the time."""
+        self._gate.tick(t_s)
+
+    def _tilt(self, sample: ImuSample) -> None:
+        if self._gate.admits(sample):
+            self._imu = sample
+
+    def _level(self, reading: SeatReading) -> None:
+        if self._gate.admits(reading):
+            self._say(on.SEAT_PROPOSED, self._leveller.step(reading, self._imu))
+
+
+class DriverNode:
+    """``HeadingEstimate, StairMap and what the chair feels -> Plan, TrackCommand``: planner and heading controller."""
+
+    name = "driver"
+
+    def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
+        self._planner = planner
+        self._driver = driver
+        self._gate = Gate(config)
+        self._every = round(driver.period_s / TICK_S)
+        self._slot = -1
+        self._estimate: HeadingEstimate | None = None
+        self._holding: str | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Take the heading, the stair ahead, what the chair feels, and whether it is held."""
+        self._say = transport.publish
+        for channel in (on.IMU, on.TRACKS, on.ARM):
+            transport.subscribe(channel, self._feel)
+        transport.subscribe(on.MAP, self._planner.feel)
+        transport.subscribe(on.ESTIMATE, self._know)
+        transport.subscribe(on.GUARD, self._hold)
+
+    def tick(self, t_s: float) -> None:
+        """Plan; propose belt speeds where they are due."""
+        self._gate.tick(t_s)
+        plan = self._planner.step(t_s, self._estimate)
+        self._say(on.PLAN, plan)
+        # A tick that was lost on the way must not lose a command with it.
+        slot = round(t_s / TICK_S) // self._every
+        due, self._slot = slot != self._slot, slot
+        if plan.turn_m_s is not None:
+            if due:
+                self._driver.step(None, t_s, plan)
+            left, right = plan.speed_m_s - plan.turn_m_s, plan.speed_m_s + plan.turn_m_s
+            self._say(on.TRACKS_PROPOSED, TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right))
+        elif due:
+            known = self._estimate if self._holding is None else None
+            self._say(on.TRACKS_PROPOSED, self._driver.step(known, t_s, plan))
+
+    def _feel(self, reading: ImuSample | TrackReading | ArmReading) -> None:
+        if self._gate.admits(reading):
+            self._planner.feel(reading)
+
+    def _know(self, estimate: HeadingEstimate) -> None:
+        self._estimate = estimate
+
+    def _hold(self, state: GuardState) -> None:
+        self._holding = state.holding
+
+
+class GuardNode:
+    """All readings, plans and proposals ``-> TrackCommand, SeatCommand, ArmCommand, Event``; it stands apart from all others.
+
+    Args:
+        awaited: Nodes without which the chair does not start; until each has spoken the belts are braked.
+    """
+
+    name = "guard"
+
+    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = ()) -> None:
+        self._guard = Guard(config)
+        self._missing = set(awaited)
+        self._estimate: HeadingEstimate | None = None
+        self._plan: Plan | None = None
+        self._arm_runs = False
+        self._t_s = 0.0
+        self._told: str | None = None
+
+    @property
+    def missing(self) -> set[str]:
+        """Nodes that have not spoken yet."""
+        return self._missing
+
+    def listen(self, transport: Transport) -> None:
+        """Take everything."""
+        self._say = transport.publish
+        for channel in (on.IMU, on.TRACKS, on.SEAT, on.ARM, on.OPERATOR, on.QUALITY, on.CAMERA_HEADING, on.CAMERA_MAP):
+            transport.subscribe(channel, self._admit)
+        for channel in (on.MEASURED, on.MAP, on.HEALTH):
+            transport.subscribe(channel, self._guard.notice)
+        transport.subscribe(on.PLAN, self._follow)
+        transport.subscribe(on.ESTIMATE, self._know)
+        transport.subscribe(on.TRACKS_PROPOSED, self._propose)
+        transport.subscribe(on.SEAT_PROPOSED, self._level)
+        transport.subscribe(on.DIAGNOSTICS, self._hear)
+
+    def tick(self, t_s: float) -> None:
+        """Say what may reach the chair now."""
+        self._t_s = t_s
+        if self._missing:
+            self._say(on.TRACKS_CMD, TrackCommand.stop(t_s))
+            return
+        tracks = self._guard.step(t_s, self._estimate)
+        self._drive_arm(t_s)
+        self._say(on.TRACKS_CMD, tracks)
+        self._tell_state()
+        for event in self._guard.take_events():
+            self._say(on.DIAGNOSTICS, event)
+
+    def repeat_state(self) -> None:
+        """Say again whether it holds: whoever came later has not heard it."""
+        self._say(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding))
+
+    def _drive_arm(self, t_s: float) -> None:
+        plan = self._plan
+        fresh = plan is not None and t_s - plan.t_s <= PLAN_TIMEOUT_S
+        arm = self._guard.pass_arm(plan.arm if plan is not None and fresh else None)
+        if arm is None and self._arm_runs:
+            self._say(on.ARM_CMD, ArmCommand(t_s=t_s, rate_rad_s=0.0))
+        elif arm is not None:
+            self._say(on.ARM_CMD, arm)
+        self._arm_runs = arm is not None
+
+    def _admit(self, reading: Reading) -> None:
+        self._guard.admit(reading)
+        self._tell_state()
+
+    def _follow(self, plan: Plan) -> None:
+        self._plan = plan
+        self._guard.notice(plan)
+        self._tell_state()
+
+    def _know(self, estimate: HeadingEstimate) -> None:
+        self._estimate = estimate
+
+    def _propose(self, command: TrackCommand) -> None:
+        self._guard.propose(command)
+
+    def _level(self, command: SeatCommand) -> None:
+        self._say(on.SEAT_CMD, self._guard.pass_seat(command))
+
+    def _hear(self, told: object) -> None:
+        if isinstance(told, Beat) and told.node != self.name:
+            self._missing.discard(told.node)
+            # Heard now, whenever its clock says that it spoke.
+            self._guard.beat(told.node, self._t_s)
+
+    def _tell_state(self) -> None:
+        if self._guard.holding != self._told:
+            self._told = self._guard.holding
+            self.repeat_state()
+
+
+SPOKEN: dict[type, str] = {
+    ImuSample: on.IMU,
+    TrackReading: on.TRACKS,
+    SeatReading: on.SEAT,
+    ArmReading: on.ARM,
+    OperatorInput: on.OPERATOR,
+    RgbdFrame: on.CAMERA,
+    FrameQuality: on.CAMERA_QUALITY,
+    HeadingMeasurement: on.CAMERA_HEADING,
+    StairMap: on.CAMERA_MAP,
+}
+"""The channel of each reading of a plant."""
+
+
+class PlantNode:
+    """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
+
+    name = "plant"
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
+        self._arm: ArmCommand | None = None
+        self._t_s = self._heard_s = 0.0
+        self.commanded_s = 0.0
+        """Stamp of the newest command: how far the guard has come."""
+
+    def listen(self, transport: Transport) -> None:
+        """Take commands from the guard."""
+        self._say = transport.publish
+        transport.subscribe(on.TRACKS_CMD, self._write)
+        transport.subscribe(on.SEAT_CMD, self._level)
+        transport.subscribe(on.ARM_CMD, self._raise)
+
+    def start(self) -> None:
+        """Put the chair at its start."""
+        self._plant.start()
+
+    def tick(self, t_s: float) -> None:
+        """Go on to this time, and tell what the sensors read."""
+        if t_s - self._heard_s > COMMAND_TIMEOUT_S:
+            self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
+        self._t_s = t_s
+        self._plant.advance(t_s)
+        for reading in self._plant.read():
+            self._say(SPOKEN[type(reading)], reading)
+
+    def _write(self, tracks: TrackCommand) -> None:
+        self._heard_s, self.commanded_s = self._t_s, tracks.t_s
+        self._plant.write(tracks, self._seat, self._arm)
+
+    def _level(self, command: SeatCommand) -> None:
+        self._seat = command
+
+    def _raise(self, command: ArmCommand) -> None:
+        self._arm = command
