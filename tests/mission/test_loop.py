@@ -1,22 +1,32 @@
 """The loop: order of a tick, rates, and that truth cannot reach it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from treadline.mission.drivers import ConstantSpeed
+from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
-from treadline.mission.loop import Blocks, Mission
+from treadline.mission.loop import Blocks, Mission, Signal
+from treadline.mission.planner import Cruise, Felt, Planner
 from treadline.mission.rates import Rate
 from treadline.signals import (
+    ArmCommand,
+    ArmReading,
+    Event,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    PinholeCamera,
+    Plan,
     Reading,
+    RgbdFrame,
     SeatCommand,
     SeatReading,
+    StairMap,
     TrackCommand,
+    TrackReading,
 )
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -29,6 +39,7 @@ class RecordedPlant:
         self._readings = list(readings)
         self._t_s = 0.0
         self.written: list[tuple[TrackCommand, SeatCommand]] = []
+        self.arms: list[ArmCommand | None] = []
 
     def start(self) -> None:
         self._t_s = 0.0
@@ -41,18 +52,20 @@ class RecordedPlant:
         self._readings = self._readings[len(due) :]
         return due
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
         self.written.append((tracks, seat))
+        self.arms.append(arm)
 
     def close(self) -> None:
         pass
 
 
 class Counting:
-    """Stands for every block and counts its calls."""
+    """Stands for every block and counts its calls; as a detector it sees a square stair in each frame."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
+        self.health = None
 
     def step(self, signal: object, *_: object) -> HeadingEstimate | SeatCommand:
         self.calls.append(type(signal).__name__)
@@ -60,6 +73,35 @@ class Counting:
             return SeatCommand(t_s=signal.t_s, rate_m_s=0.01)
         t_s = signal.t_s if isinstance(signal, ImuSample | HeadingMeasurement) else 0.0
         return HeadingEstimate(t_s=t_s, heading_rad=0.1, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+    def see(self, frame: RgbdFrame, gravity_C: np.ndarray | None = None) -> "Square":
+        assert gravity_C is not None
+        self.calls.append("RgbdFrame")
+        return Square(frame.t_s)
+
+
+class Square:
+    """What a frame says of a stair that the chair is square to."""
+
+    stair_map = None
+
+    def __init__(self, t_s: float) -> None:
+        self.measurement = HeadingMeasurement(t_s=t_s, heading_rad=0.0, sigma_rad=0.004, edge_count=6)
+
+
+class Scripted:
+    """A planner that plays a script: from each time on its plan, and remembers what it felt."""
+
+    def __init__(self, *plans: Plan) -> None:
+        self._plans = plans
+        self.felt: list[str] = []
+
+    def feel(self, signal: Felt) -> None:
+        self.felt.append(type(signal).__name__)
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        del estimate
+        return replace([plan for plan in self._plans if plan.t_s <= t_s + 1e-9][-1], t_s=t_s)
 
 
 def imu(t_s: float, rate_rad_s: float = 0.0) -> ImuSample:
@@ -82,16 +124,22 @@ def stream(seconds: float) -> list[Reading]:
     return readings
 
 
-def counting_mission(plant: RecordedPlant) -> tuple[Mission, Counting, Counting]:
+def counting_mission(
+    plant: RecordedPlant,
+    planner: Planner | None = None,
+    driver: Driver | None = None,
+    log: Callable[[Signal], object] = repr,
+) -> tuple[Mission, Counting, Counting]:
     estimator, leveller = Counting(), Counting()
     blocks = Blocks(
-        detector=Counting(),  # type: ignore[arg-type]
+        detector=estimator,
         estimator=estimator,  # type: ignore[arg-type]
-        driver=ConstantSpeed(0.2, 0.25),
+        planner=planner or Cruise(0.2),
+        driver=driver or ConstantSpeed(0.2, 0.25),
         leveller=leveller,  # type: ignore[arg-type]
         guard=Guard(GuardConfig()),
     )
-    return Mission(plant, blocks), estimator, leveller
+    return Mission(plant, blocks, log), estimator, leveller
 
 
 def test_each_block_runs_at_its_own_rate() -> None:
@@ -112,16 +160,108 @@ def test_a_tick_acts_on_what_was_read_in_the_same_tick() -> None:
     assert plant.written[0][1].rate_m_s == 0.01
 
 
-def test_a_nan_from_the_imu_is_silence_and_holds() -> None:
+def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() -> None:
     readings = [
-        imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.0)
+        imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.7)
     ]
     plant = RecordedPlant(readings)
     mission, _, _ = counting_mission(plant)
-    for _ in range(100):
+    for _ in range(170):
+        mission.tick()
+    # Hazard 6: 50 ms to notice, then vision alone for a second at 0.10 m/s.
+    assert plant.written[60][0].left_m_s == pytest.approx(0.1)
+    assert next(k for k, (tracks, _) in enumerate(plant.written) if tracks.brake) in range(150, 160)
+    assert all(np.isfinite([tracks.left_m_s, tracks.right_m_s]).all() for tracks, _ in plant.written)
+
+
+def test_a_turn_of_the_plan_reaches_the_belts_at_each_tick_and_the_driver_forgets() -> None:
+    turning = Plan(t_s=0.0, phase="align", speed_m_s=0.05, turn_m_s=0.1)
+    driving = Plan(t_s=0.5, phase="climb", speed_m_s=0.2)
+    plant, driver = RecordedPlant(stream(1.0)), Listening()
+    mission, _, _ = counting_mission(plant, Scripted(turning, driving), driver)
+    ticks = [mission.tick() for _ in range(100)]
+    assert not any(tick.proposed for tick in ticks[:50])
+    # Left is the slower belt of a turn to the left: mean less half the difference.
+    assert (plant.written[25][0].left_m_s, plant.written[25][0].right_m_s) == pytest.approx((-0.05, 0.15))
+    assert driver.asked == [None, None, 0.1, 0.1]
+
+
+def test_the_plans_arm_passes_the_guard_and_no_arm_stays_none() -> None:
+    moving = Plan(t_s=0.0, phase="crest", speed_m_s=0.1, arm=ArmCommand(t_s=0.0, rate_rad_s=0.2))
+    still = Plan(t_s=0.1, phase="climb", speed_m_s=0.1)
+    plant = RecordedPlant(stream(0.2))
+    mission, _, _ = counting_mission(plant, Scripted(moving, still))
+    for _ in range(20):
+        mission.tick()
+    assert plant.arms[0] == ArmCommand(t_s=0.0, rate_rad_s=0.2)
+    assert plant.arms[-1] is None
+
+
+def test_where_the_plan_knows_no_further_the_guard_holds_with_its_cause() -> None:
+    lost = Plan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
+    plant, told = RecordedPlant(stream(0.3)), []
+    go = Plan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
+    mission, _, _ = counting_mission(plant, Scripted(go, lost), log=told.append)
+    for _ in range(30):
         mission.tick()
     assert plant.written[-1][0].brake
-    assert all(np.isfinite([tracks.left_m_s, tracks.right_m_s]).all() for tracks, _ in plant.written)
+    assert [event.cause for event in told if isinstance(event, Event) and event.name == "hold"] == [lost.hold]
+
+
+def test_each_phase_is_told_once_with_its_cause() -> None:
+    plans = [Plan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))]  # type: ignore[arg-type]
+    told: list[Signal] = []
+    mission, _, _ = counting_mission(RecordedPlant(stream(0.3)), Scripted(*plans), log=told.append)
+    for _ in range(30):
+        mission.tick()
+    phases = [signal for signal in told if isinstance(signal, Event) and signal.cause in ("search", "climb", "crest")]
+    assert [(event.name, event.t_s) for event in phases] == [("search", 0.0), ("climb", 0.1), ("crest", 0.2)]
+
+
+def frame(t_s: float, brightness: int) -> RgbdFrame:
+    rng = np.random.default_rng(brightness)
+    rgb = rng.integers(0, brightness, size=(24, 32, 3), dtype=np.uint8)
+    depth = np.full((24, 32), 1.5, dtype=np.float32)
+    camera = PinholeCamera(width_px=32, height_px=24, fx_px=30.0, fy_px=30.0, cx_px=15.5, cy_px=11.5)
+    return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=depth, camera=camera)
+
+
+def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
+    readings = [*stream(0.35), frame(0.1, 200), frame(0.2, 200), frame(0.3, 210)]
+    mission, detector, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)))
+    for _ in range(35):
+        mission.tick()
+    assert detector.calls.count("RgbdFrame") == 2
+
+
+def test_the_planner_feels_what_it_needs_and_no_frame() -> None:
+    readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
+    readings += [ArmReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0), frame(0.06, 200), stair_map(0.06)]
+    planner = Scripted(Plan(t_s=0.0, phase="drive", speed_m_s=0.2))
+    mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
+    for _ in range(10):
+        mission.tick()
+    assert set(planner.felt) == {"ImuSample", "TrackReading", "ArmReading", "StairMap"}
+
+
+def stair_map(t_s: float) -> StairMap:
+    return StairMap(
+        t_s=t_s, direction="up", nosings_B=np.array([[1.0, 0.0, 0.16], [1.3, 0.0, 0.32]]), rise_m=0.16, run_m=0.3,
+        slope_rad=0.49, ends=False, left_wall_m=None, right_wall_m=None, obstacle_m=None,
+    )  # fmt: skip
+
+
+class Listening:
+    """A driver that keeps the headings it was asked with."""
+
+    period_s = 0.25
+
+    def __init__(self) -> None:
+        self.asked: list[float | None] = []
+
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+        self.asked.append(None if estimate is None else estimate.heading_rad)
+        return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s, right_m_s=plan.speed_m_s)
 
 
 def test_a_period_that_is_no_multiple_of_the_tick_is_refused() -> None:

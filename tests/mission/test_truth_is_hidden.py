@@ -13,7 +13,7 @@ from treadline.mission.loop import Mission
 from treadline.models import ControllerDesign, LinearModel
 from treadline.ports import Plant, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import Reading, SeatCommand, TrackCommand
+from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 
@@ -39,16 +39,16 @@ class Recording:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self.batches: list[Sequence[Reading]] = []
-        self.written: list[tuple[TrackCommand, SeatCommand]] = []
+        self.written: list[tuple[TrackCommand, SeatCommand, ArmCommand | None]] = []
         self.start, self.advance, self.close = plant.start, plant.advance, plant.close
 
     def read(self) -> Sequence[Reading]:
         self.batches.append(self._plant.read())
         return self.batches[-1]
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
-        self.written.append((tracks, seat))
-        self._plant.write(tracks, seat)
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+        self.written.append((tracks, seat, arm))
+        self._plant.write(tracks, seat, arm)
 
 
 class Replay:
@@ -56,7 +56,7 @@ class Replay:
 
     def __init__(self, batches: Sequence[Sequence[Reading]]) -> None:
         self._batches = iter(batches)
-        self.written: list[tuple[TrackCommand, SeatCommand]] = []
+        self.written: list[tuple[TrackCommand, SeatCommand, ArmCommand | None]] = []
 
     def start(self) -> None: ...
     def advance(self, until_s: float) -> None: ...
@@ -65,8 +65,8 @@ class Replay:
     def read(self) -> Sequence[Reading]:
         return next(self._batches)
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand) -> None:
-        self.written.append((tracks, seat))
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+        self.written.append((tracks, seat, arm))
 
 
 def drive(plant: Plant, config: MissionConfig, ticks: int) -> None:
@@ -83,7 +83,7 @@ def test_the_same_samples_without_any_truth_give_the_same_commands_bit_for_bit()
     replay = Replay(recording.batches)
     drive(replay, config, 300)
     assert replay.written == recording.written
-    assert len({round(tracks.left_m_s, 3) for tracks, _ in replay.written}) > 3  # it did steer
+    assert len({round(tracks.left_m_s, 3) for tracks, *_ in replay.written}) > 3  # it did steer
 
 
 def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,13 +98,13 @@ def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest
     drive(plant, mission_config(scenario, controller()), 50)
 
 
-def test_what_the_mission_is_told_does_not_depend_on_payload_slope_friction_or_heading() -> None:
+def test_what_the_mission_is_told_does_not_depend_on_slope_friction_heading_or_where_the_payload_sits() -> None:
     design = controller()
     told = mission_config(turn(25, 30, 80.0), design)
     other = turn(30, -12, 80.0)
     hidden = other.model_dump()
     hidden["stair"] |= {"friction": (0.9, 0.8), "rise_jitter_m": 0.002, "texture": "carpet"}
-    hidden["chair"] |= {"payload_kg": 80.0, "payload_offset_m": (0.03, 0.02, 0.1), "belt_mismatch": 0.03}
+    hidden["chair"] |= {"payload_offset_m": (0.03, 0.02, 0.1), "belt_mismatch": 0.03}
     hidden["sensors"] |= {"gravity_error_deg": 1.0}
     hidden["stair"].pop("slope_deg", None)
     assert mission_config(Scenario.model_validate(hidden), design) == told

@@ -1,0 +1,251 @@
+"""Where the nosings are: what stands still stays where it is, whatever the chair does and whatever a frame says once."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from treadline.angles import DEG, quaternion_of, rotation_y, rotation_z
+from treadline.mission.whereabouts import KNOWN_AFTER, MAPS_MAX, Whereabouts
+from treadline.signals import ImuSample, StairMap, TrackReading
+
+RISE_M, RUN_M = 0.16, 0.30
+SLOPE_RAD = math.atan2(RISE_M, RUN_M)
+
+
+@dataclass
+class Chair:
+    """A chair without dynamics before a flight, and what its sensors would say; x and z of mid-track in W."""
+
+    x_m: float = 0.0
+    z_m: float = 0.0
+    pitch_rad: float = 0.0
+    heading_rad: float = 0.0
+    t_s: float = 0.0
+    first_m: float = 1.5
+    """Where the first nosing stands."""
+
+    def imu(self) -> ImuSample:
+        R_WB = rotation_z(self.heading_rad) @ rotation_y(-self.pitch_rad)
+        return ImuSample(
+            t_s=self.t_s,
+            orientation=quaternion_of(R_WB),
+            angular_velocity_rad_s=np.zeros(3),
+            linear_acceleration_m_s2=R_WB.T @ np.array([0.0, 0.0, 9.81]),
+        )
+
+    def tracks(self, speed_m_s: float) -> TrackReading:
+        return TrackReading(t_s=self.t_s, left_m_s=speed_m_s, right_m_s=speed_m_s, brake_on=False)
+
+    def nosing(self, k: int) -> np.ndarray:
+        """Return where the chair's middle plane meets nosing k, in B."""
+        along, up = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad), (k + 1) * RISE_M - self.z_m
+        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        return np.array([along * c + up * s, 0.0, up * c - along * s])
+
+    def sees(
+        self, *steps: int, direction: Literal["up", "down"] = "up", ends: bool = False, error_m: float = 0.0, **walls: float
+    ) -> StairMap:
+        return StairMap(
+            t_s=self.t_s,
+            direction=direction,
+            nosings_B=np.array([self.nosing(k) + np.array([error_m, 0.0, 0.0]) for k in steps]),
+            rise_m=RISE_M,
+            run_m=RUN_M,
+            slope_rad=SLOPE_RAD,
+            ends=ends,
+            left_wall_m=walls.get("left"),
+            right_wall_m=walls.get("right"),
+            obstacle_m=None,
+        )
+
+    def feel(self, where: Whereabouts, *steps: int, ends: bool = False, error_m: float = 0.0, up: bool = True) -> None:
+        """Let the mission have the attitude, and a frame of these steps."""
+        where.heading_rad = self.heading_rad
+        where.feel(self.imu())
+        if steps:
+            where.feel(self.sees(*steps, ends=ends, error_m=error_m, direction="up" if up else "down"))
+
+    def drive(self, where: Whereabouts, metres: float, speed_m_s: float = 0.2, slip: float = 0.0) -> None:
+        """Move along the belts by what they do, less slip."""
+        dt_s = 0.01
+        where.feel(self.tracks(math.copysign(speed_m_s, metres)))
+        for _ in range(round(abs(metres) / (speed_m_s * dt_s))):
+            self.t_s += dt_s
+            moved = math.copysign(speed_m_s * dt_s, metres) * (1.0 - slip)
+            self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
+            self.z_m += moved * math.sin(self.pitch_rad)
+            where.feel(self.tracks(math.copysign(speed_m_s, metres)))
+
+
+def seen(chair: Chair, *steps: int, times: int = KNOWN_AFTER, up: bool = True) -> Whereabouts:
+    where = Whereabouts()
+    for _ in range(times):
+        chair.feel(where, *steps, up=up)
+    return where
+
+
+def test_a_nosing_is_where_the_map_says_and_known_at_the_second_sight() -> None:
+    chair, where = Chair(), Whereabouts()
+    chair.feel(where, 0, 1, 2)
+    assert not where.known
+    assert (where.first_ahead_m(), where.top_ahead_m(), where.ahead_m()) == (None, None, [])
+    chair.feel(where, 0, 1, 2)
+    assert where.known
+    assert where.ahead_m() == pytest.approx([1.5, 1.8, 2.1])
+    assert where.first_ahead_m() == where.bottom_ahead_m() == pytest.approx(1.5)
+    assert (where.rise_m, where.run_m, where.slope_rad) == pytest.approx((RISE_M, RUN_M, SLOPE_RAD))
+
+
+@settings(derandomize=True)
+@given(
+    pitch=st.floats(-5.0, 35.0),
+    heading=st.floats(-35.0, 35.0),
+    x_m=st.floats(-1.0, 3.0),
+    later_pitch=st.floats(-5.0, 35.0),
+    later_heading=st.floats(-35.0, 35.0),
+)
+def test_a_nosing_stands_still_while_the_chair_pitches_and_turns(
+    pitch: float, heading: float, x_m: float, later_pitch: float, later_heading: float
+) -> None:
+    chair = Chair(x_m=x_m, z_m=0.3, pitch_rad=pitch * DEG, heading_rad=heading * DEG)
+    where = seen(chair, 2, 3, 4)
+    chair.pitch_rad, chair.heading_rad = later_pitch * DEG, later_heading * DEG
+    chair.feel(where)
+    expected = [chair.nosing(k)[0] for k in (2, 3, 4)]
+    np.testing.assert_allclose(where.ahead_m(), expected, atol=1e-9)
+    assert where.first_ahead_m() == pytest.approx(chair.first_m + 2 * RUN_M - x_m)
+
+
+@settings(derandomize=True)
+@given(metres=st.floats(-1.0, 1.5), pitch=st.floats(0.0, 32.0), heading=st.floats(-30.0, 30.0))
+def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: float, heading: float) -> None:
+    chair = Chair(pitch_rad=pitch * DEG, heading_rad=heading * DEG)
+    where = seen(chair, 0, 1)
+    chair.drive(where, metres)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-6)
+    assert where.travel_m == pytest.approx(metres, abs=2e-3)  # one step of the drive
+
+
+@settings(derandomize=True)
+@given(seed=st.integers(0, 10_000), slip=st.floats(0.0, 0.05))
+def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: float) -> None:
+    rng, chair = np.random.default_rng(seed), Chair(first_m=2.5)
+    where = seen(chair, 0, 1, 2)
+    for _ in range(75):
+        chair.drive(where, 0.02, slip=slip)
+        chair.feel(where, 0, 1, 2, error_m=0.01 * float(rng.normal()))
+    first = where.first_ahead_m()
+    assert first is not None
+    # Half of each frame's error, and the slip of a frame's way (1 mm) twice: 4 standard deviations of 6 mm, nothing that adds up.
+    assert abs(first - (chair.first_m - chair.x_m)) < 0.03
+    assert len(where.ahead_m()) == 3
+
+
+def test_slip_is_corrected_for_the_nosings_out_of_view_too() -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, 2, 3, times=5)
+    for _ in range(50):
+        chair.drive(where, 0.02, slip=0.2)
+        chair.feel(where, 2, 3)
+    # A fifth of a metre driven was slip; the two nosings that no frame shows any more have moved with the others, but for
+    # what a frame's half leaves of 4 mm a frame, and what of it went into the nosings in view.
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=0.02)
+
+
+def test_what_flickers_stays_known_and_where_it_was() -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, 2)
+    for k in range(20):
+        chair.drive(where, 0.02)
+        chair.feel(where, *((0, 1, 2), (1,), (0, 2), (2, 3))[k % 4])
+    assert len(where.ahead_m()) == 4
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=2e-3)
+
+
+@pytest.mark.parametrize("k", [-1, 3, 8])
+def test_a_false_nosing_seen_once_counts_for_nothing(k: int) -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, 2, times=5)
+    chair.feel(where, *sorted((0, 1, 2, k)))
+    for _ in range(3):
+        chair.feel(where, 0, 1, 2)
+    assert where.ahead_m() == pytest.approx([1.5, 1.8, 2.1])
+    assert where.top_ahead_m() == pytest.approx(2.1)
+
+
+def test_the_flights_end_is_known_at_the_second_frame_that_shows_it() -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, 2)
+    assert not where.top_ends
+    chair.feel(where, 0, 1, 2, ends=True)
+    assert not where.top_ends
+    chair.feel(where, 0, 1, 2, ends=True)
+    assert where.top_ends
+    assert not where.bottom_ends
+
+
+def test_an_end_in_the_middle_of_the_flight_is_taken_back_by_frames_that_show_more() -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, 2)
+    for _ in range(2):
+        chair.feel(where, 0, 1, 2, ends=True)
+    for _ in range(2):
+        chair.feel(where, 1, 2, 3)
+    assert not where.top_ends
+    for _ in range(2):
+        chair.feel(where, 2, 3, ends=True)
+    assert where.top_ends
+    assert where.top_ahead_m() == pytest.approx(chair.nosing(3)[0])
+
+
+def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
+    chair = Chair(x_m=4.0, z_m=6 * RISE_M, first_m=0.0)
+    where = Whereabouts()
+    for _ in range(2):
+        chair.feel(where, 5, 4, 3, up=False)
+    for _ in range(2):
+        chair.feel(where, 3, 2, 1, 0, up=False, ends=True)
+    assert where.direction == "down"
+    assert where.bottom_ends
+    assert not where.top_ends
+    assert where.top_ahead_m() == pytest.approx(5 * RUN_M - 4.0)  # the edge: on the level with the belts
+    assert where.bottom_ahead_m() == pytest.approx(-4.0)
+
+
+def test_walls_are_those_of_the_last_frame() -> None:
+    chair, where = Chair(), Whereabouts()
+    where.feel(chair.sees(0, 1, left=0.6, right=0.7))
+    assert (where.left_wall_m, where.right_wall_m) == (0.6, 0.7)
+    where.feel(chair.sees(0, 1))
+    assert (where.left_wall_m, where.right_wall_m) == (None, None)
+
+
+def test_the_shape_is_a_mean_that_one_frame_hardly_moves() -> None:
+    chair = Chair()
+    where = seen(chair, 0, 1, times=2 * MAPS_MAX)
+    one = chair.sees(0, 1)
+    where.feel(StairMap(**{name: getattr(one, name) for name in one.__slots__} | {"run_m": 0.35, "slope_rad": 0.6}))
+    assert where.run_m == pytest.approx(RUN_M + 0.05 / MAPS_MAX)
+    assert where.slope_rad == pytest.approx(SLOPE_RAD + (0.6 - SLOPE_RAD) / MAPS_MAX)
+
+
+def test_a_gap_or_a_leap_back_in_the_belts_stamps_moves_nothing_far() -> None:
+    chair, where = Chair(), Whereabouts()
+    for t_s in (0.0, 5.0, 1.0):
+        chair.t_s = t_s
+        where.feel(chair.tracks(0.2))
+    # A gap counts for a tenth of a second at most, a leap back for nothing.
+    assert where.travel_m == pytest.approx(0.02)
+
+
+def test_each_flickering_place_is_one_nosing_not_many() -> None:
+    rng, chair = np.random.default_rng(5), Chair()
+    where = Whereabouts()
+    for _ in range(200):
+        chair.feel(where, 0, 1, 2, 3, error_m=0.02 * float(rng.normal()))
+    assert len(where.ahead_m()) == 4
