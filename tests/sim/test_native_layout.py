@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
+from treadline.devices import kernels as drives
 from treadline.errors import SimulationDiverged
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.sim import MujocoPlant, kernels, native, open_plant
@@ -94,7 +95,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
     compiled._is_belt[:] = False  # no contact is turned: what is left is MuJoCo's own step
-    compiled._command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
+    compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
     log = np.empty((1, kernels.COLUMNS))
     for _ in range(150):
         compiled._run(1, log, compiled._friction)
@@ -112,7 +113,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
 def test_turned_contacts_differ_from_mj_step() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
-    compiled._command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
+    compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
     compiled._run(20, np.empty((20, kernels.COLUMNS)), compiled._friction)
     for _ in range(20 * kernels.SUBSTEPS):
         mujoco.mj_step(compiled._model, reference)
@@ -185,7 +186,7 @@ def test_a_belts_side_has_no_direction_of_travel_and_the_lower_friction() -> Non
 def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
     climbing = plant()
     log = np.empty((200, kernels.COLUMNS))
-    climbing._command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
+    climbing._drives.command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
     climbing._run(200, log, climbing._friction)
     # A dozen or two are seen: five parts of two belts, each on a nosing or two.
     assert 4 <= log[:, kernels.CONTACTS].max() < 0.5 * CONTACTS_MAX
@@ -197,16 +198,16 @@ def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
     [(0.0, 0.1, 0.01), (0.0, 0.9, 0.02), (0.95, 5.0, 0.955), (-0.95, -5.0, -0.955)],
 )
 def test_a_belt_follows_with_lag_within_its_limits(speed: float, asked: float, expected: float) -> None:
-    assert kernels.drive_belt(speed, asked, False, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected)
+    assert drives.drive_belt(speed, asked, False, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected)
 
 
 def test_a_brake_stops_a_belt_and_does_not_turn_it_back() -> None:
-    assert kernels.drive_belt(0.25, 1.0, True, 1.0, 0.1, 0.02, 0.1) == pytest.approx(0.15)
-    assert kernels.drive_belt(0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
-    assert kernels.drive_belt(-0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
+    assert drives.drive_belt(0.25, 1.0, True, 1.0, 0.1, 0.02, 0.1) == pytest.approx(0.15)
+    assert drives.drive_belt(0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
+    assert drives.drive_belt(-0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
 
 
 def test_a_table_is_straight_between_its_entries_and_held_at_its_ends() -> None:
     entries = np.array([1.0, 3.0, 2.0])
-    values = [kernels.table(x, 10.0, 0.5, entries) for x in (9.0, 10.0, 10.25, 10.5, 10.75, 11.0, 12.0)]
+    values = [drives.table(x, 10.0, 0.5, entries) for x in (9.0, 10.0, 10.25, 10.5, 10.75, 11.0, 12.0)]
     assert values == pytest.approx([1.0, 1.0, 2.0, 3.0, 2.5, 2.0, 2.0])

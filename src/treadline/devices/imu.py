@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 
 from treadline.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.devices.kernels import TICK_S
 from treadline.signals import ImuSample
 
-TICK_S = 0.01
 GRAVITY_M_S2 = 9.81
 
 

@@ -9,6 +9,8 @@ from typing import no_type_check
 
 from numba import njit, types
 
+from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, SEAT_ANGLE, STROKE, act
+
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
 _inertia = types.ExternalFunction("mj_makeM", _STAGE)
@@ -24,13 +26,7 @@ _integrate = types.ExternalFunction("mj_implicit", _STAGE)
 
 SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
-TICK_S = 0.01
 
-# Rows of the drive state.
-LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
-# What is broken: 0 or 1; of the belts one row each.
-STALLED, POWER_CUT, SEAT_STUCK, ARM_STUCK = 6, 8, 9, 10
-DRIVES = 11
 # Columns of the log, one row per tick.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT = 0, 8, 15, 17, 18, 19, 20, 21, 22
 COLUMNS = 26
@@ -92,31 +88,6 @@ def weaken(count, real, whole, friction, geom, grip):
 
 @njit(cache=True)
 @no_type_check
-def drive_belt(speed, asked, brake, limit, blend, step, brake_step):
-    """Return a belt's speed a tick later: first-order lag within an acceleration limit; the brake ignores the lag."""
-    if brake:
-        return max(speed - brake_step, 0.0) if speed > 0.0 else min(speed + brake_step, 0.0)
-    target = min(max(asked, -limit), limit)
-    change = (target - speed) * blend
-    return speed + min(max(change, -step), step)
-
-
-@njit(cache=True)
-@no_type_check
-def table(value, start, spacing, entries):
-    """Return a table's value by linear interpolation, held at its ends."""
-    place = (value - start) / spacing
-    if place <= 0.0:
-        return entries[0]
-    last = entries.shape[0] - 1
-    if place >= last:
-        return entries[last]
-    i = int(place)
-    return entries[i] + (place - i) * (entries[i + 1] - entries[i])
-
-
-@njit(cache=True)
-@no_type_check
 def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
     """Widen ``reach`` (front, rear, left, right of B, each outward) to the belts' contacts."""
     for i in range(count):
@@ -142,7 +113,7 @@ def advance(
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST; changed in place. STALLED and on: what is broken.
+        state: of the drives, rows as in ``devices.kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
@@ -151,32 +122,17 @@ def advance(
         damping: of each degree of freedom; changed in place.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
-    powered = state[POWER_CUT] < 0.5
-    braked = command[2] > 0.5 or not powered  # a brake that power holds open
     for k in range(ticks):
+        act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
         for side in range(2):
-            stands = braked or state[STALLED + side] > 0.5
-            speed = drive_belt(state[side], command[side], stands, drives[0], drives[1], drives[2], drives[3])
-            state[side] = speed
-            actual = speed * (1.0 + mismatch[side])
+            actual = state[side] * (1.0 + mismatch[side])
             for j in range(3):
                 surface_velocity[belts_of[side, j], 5] = actual / radius
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
-        asked = min(max(command[3], -drives[5]), drives[5])
-        state[STROKE_RATE] += (asked - state[STROKE_RATE]) * drives[4]
-        if state[SEAT_STUCK] > 0.5 or not powered:  # held by its gear
-            state[STROKE_RATE] = 0.0
-        state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
-        control[0] = table(state[STROKE], seat[0], seat[2], angles)
-
+        control[0] = state[SEAT_ANGLE]
         if arm.shape[0] > 0:
-            rate = min(max(command[4], -arm[2]), arm[2]) if state[ARM_STUCK] < 0.5 and powered else 0.0
-            # Never further ahead of the arm than full torque reaches: what the motor cannot lift it does not owe later.
-            target = min(max(state[ARM_TARGET] + rate * TICK_S, qpos[ARM_QPOS] - arm[3]), qpos[ARM_QPOS] + arm[3])
-            held = min(max(target, arm[0]), arm[1])
-            state[ARM_TARGET] = held
-            control[ARM_SERVO] = held + (rate * arm[4] if held == target else 0.0)
+            control[ARM_SERVO] = state[ARM_TARGET] + state[ARM_RATE] * arm[4]
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
@@ -205,6 +161,6 @@ def advance(
         row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
-        row[BRAKE] = 1.0 if braked else 0.0
+        row[BRAKE] = state[BRAKED]
         row[ARM] = qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0
         row[ARM_TORQUE] = force[ARM_SERVO] if arm.shape[0] > 0 else 0.0

@@ -6,7 +6,6 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 
 import ctypes
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,54 +15,35 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
-from treadline.devices.imu import IMUS, TICK_S, Imu
+from treadline.devices import kernels as drives
+from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
+from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.statistical import StatisticalCamera
 from treadline.errors import SimulationDiverged
-from treadline.mechanics.chair import Arm, ChairDescription, read_chair
-from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import centre_of_mass
+from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.mechanics.tipping import Support, tipping_margins
-from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 from treadline.signals import (
     ArmCommand,
-    ArmReading,
     FrameQuality,
-    ImuSample,
     Reading,
     SeatCommand,
-    SeatReading,
     TrackCommand,
-    TrackReading,
 )
 from treadline.sim import kernels
 from treadline.sim.camera import Camera
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.native import contact_layout, contact_list, load_library
-from treadline.sim.scene import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD, TIMESTEP_S, scene_xml
+from treadline.sim.scene import TIMESTEP_S, scene_xml
 
-CAMERA_TICKS = 10
-CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
-"""Table I: 10 Hz."""
-BRAKE_M_S2 = 10.0
-"""Deceleration of a belt when the brake falls in."""
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
-SUPPORT_TICKS = 25
-"""How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
-ROCKING_M = 0.015
-"""Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
-SEAT_PITCH_NOISE_RAD = 0.05 * DEG
-ARM_TORQUE_NOISE_N_M = 2.0
-"""Of the torque that the arm's drive tells from its current: 1 % of full torque."""
 CONTACTS_MAX = 128
-TABLE_SIZE = 257
 
 
 class MujocoPlant:
@@ -74,25 +54,19 @@ class MujocoPlant:
         self._scenario = scenario
         self._chair = chair
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
-        gravity_error = scenario.sensors.gravity_error_deg * DEG
-        self._imu = Imu(IMUS[scenario.sensors.imu], gravity_error, streams[1])
-        self._seat_rng = streams[2]
         self._vision_rng = streams[3]
         way = 1 if scenario.drive.direction == "up" else -1
         self._around = Surroundings(self.staircase, chair, self._camera(streams[4]), way)
-        self._arm_rng = streams[5]
-        self._linkage = SeatLinkage(chair.seat)
-        self._R_SW = self.staircase.R_WS.T
-        self._nosings_W = self.staircase.nosings_W
+        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
+        self._instruments = Instruments(scenario, chair, self.staircase, apart, self._look)
+        self._drives = Drives(scenario, chair)
+        self._state = self._drives.state
         self._damage = Damage()
         self._build_physics()
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
         self._readings: list[Reading] = []
         self._truth: list[Truth] = []
-        self._command = np.zeros(5)
-        self._velocity_W = np.zeros(3)
-        self._reaches: deque[Float[np.ndarray, " 4"]] = deque(maxlen=SUPPORT_TICKS)
 
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
@@ -105,8 +79,7 @@ class MujocoPlant:
         self._tick = 0
         self._readings.clear()
         self._truth.clear()
-        self._reaches.clear()
-        self._velocity_W = self._data.qvel[:3].copy()
+        self._instruments.start(self._data.qvel[:3].copy())
         self._pending = [(0, self._log_row())]
 
     def advance(self, until_s: float) -> None:
@@ -132,11 +105,7 @@ class MujocoPlant:
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
         """Take the commands; they hold until the next call."""
-        rate = 0.0 if arm is None else arm.rate_rad_s
-        command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
-        if not all(math.isfinite(value) for value in command):
-            raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
-        self._command[:] = command
+        self._drives.take(tracks, seat, arm)
 
     def truth(self) -> Sequence[Truth]:
         """Return the truth of every tick since the last call."""
@@ -150,13 +119,13 @@ class MujocoPlant:
 
     def suffer(self, damage: Damage) -> None:
         """Be as broken as this from now on, and no more."""
-        self._state[kernels.STALLED : kernels.STALLED + 2] = damage.stalled
-        self._state[kernels.POWER_CUT] = damage.power_cut
-        self._state[kernels.SEAT_STUCK] = damage.seat_stuck
-        self._state[kernels.ARM_STUCK] = damage.arm_stuck
+        self._state[drives.STALLED : drives.STALLED + 2] = damage.stalled
+        self._state[drives.POWER_CUT] = damage.power_cut
+        self._state[drives.SEAT_STUCK] = damage.seat_stuck
+        self._state[drives.ARM_STUCK] = damage.arm_stuck
         self._grip[self._belts] = np.array(damage.grip)[:, None]
         if self._chair.arm is not None:
-            self._state[kernels.ARM_LOST] = damage.arm_lost
+            self._state[drives.ARM_LOST] = damage.arm_lost
             limit = 0.0 if damage.arm_lost else self._chair.arm.torque_n_m
             self._model.actuator_forcerange[kernels.ARM_SERVO] = (-limit, limit)
             self._model.dof_damping[kernels.ARM_QVEL] = ARM_FRICTION_N_M_S_RAD
@@ -189,8 +158,7 @@ class MujocoPlant:
 
     def _build_physics(self) -> None:
         load_library()
-        chair, drives, seat = self._chair, self._chair.drives, self._chair.seat
-        scene = scene_xml(self.staircase, chair, self._scenario.chair)
+        scene = scene_xml(self.staircase, self._chair, self._scenario.chair)
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
@@ -205,23 +173,6 @@ class MujocoPlant:
         self._is_belt[self._belts] = True
         self._grip = np.ones(self._model.ngeom)
         self._friction = np.array(self.staircase.friction)
-        self._mismatch = np.array([0.0, self._scenario.chair.belt_mismatch])
-        self._drives = np.array(
-            [
-                drives.max_speed_m_s,
-                1.0 - math.exp(-TICK_S / drives.lag_s),
-                drives.max_acceleration_m_s2 * TICK_S,
-                BRAKE_M_S2 * TICK_S,
-                1.0 - math.exp(-TICK_S / seat.lag_s),
-                seat.max_rate_m_s,
-            ]
-        )
-        low, high = self._linkage.stroke_range
-        strokes = np.linspace(low, high, TABLE_SIZE)
-        self._seat = np.array([low, high, strokes[1] - strokes[0]])
-        self._angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
-        self._state = np.zeros(kernels.DRIVES)
-        self._arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
 
     def _pose(self) -> None:
         scenario, tracks = self._scenario, self._chair.tracks
@@ -244,12 +195,10 @@ class MujocoPlant:
             p_WB = np.array([top.x_m + along + min(max(room, 0.2), LANDING_START_M), scenario.start.lateral_m, top.z_m + 0.001])
         self._set_pose(p_WB, R_WB)
         angle = slope if scenario.start.seat == "level" else 0.0
-        self._state[:] = 0.0
+        rest = tracks.approach_angle_deg * DEG
+        self._drives.rest(angle, rest)
         if self._chair.arm is not None:
-            rest = tracks.approach_angle_deg * DEG
-            self._state[kernels.ARM_TARGET] = self._data.qpos[kernels.ARM_QPOS] = rest
-            self._data.ctrl[kernels.ARM_SERVO] = rest
-        self._state[kernels.STROKE] = self._linkage.stroke(angle)
+            self._data.qpos[kernels.ARM_QPOS] = self._data.ctrl[kernels.ARM_SERVO] = rest
         self._data.qpos[7] = angle
         self._data.ctrl[0] = angle
 
@@ -263,14 +212,14 @@ class MujocoPlant:
     def _settle(self) -> None:
         mujoco.mj_forward(self._model, self._data)
         self._attach()
-        self._command = np.array([0.0, 0.0, 1.0, 0.0, 0.0])
+        self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, np.full(2, SETTLE_FRICTION))
         self._check(ticks, log)
         self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
         self._data.qvel[:] = 0.0
-        self._command[:] = 0.0
+        self._drives.command[:] = 0.0
 
     def _attach(self) -> None:
         """Lay arrays over MuJoCo's contact list, which stays where it is."""
@@ -301,16 +250,16 @@ class MujocoPlant:
             data.xmat[1],
             friction,
             self._grip,
-            self._command,
-            self._drives,
-            self._mismatch,
+            self._drives.command,
+            self._drives.limits,
+            self._drives.mismatch,
             self._state,
             self._belts,
             model.geom_surfacevel,
             self._chair.tracks.pulley_radius_m,
-            self._seat,
-            self._angles,
-            self._arm,
+            self._drives.seat,
+            self._drives.angles,
+            self._drives.arm,
             model.dof_damping,
             data.actuator_force,
             data.ctrl,
@@ -337,7 +286,7 @@ class MujocoPlant:
         row = np.zeros(kernels.COLUMNS)
         row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos[:8]
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
-        row[kernels.SEAT] = self._state[kernels.STROKE]
+        row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
@@ -351,91 +300,32 @@ class MujocoPlant:
         self._pending.clear()
 
     def _record(self, tick: int, row: Float[np.ndarray, " c"]) -> None:
-        t_s = tick * TICK_S
-        R_WB = rotation_of(row[kernels.QPOS + 3 : kernels.QPOS + 7])
-        truth = self._truth_of(t_s, row, R_WB)
-        self._truth.append(truth)
-        self._readings.append(self._imu_sample(t_s, row, R_WB))
-        pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._seat_rng.standard_normal())
-        self._readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=float(row[kernels.SEAT])))
-        belts = row[kernels.BELTS : kernels.BELTS + 2] / (1.0 + self._mismatch)
-        self._readings.append(
-            TrackReading(t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=bool(row[kernels.BRAKE] > 0.5))
+        state = ChairState(
+            tick=tick,
+            p_WB=row[kernels.QPOS : kernels.QPOS + 3],
+            R_WB=rotation_of(row[kernels.QPOS + 3 : kernels.QPOS + 7]),
+            velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
+            rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
+            seat_rad=float(row[kernels.QPOS + 7]),
+            stroke_m=float(row[kernels.SEAT]),
+            belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
+            brake_on=bool(row[kernels.BRAKE] > 0.5),
+            arm_rad=float(row[kernels.ARM]),
+            arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
+            reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
         )
-        if self._chair.arm is not None:
-            torque = float(row[kernels.ARM_TORQUE]) + ARM_TORQUE_NOISE_N_M * float(self._arm_rng.standard_normal())
-            self._readings.append(ArmReading(t_s=t_s, angle_rad=float(row[kernels.ARM]), torque_n_m=torque))
-        if tick % CAMERA_TICKS == 0:
-            self._readings.extend(self._look(t_s, row, R_WB))
+        readings, truth = self._instruments.read(state, grip=0.5 * sum(self._damage.grip))
+        self._readings.extend(readings)
+        self._truth.append(truth)
 
-    def _imu_sample(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> ImuSample:
-        velocity = row[kernels.QVEL : kernels.QVEL + 3]
-        acceleration = (velocity - self._velocity_W) / TICK_S
-        self._velocity_W = velocity
-        moving = bool(abs(row[kernels.BELTS]) + abs(row[kernels.BELTS + 1]) > 0.01)
-        rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
-        return self._imu.sample(t_s, R_WB, rate_B, acceleration, moving=moving)
-
-    def _look(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Sequence[Reading]:
-        p_WB = row[kernels.QPOS : kernels.QPOS + 3]
+    def _look(self, state: ChairState) -> Sequence[Reading]:
+        t_s, R_WB, p_WB = state.t_s, state.R_WB, state.p_WB
         eye = self._around.eye
         if isinstance(eye, StatisticalCamera):
             arrived = FrameQuality(t_s=t_s, fingerprint=round(t_s / TICK_S), brightness=0.5, contrast=0.2, valid_share=1.0)
             return [arrived, *(self._around.told(seen, R_WB, p_WB) for seen in eye.look(t_s, R_WB, p_WB))]
         camera = eye.calibration
         return [eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
-
-    def _support_of(self, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Support:
-        """Return what the chair stands on: what it touched of late, and nosings under its belts that it rocks onto in a moment."""
-        reach = row[kernels.SUPPORT : kernels.SUPPORT + 4]
-        self._reaches.append(reach)
-        front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
-        x, z = ((self._nosings_W - row[kernels.QPOS : kernels.QPOS + 3]) @ R_WB[:, [0, 2]]).T
-        under = x[(np.abs(z) < ROCKING_M) & (np.abs(x) < 0.5 * self._chair.tracks.flat_run_m)]
-        if under.size:
-            front, rear = max(front, float(under.max())), max(rear, -float(under.min()))
-        return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
-
-    def _grip_left(self) -> tuple[float, float]:
-        share = 0.5 * sum(self._damage.grip)
-        return self.staircase.friction[0] * share, self.staircase.friction[1] * share
-
-    def _truth_of(self, t_s: float, row: Float[np.ndarray, " c"], R_WB: Float[np.ndarray, "3 3"]) -> Truth:
-        R_SB = self._R_SW @ R_WB
-        p_SB = self._R_SW @ (row[kernels.QPOS : kernels.QPOS + 3] - self.staircase.p_WS)
-        rate_B = row[kernels.QVEL + 3 : kernels.QVEL + 6]
-        angle = float(row[kernels.QPOS + 7])
-        # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
-        heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
-        pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
-        roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
-        return Truth(
-            t_s=t_s,
-            heading_rad=heading,
-            yaw_rad=math.atan2(R_WB[1, 0], R_WB[0, 0]),
-            heading_rate_rad_s=float(R_SB[2] @ rate_B),
-            pitch_rad=pitch,
-            roll_rad=roll,
-            pitch_rate_rad_s=-float(rate_B[1]),
-            x_m=float(p_SB[0]),
-            y_m=float(p_SB[1]),
-            seat_pitch_rad=math.asin(max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))),
-            left_m_s=float(row[kernels.BELTS]),
-            right_m_s=float(row[kernels.BELTS + 1]),
-            stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._scenario.chair, angle, float(row[kernels.ARM])),
-                (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
-                self._support_of(row, R_WB),
-            ).worst,
-            friction_use=friction_use(self.staircase.slope_rad, heading, self._grip_left()),
-        )
-
-
-def _arm_limits(arm: Arm) -> Float[np.ndarray, " n"]:
-    """Return the arm's numbers as the compiled loop takes them."""
-    low, high = (angle * DEG for angle in arm.range_deg)
-    wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
-    return np.array([low, high, arm.max_rate_deg_s * DEG, wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD])
 
 
 def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:

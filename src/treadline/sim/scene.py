@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD
 from treadline.mechanics.bodies import Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
 from treadline.mechanics.chair import Arm, ChairDescription, Point
 from treadline.mechanics.staircase import Staircase
@@ -19,13 +20,8 @@ TIMESTEP_S = 0.002
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
 
-ARM_STIFFNESS_N_M_RAD = 6000.0
-"""Of the arm's gear and servo: 200 N·m turn it by 2°."""
-ARM_LAG_S = 0.1
-"""Damping over stiffness of that servo: a chair that leans on its arm does not swing."""
 ARM_ROTOR_KG_M2 = 0.3
 """The motor's inertia seen through its gear."""
-ARM_FRICTION_N_M_S_RAD = 1.0
 
 HEADER = """\
 <mujoco model="treadline">

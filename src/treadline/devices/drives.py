@@ -1,0 +1,86 @@
+"""The chair's drives: ``orders -> belt speeds, seat angle, arm angle`` that the simulator's bodies then follow."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.devices import kernels
+from treadline.errors import SimulationDiverged
+from treadline.mechanics.chair import Arm, ChairDescription
+from treadline.mechanics.linkage import SeatLinkage
+from treadline.scenario import Scenario
+from treadline.signals import ArmCommand, SeatCommand, TrackCommand
+
+TICK_S = kernels.TICK_S
+BRAKE_M_S2 = 10.0
+"""Deceleration of a belt when the brake falls in."""
+ARM_STIFFNESS_N_M_RAD = 6000.0
+"""Of the arm's gear and servo: 200 N·m turn it by 2°."""
+ARM_LAG_S = 0.1
+"""Damping over stiffness of that servo: a chair that leans on its arm does not swing."""
+ARM_FRICTION_N_M_S_RAD = 1.0
+TABLE_SIZE = 257
+
+
+class Drives:
+    """Numbers and state of the drives, as the compiled loop takes them; the arrays stay where they are."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
+        drives, seat = chair.drives, chair.seat
+        self._linkage = SeatLinkage(seat)
+        self.mismatch = np.array([0.0, scenario.chair.belt_mismatch])
+        self.limits = np.array(
+            [
+                drives.max_speed_m_s,
+                1.0 - math.exp(-TICK_S / drives.lag_s),
+                drives.max_acceleration_m_s2 * TICK_S,
+                BRAKE_M_S2 * TICK_S,
+                1.0 - math.exp(-TICK_S / seat.lag_s),
+                seat.max_rate_m_s,
+            ]
+        )
+        low, high = self._linkage.stroke_range
+        strokes = np.linspace(low, high, TABLE_SIZE)
+        self.seat = np.array([low, high, strokes[1] - strokes[0]])
+        self.angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
+        self.arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
+        self.state = np.zeros(kernels.DRIVES)
+        self.command = np.zeros(5)
+
+    def rest(self, seat_rad: float, arm_rad: float) -> None:
+        """Stand still, with the seat and the arm at an angle."""
+        self.state[:] = 0.0
+        self.state[kernels.STROKE] = self._linkage.stroke(seat_rad)
+        self.state[kernels.SEAT_ANGLE] = seat_rad
+        self.state[kernels.ARM_TARGET] = arm_rad
+        self.command[:] = 0.0
+
+    def take(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None) -> None:
+        """Take orders; they hold until the next ones.
+
+        Raises:
+            SimulationDiverged: If one is not finite.
+        """
+        rate = 0.0 if arm is None else arm.rate_rad_s
+        command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
+        if not all(math.isfinite(value) for value in command):
+            raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
+        self.command[:] = command
+
+    def act(self, arm_rad: float) -> None:
+        """Go on by a tick; the arm stands at ``arm_rad``."""
+        kernels.act(self.command, self.limits, self.state, self.seat, self.angles, self.arm, arm_rad)
+
+    @property
+    def belts_m_s(self) -> Float[np.ndarray, " 2"]:
+        """Speeds as run, mismatch included."""
+        return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
+
+
+def _arm_limits(arm: Arm) -> Float[np.ndarray, " n"]:
+    """Return the arm's numbers as the compiled loop takes them."""
+    low, high = (angle * DEG for angle in arm.range_deg)
+    wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
+    return np.array([low, high, arm.max_rate_deg_s * DEG, wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD])

@@ -1,0 +1,155 @@
+"""The chair's instruments: ``ChairState -> readings, Truth``, once a tick, whichever simulator moved the chair."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.devices.drives import TICK_S
+from treadline.devices.imu import IMUS, Imu
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.stability import centre_of_mass
+from treadline.mechanics.staircase import Staircase
+from treadline.mechanics.tipping import Support, tipping_margins
+from treadline.mechanics.traction import friction_use
+from treadline.ports import Truth
+from treadline.scenario import Scenario
+from treadline.signals import ArmReading, ImuSample, Reading, SeatReading, TrackReading
+
+CAMERA_TICKS = 10
+CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
+"""Table I: 10 Hz."""
+SUPPORT_TICKS = 25
+"""How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
+ROCKING_M = 0.015
+"""Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
+SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+ARM_TORQUE_NOISE_N_M = 2.0
+"""Of the torque that the arm's drive tells from its current: 1 % of full torque."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChairState:
+    """Where a simulated chair is at a tick, and what its drives do."""
+
+    tick: int
+    p_WB: Float[np.ndarray, " 3"]
+    R_WB: Float[np.ndarray, "3 3"]
+    velocity_W: Float[np.ndarray, " 3"]
+    rate_B: Float[np.ndarray, " 3"]
+    seat_rad: float
+    stroke_m: float
+    belts_m_s: Float[np.ndarray, " 2"]
+    """As run, mismatch included."""
+    brake_on: bool
+    arm_rad: float
+    arm_torque_n_m: float
+    reach_m: Float[np.ndarray, " 4"]
+    """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+
+    @property
+    def t_s(self) -> float:
+        """Time on the mission clock."""
+        return self.tick * TICK_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Streams:
+    """One source of chance per sensor, so that one may change without the others."""
+
+    imu: np.random.Generator
+    seat: np.random.Generator
+    arm: np.random.Generator
+
+
+Look = Callable[[ChairState], Sequence[Reading]]
+"""The powered camera."""
+
+
+class Instruments:
+    """Reads a chair's state as its sensors do, and as it is."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
+        self._scenario, self._chair, self._staircase = scenario, chair, staircase
+        self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
+        self._streams = streams
+        self._look = look
+        self._mismatch = np.array([0.0, scenario.chair.belt_mismatch])
+        self._R_SW = staircase.R_WS.T
+        self._nosings_W = staircase.nosings_W
+        self._velocity_W = np.zeros(3)
+        self._reaches: deque[Float[np.ndarray, " 4"]] = deque(maxlen=SUPPORT_TICKS)
+
+    def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
+        """Forget what came before."""
+        self._velocity_W = velocity_W
+        self._reaches.clear()
+
+    def read(self, state: ChairState, grip: float = 1.0) -> tuple[list[Reading], Truth]:
+        """Return what the sensors say at a tick, and the truth.
+
+        Args:
+            grip: Share of its friction that the stair has left.
+        """
+        truth, t_s = self._truth_of(state, grip), state.t_s
+        readings: list[Reading] = [self._imu_sample(state)]
+        pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
+        readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
+        belts = state.belts_m_s / (1.0 + self._mismatch)
+        readings.append(TrackReading(t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=state.brake_on))
+        if self._chair.arm is not None:
+            torque = state.arm_torque_n_m + ARM_TORQUE_NOISE_N_M * float(self._streams.arm.standard_normal())
+            readings.append(ArmReading(t_s=t_s, angle_rad=state.arm_rad, torque_n_m=torque))
+        if state.tick % CAMERA_TICKS == 0:
+            readings.extend(self._look(state))
+        return readings, truth
+
+    def _imu_sample(self, state: ChairState) -> ImuSample:
+        acceleration = (state.velocity_W - self._velocity_W) / TICK_S
+        self._velocity_W = state.velocity_W
+        moving = bool(abs(state.belts_m_s[0]) + abs(state.belts_m_s[1]) > 0.01)
+        return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
+
+    def _support_of(self, state: ChairState) -> Support:
+        """Return what the chair stands on: what it touched of late, and nosings under its belts that it rocks onto in a moment."""
+        self._reaches.append(state.reach_m)
+        front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
+        x, z = ((self._nosings_W - state.p_WB) @ state.R_WB[:, [0, 2]]).T
+        under = x[(np.abs(z) < ROCKING_M) & (np.abs(x) < 0.5 * self._chair.tracks.flat_run_m)]
+        if under.size:
+            front, rear = max(front, float(under.max())), max(rear, -float(under.min()))
+        return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
+
+    def _truth_of(self, state: ChairState, grip: float) -> Truth:
+        R_WB, angle = state.R_WB, state.seat_rad
+        R_SB = self._R_SW @ R_WB
+        p_SB = self._R_SW @ (state.p_WB - self._staircase.p_WS)
+        # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
+        heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
+        pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
+        roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
+        along, across = self._staircase.friction
+        return Truth(
+            t_s=state.t_s,
+            heading_rad=heading,
+            yaw_rad=math.atan2(R_WB[1, 0], R_WB[0, 0]),
+            heading_rate_rad_s=float(R_SB[2] @ state.rate_B),
+            pitch_rad=pitch,
+            roll_rad=roll,
+            pitch_rate_rad_s=-float(state.rate_B[1]),
+            x_m=float(p_SB[0]),
+            y_m=float(p_SB[1]),
+            seat_pitch_rad=math.asin(max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))),
+            left_m_s=float(state.belts_m_s[0]),
+            right_m_s=float(state.belts_m_s[1]),
+            stability_margin_rad=tipping_margins(
+                centre_of_mass(self._chair, self._scenario.chair, angle, state.arm_rad),
+                (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
+                self._support_of(state),
+            ).worst,
+            friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
+        )
