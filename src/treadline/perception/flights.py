@@ -14,7 +14,7 @@ from treadline.perception.planes import Blocks, Surface, joined
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.perception.votes import line_votes, votes_of
-from treadline.signals import RgbdFrame
+from treadline.signals import PinholeCamera, RgbdFrame
 
 UPRIGHT = 18.0 * DEG
 """How far a block's normal may lie from vertical (tread) or horizontal (riser)."""
@@ -23,6 +23,8 @@ RISER_SPREAD = 14.0 * DEG
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 """Levels further apart are different surfaces: less than half of the smallest run and rise."""
 LEAST_BLOCKS = 8
+LOW_SHARE = 0.6
+"""Of a surface's columns that must be no taller than a step for the rest to be the end of a wall beside it."""
 CONCLUSIVE = 3
 """Nosings in a row after which no other azimuth is tried."""
 ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
@@ -85,13 +87,13 @@ def flight_under(
         axes = Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
         members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
         risers = joined(frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
-        risers = [surface for surface in risers if _is_riser(surface, blocks, axes)]
+        risers = [riser for surface in risers if (riser := _riser_of(surface, blocks, frame.camera, axes)) is not None]
         most_risers = max(most_risers, len(risers))
         told = ("up" if len(risers) >= 2 else None, direction_of(treads, axes))
         for direction in (way for way in directions if way in told):
             ends = lower if direction == "up" else upper
             found = nosings_of(risers if direction == "up" else [], treads, ends, blocks, frame.camera, axes, direction)
-            nosings = flight_of(found, axes, direction)
+            nosings = flight_of(found, treads, axes, direction)
             if nosings:
                 seen.append(
                     Flight(
@@ -117,10 +119,24 @@ def _reach(flight: Flight) -> tuple[bool, float]:
     return len(flight.nosings) < CONCLUSIVE, flight.nosings[0].ahead_m
 
 
-def _is_riser(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
-    """Return whether a surface faces the way the vote says and is no taller than a step: walls are."""
-    tall = float(np.ptp(blocks.centres[surface.blocks] @ axes.up))
-    return _turned_from(surface, axes.ahead) < RISER_SPREAD and tall < STEP_RISE_M[1]
+def _riser_of(surface: Surface, blocks: Blocks, camera: PinholeCamera, axes: Axes) -> Surface | None:
+    """Return the part of a surface that is a riser: it faces the way the vote says and is no taller than a step, as walls are.
+
+    The end of a wall beside the flight may stand in one plane with the first riser.
+    """
+    if _turned_from(surface, axes.ahead) >= RISER_SPREAD:
+        return None
+    if float(np.ptp(blocks.centres[surface.blocks] @ axes.up)) < STEP_RISE_M[1]:
+        return surface
+    tall = surface.heights_m(camera, axes.up) >= STEP_RISE_M[1]
+    # From one tall column to the next.
+    runs = np.cumsum(tall)
+    low = ~tall & (runs == np.argmax(np.bincount(runs[~tall], minlength=1)))
+    if np.count_nonzero(low) < LOW_SHARE * low.size:
+        return None
+    part = surface.within(low, blocks)
+    is_riser = part.blocks.size >= LEAST_BLOCKS and float(np.ptp(blocks.centres[part.blocks] @ axes.up)) < STEP_RISE_M[1]
+    return part if is_riser else None
 
 
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:

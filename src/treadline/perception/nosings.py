@@ -24,6 +24,8 @@ LEAST_WIDTH_M, WIDTH_M = 0.08, 0.30
 """Across the flight, that two neighbours must have in common, and from side to side of all: cartons and books are narrower."""
 PAIR_WIDTH_M = 0.5
 """That two nosings must have in common where no third is seen: two cartons may lie like steps."""
+SAME_LEVEL = 0.15
+"""Share of the rise to which a level before or behind two nosings goes on in it: the width of all, ``WIDTH_M``, then is enough."""
 EVEN = 0.25
 """Share by which one step of a flight may differ from another: furniture differs by more."""
 TOP_MARGIN_M = 0.05
@@ -212,14 +214,15 @@ def _common_width(near: Nosing, far: Nosing) -> float:
     return min(near.sides_m[1], far.sides_m[1]) - max(near.sides_m[0], far.sides_m[0])
 
 
-def flight_of(nosings: Sequence[Nosing], axes: Axes, direction: Direction) -> list[Nosing]:
+def flight_of(nosings: Sequence[Nosing], treads: Sequence[Surface], axes: Axes, direction: Direction) -> list[Nosing]:
     """Return the nosings that follow each other, of several such rows the one most seen; empty without a single step."""
+    levels = np.array([float(tread.centre @ axes.up) for tread in treads])
     best: list[list[Nosing]] = []
     for nosing in nosings:
         # The heaviest row that this nosing goes on; a stray edge in between does not end it, a riser does.
         rows = [row for row in best if is_step(row[-1], nosing, axes, direction) and not _between(row[-1], nosing, nosings)]
         best.append([*max(rows, key=_weight, default=[]), nosing])
-    rows = [row for row in best if _is_flight(row)]
+    rows = [row for row in best if _is_flight(row, levels)]
     return max(rows, key=_weight, default=[])
 
 
@@ -232,17 +235,26 @@ def _between(near: Nosing, far: Nosing, nosings: Sequence[Nosing]) -> bool:
     )
 
 
-def _is_flight(row: Sequence[Nosing]) -> bool:
+def _is_flight(row: Sequence[Nosing], levels: Float[np.ndarray, " t"]) -> bool:
     """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
     if max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row) < WIDTH_M:
         return False
-    if len(row) == 2 and _common_width(*row) < PAIR_WIDTH_M:
+    if len(row) == 2 and _common_width(row[0], row[1]) < (WIDTH_M if _goes_on(row[0], row[1], levels) else PAIR_WIDTH_M):
         return False
     telling = [nosing for nosing in row if nosing.tells]
     # The foot of a wall behind a bench, cut off by the image, is no second riser: heights must be seen.
     if sum(nosing.up_m is not None for nosing in telling) < 2:
         return False
     return len(telling) >= 3 or (len(telling) == 2 and all(nosing.is_plain for nosing in telling))
+
+
+def _goes_on(near: Nosing, far: Nosing, levels: Float[np.ndarray, " t"]) -> bool:
+    """Return whether there is a level as far below or above two nosings as they are apart."""
+    if near.up_m is None or far.up_m is None:
+        return False
+    rise = far.up_m - near.up_m
+    off = np.minimum(np.abs(levels - (far.up_m + rise)), np.abs(levels - (near.up_m - rise)))
+    return bool((off < SAME_LEVEL * abs(rise)).any())
 
 
 def _weight(row: Sequence[Nosing]) -> float:

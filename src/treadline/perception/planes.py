@@ -7,7 +7,7 @@ where it ends and what lies beyond.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -116,6 +116,25 @@ class Surface:
     def distance_m(self) -> float:
         """From the camera to the plane."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
+
+    def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+        """Return how far it goes up in each of its columns."""
+        x = (self.upper.columns - camera.cx_px) / camera.fx_px
+        ends = [
+            np.column_stack([x, (rows - camera.cy_px) / camera.fy_px, np.ones(x.size)])
+            for rows in (self.upper.rows, self.lower.rows)
+        ]
+        top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
+        return np.asarray(top - bottom)
+
+    def within(self, kept: Bool[np.ndarray, " k"], blocks: Blocks) -> "Surface":
+        """Return the part of it in some of its columns; its plane stays."""
+        columns = self.upper.columns[kept]
+        left = blocks.places[self.blocks, 1] * blocks.cell_px
+        width = 2 * blocks.cell_px
+        full = np.searchsorted(columns, left + width) - np.searchsorted(columns, left) == width
+        upper, lower = (Ends(columns=columns, rows=e.rows[kept], follows=e.follows[kept]) for e in (self.upper, self.lower))
+        return replace(self, blocks=self.blocks[full], upper=upper, lower=lower)
 
 
 def joined(

@@ -30,10 +30,13 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
     size = turns.size * tilts.size * warps.size
     logs, means, spreads = np.empty(size), np.empty((size, n)), np.empty((size, 3))
     M, L, x = np.zeros((n + 1, n + 1)), np.zeros((n, n)), np.empty(n)
+    plain, turned, tilted = np.zeros((n + 1, n + 1)), np.zeros((steps, n + 1)), np.zeros((steps, n + 1))
+    own = np.zeros((steps, 3))
+    _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own)
     at = 0
     for turn in turns:
         for tilt in tilts:
-            log = _information(by, value, noise, turn_by, tilt_by, step, steps, turn * turn, tilt * tilt, M)
+            log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
             for warp in warps:
                 logs[at] = log + _solved(M, warp, L, x)
                 means[at] = x
@@ -55,7 +58,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
         spread[2] += belief[k] * (spreads[k, 2] + a * r)
     pair = best // warps.size
     turn, tilt = turns[pair // tilts.size], tilts[pair % tilts.size]
-    _information(by, value, noise, turn_by, tilt_by, step, steps, turn * turn, tilt * tilt, M)
+    _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
     _solved(M, warps[best % warps.size], L, x)
     inverse = np.linalg.inv(L)
     covariance[:] = inverse.T @ inverse
@@ -64,26 +67,22 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
 
 @njit(cache=True)
 @no_type_check
-def _information(by, value, noise, turn_by, tilt_by, step, steps, turn, tilt, M):
-    """Fill the lower half of ``M`` with the normal equations, values in its last row, for variances of turn and tilt.
+def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own):
+    """Add up the normal equations without turns and tilts, values in the last row, and what each step has in common.
 
-    Returns:
-        What the rows' covariance adds to the log evidence.
+    Args:
+        plain: Filled in its lower half.
+        turned: Filled with each step's sums that a turn takes part in, ``tilted`` a tilt, ``own`` the squares and product of both.
     """
     rows, n = by.shape
-    M[:] = 0.0
-    turned, tilted = np.zeros((steps, n + 1)), np.zeros((steps, n + 1))
-    own = np.zeros((steps, 3))
     full = np.empty(n + 1)
-    log = 0.0
     for k in range(rows):
         P = 1.0 / noise[k]
-        log -= 0.5 * math.log(noise[k])
         full[:n] = by[k]
         full[n] = value[k]
         for i in range(n + 1):
             for j in range(i + 1):
-                M[i, j] += P * full[i] * full[j]
+                plain[i, j] += P * full[i] * full[j]
         s = step[k]
         if s >= 0:
             a, d = turn_by[k], tilt_by[k]
@@ -93,12 +92,21 @@ def _information(by, value, noise, turn_by, tilt_by, step, steps, turn, tilt, M)
             for i in range(n + 1):
                 turned[s, i] += P * a * full[i]
                 tilted[s, i] += P * d * full[i]
-    for s in range(steps):
+
+
+@njit(cache=True)
+@no_type_check
+def _take_out(plain, turned, tilted, own, turn, tilt, M):
+    """Fill the lower half of ``M`` with the normal equations under variances of turn and tilt; return the log evidence of these."""
+    size = M.shape[0]
+    M[:] = plain
+    log = 0.0
+    for s in range(own.shape[0]):
         a, d, both = 1.0 + turn * own[s, 0], 1.0 + tilt * own[s, 1], own[s, 2]
         det = a * d - turn * tilt * both * both
         log -= 0.5 * math.log(det)
         a, d, both = tilt * a / det, turn * d / det, -turn * tilt * both / det
-        for i in range(n + 1):
+        for i in range(size):
             for j in range(i + 1):
                 M[i, j] -= (
                     d * turned[s, i] * turned[s, j]
