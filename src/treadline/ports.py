@@ -73,6 +73,9 @@ class TruthPlant(Plant, Protocol):
 class Transport(Protocol):
     """What carries signals between nodes, by channel: calls in one process, ROS 1, or ROS 2's wire."""
 
+    def announce(self, channel: str) -> None:
+        """Make known that this node will speak on a channel."""
+
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal to all who take from the channel."""
 

@@ -6,7 +6,6 @@ A pose and its ``…/detail`` say one thing twice; the detail is exact, so only 
 calibration has come. The camera's mount is not in a ``CameraInfo``: it comes back as zero.
 """
 
-import math
 import struct
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
@@ -80,12 +79,16 @@ class CdrReader:
         """Return the next string."""
         return self.take(self.uint32())[:-1].decode()
 
-    def stamp(self) -> tuple[float, str]:
-        """Return the time and the frame of the next std_msgs/Header; a stamp that was never set is the time of logging."""
+    def time(self) -> float:
+        """Return the next time; one that was never set is the time of logging."""
         self._align(4)
         seconds, nanoseconds = struct.unpack("<iI", self.take(8))
         time_ns = seconds * 1_000_000_000 + nanoseconds or self._logged_ns
-        return seconds_of(time_ns - self._origin_ns), self.string()
+        return seconds_of(time_ns - self._origin_ns)
+
+    def stamp(self) -> tuple[float, str]:
+        """Return the time and the frame of the next std_msgs/Header."""
+        return self.time(), self.string()
 
     def _align(self, size: int) -> None:
         self._at += -self._at % size
@@ -319,7 +322,13 @@ def _truth(r: CdrReader) -> Truth:
 
 def _quality(r: CdrReader) -> FrameQuality:
     t_s, _, values = _named(r)
-    return FrameQuality(t_s=t_s, fingerprint=int(values.pop("fingerprint")), **values)
+    return FrameQuality(
+        t_s=t_s,
+        fingerprint=int(values["fingerprint"]),
+        brightness=values["brightness"],
+        contrast=values["contrast"],
+        valid_share=values["valid_share"],
+    )
 
 
 def _plan(r: CdrReader) -> Plan:
@@ -339,27 +348,20 @@ def _plan(r: CdrReader) -> Plan:
     )
 
 
-class StairMaps:
-    """Puts a map together again: the nosings' poses, then the numbers of the same time."""
-
-    def __init__(self) -> None:
-        self._t_s = math.nan
-        self._nosings_B = np.zeros((0, 3))
-
-    def poses(self, r: CdrReader) -> None:
-        """Take a PoseArray."""
-        self._t_s, _ = r.stamp()
-        count = r.uint32()
-        self._nosings_B = np.array(r.doubles(7 * count) if count else ()).reshape(-1, 7)[:, :3]
-
-    def detail(self, r: CdrReader) -> StairMap | None:
-        """Take the numbers; return the map, or None where its poses were lost."""
-        t_s, direction, values = _named(r)
-        if t_s != self._t_s:
-            return None
-        seen = {name: values.pop(name, None) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
-        ends = bool(values.pop("ends"))
-        return StairMap(t_s=t_s, direction=cast("Any", direction), nosings_B=self._nosings_B, ends=ends, **values, **seen)
+def _stair_map(r: CdrReader) -> StairMap:
+    t_s, direction, values = _named(r)
+    nosings = [[values.pop(f"nosing{i}_{axis}_m") for axis in "xyz"] for i in range(int(values.pop("nosings")))]
+    seen = {name: values.pop(name, None) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
+    return StairMap(
+        t_s=t_s,
+        direction=cast("Any", direction),
+        nosings_B=np.array(nosings).reshape(-1, 3),
+        rise_m=values["rise_m"],
+        run_m=values["run_m"],
+        slope_rad=values["slope_rad"],
+        ends=bool(values["ends"]),
+        **seen,
+    )
 
 
 IMU = "sensor_msgs/msg/Imu"
@@ -384,6 +386,7 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
 """Topics of a run's log, images aside: their type, and what reads them."""
 BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/camera/quality": (JOINTS, _quality),
+    "/stair/map/detail": (JOINTS, _stair_map),
     "/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan),
 }
 """Topics that only nodes speak to each other on."""

@@ -192,7 +192,9 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     # What was not seen is not named: no number stands for nothing.
     maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
-    known |= {name: value for name, value in maybe.items() if value is not None}
+    known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}
+    for i, place in enumerate(stair.nosings_B.tolist()):
+        known |= {f"nosing{i}_{axis}_m": value for axis, value in zip("xyz", place, strict=True)}
     detail = joints(topic + "/detail", stair.t_s, tuple(known), tuple(known.values()), (), stair.direction, writer)
     return [(topic, "geometry_msgs/msg/PoseArray", w.message()), detail]
 

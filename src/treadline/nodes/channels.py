@@ -58,7 +58,7 @@ def _one(name: str, kind: str, depth: int) -> Channel:
 
 
 def _with_detail(name: str, kind: str, depth: int) -> Channel:
-    topics = (Topic(name=name, kind=kind, read=kind != POSE), Topic(name=f"{name}/detail", kind=JOINTS))
+    topics = (Topic(name=name, kind=kind, read=False), Topic(name=f"{name}/detail", kind=JOINTS))
     return Channel(topics=topics, depth=depth)
 
 

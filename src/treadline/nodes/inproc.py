@@ -11,6 +11,9 @@ class InProcess:
     def __init__(self) -> None:
         self._takers: defaultdict[str, list[Callable[[Any], None]]] = defaultdict(list)
 
+    def announce(self, channel: str) -> None:
+        """Need nothing."""
+
     def publish(self, channel: str, signal: Any) -> None:
         """Hand a signal to all who take from the channel."""
         for take in self._takers[channel]:

@@ -18,7 +18,7 @@ from treadline.mission.rates import TICK_S
 from treadline.nodes import channels as on
 from treadline.nodes.words import Beat, GuardState
 from treadline.perception.quality import quality_of
-from treadline.ports import Plant, Transport
+from treadline.ports import Plant, Transport, TruthPlant
 from treadline.signals import (
     ArmCommand,
     ArmReading,
@@ -40,6 +40,8 @@ from treadline.signals import (
 
 COMMAND_TIMEOUT_S = 0.3
 """The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
+TRUTH_TICKS = 10
+"""A simulator tells people and tests how it is ten times a second; no node listens."""
 PLAN_TIMEOUT_S = 0.1
 """An arm's rate is for the moment: without a newer plan it stands."""
 
@@ -51,6 +53,14 @@ class Node(Protocol):
     @property
     def name(self) -> str:
         """What it is called in the graph."""
+
+    @property
+    def says(self) -> tuple[str, ...]:
+        """The channels it speaks on."""
+
+    @property
+    def needs(self) -> tuple[tuple[str, ...], ...]:
+        """The channels without which it is of no use; of several in brackets one is enough."""
 
     def listen(self, transport: Transport) -> None:
         """Take from the channels it needs; they may speak from now on."""
@@ -79,6 +89,8 @@ class CameraNode:
     """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap``; the paper's ``/depth``."""
 
     name = "camera"
+    says = (on.QUALITY, on.MEASURED, on.MAP)
+    needs = ((on.CAMERA, on.CAMERA_QUALITY, on.CAMERA_HEADING),)
 
     def __init__(self, detector: Detector, config: GuardConfig) -> None:
         self._detector = detector
@@ -137,6 +149,8 @@ class HeadingNode:
     """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``."""
 
     name = "heading"
+    says = (on.ESTIMATE, on.HEALTH)
+    needs = ((on.IMU,),)
 
     def __init__(self, estimator: Estimator, config: GuardConfig) -> None:
         self._estimator = estimator
@@ -175,6 +189,8 @@ class SeatNode:
     """``SeatReading, ImuSample -> SeatCommand``: the seat's own loop."""
 
     name = "seat"
+    says = (on.SEAT_PROPOSED,)
+    needs = ((on.SEAT,),)
 
     def __init__(self, leveller: SeatLeveller, config: GuardConfig) -> None:
         self._leveller = leveller
@@ -204,6 +220,8 @@ class DriverNode:
     """``HeadingEstimate, StairMap and what the chair feels -> Plan, TrackCommand``: planner and heading controller."""
 
     name = "driver"
+    says = (on.PLAN, on.TRACKS_PROPOSED)
+    needs = ((on.IMU,), (on.TRACKS,))
 
     def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
         self._planner = planner
@@ -259,6 +277,8 @@ class GuardNode:
     """
 
     name = "guard"
+    says = (on.TRACKS_CMD, on.SEAT_CMD, on.ARM_CMD, on.GUARD)
+    needs = ()
 
     def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = ()) -> None:
         self._guard = Guard(config)
@@ -362,6 +382,19 @@ class PlantNode:
     """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
+    says = (
+        on.IMU,
+        on.TRACKS,
+        on.SEAT,
+        on.ARM,
+        on.OPERATOR,
+        on.CAMERA,
+        on.CAMERA_QUALITY,
+        on.CAMERA_HEADING,
+        on.CAMERA_MAP,
+        on.TRUTH,
+    )
+    needs = ()
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
@@ -390,6 +423,10 @@ class PlantNode:
         self._plant.advance(t_s)
         for reading in self._plant.read():
             self._say(SPOKEN[type(reading)], reading)
+        if isinstance(self._plant, TruthPlant):
+            for truth in self._plant.truth():
+                if round(truth.t_s / TICK_S) % TRUTH_TICKS == 0:
+                    self._say(on.TRUTH, truth)
 
     def _write(self, tracks: TrackCommand) -> None:
         self._heard_s, self.commanded_s = self._t_s, tracks.t_s

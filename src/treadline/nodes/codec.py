@@ -1,0 +1,176 @@
+"""Signals as ROS messages and back, channel by channel: the same fields for ROS 1 and ROS 2."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from treadline.errors import ImageError
+from treadline.estimation import HeadingHealth
+from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
+from treadline.io.decode import BETWEEN, HEADINGS, OURS, CdrReader, Ros1Reader, Status, calibration, picture, status
+from treadline.io.log_frames import Frames
+from treadline.io.messages import Message, Writer, messages_of
+from treadline.io.messages import status as status_message
+from treadline.io.topics import Topics
+from treadline.nodes import channels as on
+from treadline.nodes.words import Beat, Clock, Drive, GuardState
+from treadline.signals import Event, PinholeCamera, RgbdFrame
+
+NODE = "node"
+"""Hardware id of a sign of life."""
+MILLIMETRE = 0.001
+"""One count of a depth image of 16 bits, as drivers of depth cameras have it."""
+
+
+def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
+    """Return the messages that hold a signal."""
+    writer: Writer = Ros1Writer if ros1 else CdrWriter
+    match signal:
+        case Clock():
+            w = writer()
+            nanoseconds = nanoseconds_of(signal.t_s)
+            w.int32(nanoseconds // 1_000_000_000)
+            w.uint32(nanoseconds % 1_000_000_000)
+            return [(channel, on.CHANNELS[on.CLOCK].topics[0].kind, w.message())]
+        case Drive():
+            w = writer()
+            w.doubles(signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s)
+            return [(channel, on.CHANNELS[on.TWIST].topics[0].kind, w.message())]
+        case Beat():
+            told = (int(signal.state != "ready"), signal.node, signal.state, NODE)
+            return [status_message(channel, signal.t_s, told, {}, signal.node, writer)]
+        case GuardState():
+            told = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
+            return [status_message(channel, signal.t_s, told, {}, "guard", writer)]
+        case HeadingHealth():
+            return [_health_message(channel, signal, writer)]
+        case _:
+            return messages_of(signal, channel, writer)
+
+
+class Decoder:
+    """Messages of one channel to signals; the pictures of a frame wait for each other here.
+
+    Args:
+        mount: The camera whose place on the chair frames get: a ``CameraInfo`` does not tell it.
+    """
+
+    def __init__(self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None) -> None:
+        self._channel = channel
+        self._reader: type[CdrReader] = Ros1Reader if ros1 else CdrReader
+        self._mount = mount
+        self._seen = False
+        self._readers: dict[str, Callable[[CdrReader], Any]] = _READERS.get(channel, {})
+        if channel == on.CAMERA:
+            color, depth, info = (topic.name for topic in on.CHANNELS[channel].topics)
+            frames = Frames(Topics(depth=depth, color=color, info=info), (0, 0), MILLIMETRE, self._mounted, lambda *_: None)
+            self._readers = {
+                color: lambda r: frames.color(picture(r)),
+                depth: lambda r: frames.depth(picture(r)),
+                info: lambda r: frames.calibrate(calibration(r)[1]),
+            }
+
+    def signal(self, topic: str, data: bytes) -> Any | None:
+        """Return the signal that a message completes, or None.
+
+        Raises:
+            LogFormatError: If a message is broken or not of ours.
+            ImageError: If not even the first frame can be used.
+        """
+        try:
+            signal = self._readers[topic](self._reader(data))
+        except ImageError:
+            if not self._seen:
+                raise
+            return None  # a camera that has worked may falter: without frames the guard holds
+        self._seen = self._seen or isinstance(signal, RgbdFrame)
+        return signal
+
+    def _mounted(self, camera: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+        del size
+        if camera is None or self._mount is None:
+            return camera
+        mount = self._mount
+        return replace(
+            camera,
+            mount_pitch_rad=mount.mount_pitch_rad,
+            mount_roll_rad=mount.mount_roll_rad,
+            mount_yaw_rad=mount.mount_yaw_rad,
+            mount_m=mount.mount_m,
+        )
+
+
+def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Message:
+    names = ("since_s", "disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
+    numbers = {name: getattr(health, name) for name in names}
+    values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
+    told = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
+    return status_message(channel, health.t_s, told, values, "stair", writer)
+
+
+def _health(r: CdrReader) -> HeadingHealth:
+    told = status(r)
+    numbers = {name: float(value) for name, value in told.values.items()}
+    fault: Any = told.name or None
+    return HeadingHealth(
+        t_s=told.t_s,
+        fault=fault,
+        since_s=numbers.get("since_s"),
+        cause=told.message or None,
+        disagreement_rad=numbers["disagreement_rad"],
+        unseen_s=numbers["unseen_s"],
+        bias_rad_s=numbers["bias_rad_s"],
+        scale=numbers["scale"],
+        walk_rad_rts=numbers["walk_rad_rts"],
+    )
+
+
+def _diagnosis(r: CdrReader) -> Beat | Event:
+    told: Status = status(r)
+    if told.hardware == NODE:
+        return Beat(t_s=told.t_s, node=told.name, state=told.message)
+    return Event(t_s=told.t_s, name=told.name, cause=told.message)
+
+
+def _guard_state(r: CdrReader) -> GuardState:
+    told = status(r)
+    return GuardState(t_s=told.t_s, holding=told.message if told.level else None)
+
+
+def _drive(r: CdrReader) -> Drive:
+    speed, _, _, _, _, turn = r.doubles(6)
+    return Drive(speed_m_s=speed, turn_rad_s=turn)
+
+
+_KNOWN = {name: read for name, (_, read) in (OURS | BETWEEN).items()}
+_READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
+    on.CLOCK: {on.CLOCK: lambda r: Clock(t_s=r.time())},
+    on.TWIST: {on.TWIST: _drive},
+    on.DIAGNOSTICS: {on.DIAGNOSTICS: _diagnosis},
+    on.GUARD: {on.GUARD: _guard_state},
+    on.HEALTH: {on.HEALTH: _health},
+    on.CAMERA_QUALITY: {on.CAMERA_QUALITY: _KNOWN[on.QUALITY]},
+    on.CAMERA_HEADING: {f"{on.CAMERA_HEADING}/detail": _KNOWN[HEADINGS]},
+    on.CAMERA_MAP: {f"{on.CAMERA_MAP}/detail": _KNOWN[f"{on.MAP}/detail"]},
+    on.TRACKS_PROPOSED: {on.TRACKS_PROPOSED: _KNOWN[on.TRACKS_CMD]},
+    on.SEAT_PROPOSED: {on.SEAT_PROPOSED: _KNOWN[on.SEAT_CMD]},
+    **{
+        channel: {topic.name: _KNOWN[topic.name] for topic in on.CHANNELS[channel].topics if topic.read and topic.name in _KNOWN}
+        for channel in (
+            on.IMU,
+            on.TRACKS,
+            on.SEAT,
+            on.ARM,
+            on.OPERATOR,
+            on.QUALITY,
+            on.MEASURED,
+            on.MAP,
+            on.ESTIMATE,
+            on.PLAN,
+            on.TRACKS_CMD,
+            on.SEAT_CMD,
+            on.ARM_CMD,
+            on.TRUTH,
+        )
+    },
+}
