@@ -171,11 +171,11 @@ class FrameQuality:
 
     t_s: float
     fingerprint: int
-    """Equal for frames whose pixels are equal, and for no others that a camera makes."""
+    """Equal for frames whose depths are equal, and for no others that a camera makes."""
     brightness: float
-    """Mean of the colour image, 0 to 1."""
+    """Mean of the colour image, 0 to 1; one half where depth alone is enough and nobody looked."""
     contrast: float
-    """Standard deviation of the colour image, 0 to 0.5."""
+    """Standard deviation of the colour image, 0 to 0.5; a quarter where nobody looked."""
     valid_share: float
     """Of the depth image that has a depth, 0 to 1."""
 

@@ -39,7 +39,7 @@ class CrestConfig(Loading):
     reach_from_m: float = 0.25
     """Of the front pulley past the nosing: an arm that reaches down clears the nosing even 15 cm too early, and the centre
     of mass (0.5 m behind the pulley's passing) is not there yet 10 cm too late."""
-    reach_rad_s: float = 25.0 * DEG
+    reach_rad_s: float = 16.0 * DEG
     lead_rad_s: float = 10.0 * DEG
     lead_rad_s2: float = 30.0 * DEG
     """How fast the lead begins: half a metre from the nosing this is 0.3 m/s² at the passenger."""

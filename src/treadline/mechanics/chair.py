@@ -91,6 +91,18 @@ class Arm(Settings):
     mass_kg: Positive
 
 
+class Rating(Settings):
+    """What the maker lets the chair do; physics may allow more on a good day."""
+
+    slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
+    """Steepest flight."""
+    payload_kg: Annotated[float, Field(gt=0.0)]
+    """Heaviest load on any flight."""
+    steep_payload_kg: Annotated[float, Field(gt=0.0)]
+    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the arm's motor lifts with all it has."""
+    steep_deg: Annotated[float, Field(gt=0.0)]
+
+
 class CameraMount(Settings):
     """Where the depth camera sits and how far it looks down."""
 
@@ -111,6 +123,8 @@ class ChairDescription(Settings):
     camera: CameraMount
     rear_camera: CameraMount | None = None
     """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
+    rating: Rating | None = None
+    """None: whatever mechanics allow."""
     arm: Arm | None = None
     """None: the approach section is fixed."""
 

@@ -51,6 +51,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if margins.worst < MARGIN_LIMIT_RAD else None
     seat_range = SeatLinkage(chair.seat).angle_range
     reasons = (
+        _beyond_rating(chair, slope, loading.payload_kg),
         _too_short(stair, chair.tracks),
         _too_slippery(stair, heading),
         _too_unstable(margins, loading, shift),
@@ -69,6 +70,21 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         seat_range_deg=(seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
     )
+
+
+def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float) -> str | None:
+    rating = chair.rating
+    if rating is None:
+        return None
+    if slope_rad > rating.slope_deg * DEG + 1e-9:
+        steep = f"the stair is {slope_rad / DEG:.1f}° steep"
+        return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    steep = slope_rad > rating.steep_deg * DEG
+    most_kg = rating.steep_payload_kg if steep else rating.payload_kg
+    if payload_kg <= most_kg:
+        return None
+    where = f" on flights above {rating.steep_deg:g}°" if steep else ""
+    return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {most_kg:g} kg{where}"
 
 
 def _too_short(stair: Stair, tracks: Tracks) -> str | None:

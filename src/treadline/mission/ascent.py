@@ -54,9 +54,9 @@ class AscentConfig:
     back_off_m: float = 0.5
     wall_m: float = 0.50
     """Free width to a wall below which the chair steers away."""
-    aside_rad_m: float = 20.0 * DEG
+    aside_rad_m: float = 10.0 * DEG
     """Heading per metre of missing width."""
-    aside_limit_rad: float = 3.0 * DEG
+    aside_limit_rad: float = 2.0 * DEG
     traction: TractionConfig = field(default_factory=TractionConfig)
 
 

@@ -110,14 +110,26 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
         planner=planner,
         driver=driver,
         leveller=PitchLeveller(LevellerConfig(seat=config.chair.seat)),
-        guard=Guard(guard_config(config, driver.period_s)),
+        guard=Guard(guard_config(config, driver.period_s, driven=isinstance(driver, HeadingController))),
     )
 
 
-def guard_config(config: MissionConfig, period_s: float) -> GuardConfig:
-    """Return the limits that follow from the chair and from the driver's period."""
+def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:
+    """Return the limits that follow from the chair and from the driver's period.
+
+    Args:
+        driven: By the heading controller; an experiment's own signal skids on purpose, as the paper's allocation does.
+    """
+    chair = config.chair
+    tracks = chair.tracks
     return GuardConfig(
-        belt_limit_m_s=config.chair.drives.max_speed_m_s,
+        belt_limit_m_s=chair.drives.max_speed_m_s,
+        drive_lag_s=chair.drives.lag_s,
+        drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
+        front_m=chair.nose_m[0] + tracks.pulley_radius_m,
+        rear_m=0.5 * tracks.flat_run_m + tracks.pulley_radius_m,
+        track_span_m=tracks.flat_run_m,
         needs_heading=config.loop == "closed",
+        watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,
         driver_timeout_s=PERIODS_MISSED * period_s,
     )

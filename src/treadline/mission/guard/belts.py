@@ -82,8 +82,8 @@ DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
 class SlipWatch:
     """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
 
-    A chair that turns on nosings skids, and keeps little of its belts' travel: it slips only where it does not turn, but rolls back
-    wherever it does.
+    A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not
+    turn, rolling back wherever it does.
     """
 
     def __init__(self, config: GuardConfig) -> None:
@@ -131,7 +131,8 @@ class SlipWatch:
         then_s, travel_m, slid_m, _ = self._window[0]
         driven, slid = abs(self._travel_m - travel_m), abs(self._slid_m - slid_m)
         headings = [heading for *_, heading in self._window]
-        straight = max(headings) - min(headings) <= limits.slip_turn_rad
+        square = max(abs(heading) for heading in headings) <= limits.turning_rad
+        straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
         judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
         self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:

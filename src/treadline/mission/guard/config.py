@@ -103,5 +103,7 @@ class GuardConfig:
 
     needs_heading: bool = True
     """False only for runs whose purpose is to drive without: open loop."""
+    watches_slip: bool = True
+    """False where a chair is meant to skid: random belts, the paper's allocation."""
     watches_motion: bool = True
     """False only where no command moves the chair: a recording."""

@@ -215,7 +215,8 @@ class Guard:
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
         self._ahead.look(stair, places, travel)
         # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
-        if math.isfinite(self._heading_rad) and (self._plan is None or self._plan.phase in FLIGHT):
+        on_flight = self._plan is None or self._plan.phase in FLIGHT
+        if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
             self._slip.look(stair.t_s, [place * across for place, _ in places], travel, self._heading_rad)
         else:
