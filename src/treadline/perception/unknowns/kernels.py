@@ -148,11 +148,13 @@ def _solved(M, warp, L, x):
 
 @njit(cache=True)
 @no_type_check
-def fitted_terms(columns, top, bottom, width, height, fx, fy, cx, cy, turns):
-    """Fill ``turns`` with the n that fits each Legendre product best at the top, middle and bottom of some columns."""
+def fitted_terms(columns, top, bottom, points, width, height, fx, fy, cx, cy, turns):
+    """Fill ``turns`` with the n that fits each Legendre product best at the top, middle and bottom of ``points`` columns."""
     M, right = np.zeros((3, 3)), np.zeros((3, turns.shape[1]))
     ray, across, down = np.ones(3), np.ones(4), np.ones(4)
-    for k in range(columns.shape[0]):
+    points = min(points, columns.shape[0])
+    for point in range(points):
+        k = point * (columns.shape[0] - 1) // (points - 1)
         ray[0] = (columns[k] - cx) / fx
         _legendre(2.0 * columns[k] / (width - 1.0) - 1.0, across)
         for part in range(3):

@@ -29,10 +29,7 @@ def turns_of(surface: Surface, camera: PinholeCamera) -> Float[np.ndarray, "3 t"
     columns, top, bottom = surface.upper.columns, surface.upper.rows, surface.lower.rows
     if columns.size < 2:  # where its ends are not known, it is taken to fill the image
         columns, top, bottom = np.array([0, camera.width_px - 1]), np.zeros(2), np.full(2, camera.height_px - 1.0)
-    chosen = np.linspace(0, columns.size - 1, min(POINTS, columns.size)).astype(np.int64)
     turns = np.empty((3, TERMS))
-    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    kernels.fitted_terms(
-        columns[chosen].astype(float), top[chosen], bottom[chosen], camera.width_px, camera.height_px, *pinhole, turns
-    )
+    size, pinhole = (camera.width_px, camera.height_px), (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    kernels.fitted_terms(columns, top, bottom, POINTS, *size, *pinhole, turns)
     return turns * SIZES
