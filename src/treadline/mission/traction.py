@@ -14,6 +14,9 @@ from treadline.signals import ImuSample, TrackReading
 
 Stage = Literal["rest", "pulse", "brake", "over"]
 
+STALLED_M_S = 0.02
+"""Belts that the pulse has brought no further have shown nothing, whatever the IMU's noise adds up to."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TractionConfig:
@@ -60,7 +63,7 @@ class TractionTest:
         elif since > self._config.rest_s and self._slip is None:
             self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))
             if since > self._config.rest_s + self._config.pulse_s:
-                self._slip = 1.0 - self._moved_m_s / max(self._belts_m_s, 1e-3)
+                self._slip = 1.0 - self._moved_m_s / self._belts_m_s if self._belts_m_s > STALLED_M_S else 1.0
 
     @property
     def speed_m_s(self) -> float:

@@ -1,0 +1,100 @@
+"""On the level: square before it goes, gentle while it goes, and a search that ends."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from treadline.angles import DEG
+from treadline.mission.level import LevelConfig, LevelSteering
+from treadline.signals import HeadingEstimate
+
+GAUGE_M, TICK_S = 0.65, 0.01
+CONFIG = LevelConfig(gauge_m=GAUGE_M)
+
+
+def estimate(heading_deg: float, t_s: float = 0.0) -> HeadingEstimate:
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+
+def turned_by(half_m_s: float, skid: float) -> float:
+    """Return how far a chair whose tracks skid turns in a tick."""
+    return 2.0 * half_m_s / GAUGE_M / skid * TICK_S
+
+
+@settings(derandomize=True)
+@given(heading=st.floats(-180.0, 180.0), target=st.floats(-30.0, 30.0))
+def test_it_turns_towards_the_target_and_never_faster_than_its_limit(heading: float, target: float) -> None:
+    half = LevelSteering(CONFIG).towards(estimate(heading), target * DEG)
+    # Turning left, heading growing, needs the right belt faster: half the difference positive.
+    assert half * (target - heading) >= 0.0
+    assert abs(turned_by(half, CONFIG.skid)) <= CONFIG.turn_rad_s * TICK_S + 1e-12
+
+
+@settings(derandomize=True, max_examples=30)
+@given(heading=st.floats(-35.0, 35.0), skid=st.floats(1.0, 2.0))
+def test_whatever_the_skid_it_is_square_within_ten_seconds(heading: float, skid: float) -> None:
+    steering, t_s = LevelSteering(CONFIG), 0.0
+    while not steering.is_square(estimate(heading), t_s):
+        heading += turned_by(steering.towards(estimate(heading)), skid) / DEG
+        t_s += TICK_S
+        assert t_s < 10.0  # hazard 20
+    assert abs(heading) < 1.0
+
+
+def test_square_means_half_a_second_of_it_and_a_glance_away_starts_anew() -> None:
+    steering = LevelSteering(CONFIG)
+    assert not steering.is_square(estimate(0.5), 0.0)
+    assert not steering.is_square(estimate(0.5), 0.4)
+    assert not steering.is_square(estimate(1.1), 0.45)
+    assert not steering.is_square(estimate(0.9), 0.5)
+    assert not steering.is_square(estimate(-0.9), 0.99)
+    assert steering.is_square(estimate(-0.9), 1.0)
+
+
+@settings(derandomize=True)
+@given(heading=st.floats(-90.0, 90.0), target=st.floats(-3.0, 3.0))
+def test_keeping_a_heading_is_gentle_and_the_right_way_round(heading: float, target: float) -> None:
+    half = LevelSteering(CONFIG).keep(estimate(heading), target * DEG)
+    assert abs(half) <= CONFIG.keep_limit_m_s
+    assert half * (target - heading) >= 0.0
+
+
+def test_without_an_estimate_nothing_is_steered() -> None:
+    assert LevelSteering(CONFIG).keep(None, 0.05) == 0.0
+
+
+def search(steering: LevelSteering, skid: float = 1.4) -> tuple[list[float], list[float | None]]:
+    """Return where a blind chair has turned to [deg], and what was asked, tick by tick until the search ends."""
+    heading, turned, asked, headings = 0.0, 0.0, [], []
+    for k in range(6000):
+        half = steering.sweep(k * TICK_S, turned)
+        asked.append(half)
+        if half is None:
+            return headings, asked
+        turned = turned_by(half, skid)
+        heading += turned / DEG
+        headings.append(heading)
+    message = "the search did not end"
+    raise AssertionError(message)
+
+
+@pytest.mark.parametrize("skid", [1.0, 1.4, 2.0])
+def test_the_search_looks_first_then_to_both_sides_then_ends_where_it_began(skid: float) -> None:
+    headings, asked = search(LevelSteering(CONFIG), skid)
+    assert asked[: round(CONFIG.look_s / TICK_S)] == [0.0] * round(CONFIG.look_s / TICK_S)
+    # A leg ends 2° early.
+    assert max(headings) == pytest.approx(38.0, abs=0.2)
+    assert min(headings) == pytest.approx(-38.0, abs=0.2)
+    assert abs(headings[-1]) < 2.1
+    assert headings.index(max(headings)) < headings.index(min(headings))
+    fastest = max(abs(half) for half in asked if half is not None)
+    # Half the pace of a turn with a target: 10 °/s, a degree a frame.
+    assert turned_by(fastest, CONFIG.skid) == pytest.approx(0.5 * CONFIG.turn_rad_s * TICK_S)
+
+
+def test_a_search_that_has_ended_stays_ended() -> None:
+    steering = LevelSteering(CONFIG)
+    search(steering)
+    assert [steering.sweep(100.0 + k, math.pi) for k in range(3)] == [None, None, None]

@@ -1,0 +1,137 @@
+"""The traction test with synthetic belts and IMU: what it lets pass by friction, and how far errors of the sensors move that."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.mission.traction import TractionConfig, TractionTest
+from treadline.signals import ImuSample, TrackReading
+
+G_M_S2, TICK_S = 9.81, 0.01
+CONFIG = TractionConfig()
+
+
+@dataclass(kw_only=True)
+class Foot:
+    """A chair on two nosings, rear on the floor: Coulomb friction on the belts, a drive with its lag, an IMU with its errors."""
+
+    slope_deg: float = 28.0
+    share: float = 0.2
+    """Friction over tan β, less one."""
+    pitch_deg: float | None = None
+    """None: the slope's."""
+    lag_s: float = 0.15
+    bias_m_s2: float = 0.0
+    gravity_deg: float = 0.0
+    """Error of the IMU's attitude, front up positive."""
+    slope_error_deg: float = 0.0
+    noise_m_s2: float = 0.0
+    seed: int = 0
+    stalled: bool = False
+
+    def run(self, config: TractionConfig = CONFIG) -> TractionTest:
+        """Return the test when it is over."""
+        rng = np.random.default_rng(self.seed)
+        slope = self.slope_deg * DEG
+        pitch = slope if self.pitch_deg is None else self.pitch_deg * DEG
+        most = G_M_S2 * ((1.0 + self.share) * math.tan(slope) * math.cos(pitch) - math.sin(pitch))
+        test = TractionTest(config, slope + self.slope_error_deg * DEG)
+        belts = chair = self.farthest_m = self.fastest_m_s = 0.0
+        t_s = 0.0
+        while not test.over:
+            asked = 0.0 if self.stalled else test.speed_m_s
+            belts += (asked - belts) * TICK_S / self.lag_s
+            # Friction pulls the chair to its belts' speed as fast as it can, and no faster; a brake needs less of it.
+            change = max(min((belts - chair) / TICK_S, most), -4.0)
+            chair += change * TICK_S
+            self.farthest_m += chair * TICK_S
+            self.fastest_m_s = max(self.fastest_m_s, belts)
+            test.feel(TrackReading(t_s=t_s, left_m_s=belts, right_m_s=belts, brake_on=False))
+            R = rotation_y(-(pitch + self.gravity_deg * DEG))
+            force = rotation_y(-pitch).T @ np.array([0.0, 0.0, G_M_S2]) + np.array([change + self.bias_m_s2, 0.0, 0.0])
+            test.feel(
+                ImuSample(
+                    t_s=t_s,
+                    orientation=quaternion_of(R),
+                    angular_velocity_rad_s=np.zeros(3),
+                    linear_acceleration_m_s2=force + self.noise_m_s2 * rng.normal(size=3),
+                )
+            )
+            t_s += TICK_S
+        self.seconds = t_s
+        return test
+
+
+@pytest.mark.parametrize("slope_deg", [20.0, 25.0, 28.0, 30.0])
+@pytest.mark.parametrize(("share", "holds"), [(-0.5, False), (0.0, False), (0.05, False), (0.10, True), (0.5, True)])
+def test_below_1_05_tan_is_refused_and_from_1_10_is_not(slope_deg: float, share: float, holds: bool) -> None:
+    assert Foot(slope_deg=slope_deg, share=share).run().holds is holds
+
+
+@settings(derandomize=True, max_examples=15)
+@given(slope_deg=st.floats(20.0, 30.0), lag_s=st.floats(0.05, 0.15), bias=st.floats(-0.3, 0.3), seed=st.integers(0, 1000))
+def test_neither_bias_nor_noise_nor_the_drives_lag_moves_the_limits(slope_deg: float, lag_s: float, bias: float, seed: int) -> None:
+    errors = {"lag_s": lag_s, "bias_m_s2": bias, "noise_m_s2": 0.03, "seed": seed}
+    # The lag costs a hundredth of the half-tenth between the limits (0.055 at 0.15 s), the noise less.
+    assert not Foot(slope_deg=slope_deg, share=0.05, **errors).run().holds  # type: ignore[arg-type]
+    assert Foot(slope_deg=slope_deg, share=0.10, **errors).run().holds  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("error_deg", [-0.5, 0.5])
+def test_gravity_that_errs_alike_in_attitude_and_map_cancels(error_deg: float) -> None:
+    for share, holds in ((0.05, False), (0.10, True)):
+        assert Foot(share=share, gravity_deg=error_deg, slope_error_deg=error_deg).run().holds is holds
+
+
+@pytest.mark.parametrize("error_deg", [-0.5, 0.5])
+def test_gravity_that_errs_in_the_attitude_alone_costs_two_hundredths(error_deg: float) -> None:
+    for share, holds in ((0.03, False), (0.10, True)):
+        assert Foot(share=share, gravity_deg=error_deg).run().holds is holds
+
+
+def test_the_belts_rest_pulse_and_stop_and_hardly_move_the_chair() -> None:
+    foot = Foot(share=0.5)
+    test = foot.run()
+    assert foot.seconds == pytest.approx(CONFIG.rest_s + CONFIG.pulse_s + CONFIG.brake_s, abs=2 * TICK_S)
+    assert 0.0 < foot.farthest_m < 0.08
+    assert foot.fastest_m_s < 0.25
+    assert test.slip == pytest.approx(0.0, abs=0.02)
+    assert test.speed_m_s == 0.0
+
+
+def test_the_pulse_asks_for_the_share_over_what_the_stair_needs() -> None:
+    test, slope = TractionTest(CONFIG, 28.0 * DEG), 28.0 * DEG
+    speeds = []
+    for k in range(120):
+        at_rest = np.array([G_M_S2 * math.sin(slope), 0.0, G_M_S2 * math.cos(slope)])
+        test.feel(
+            ImuSample(
+                t_s=k * TICK_S,
+                orientation=quaternion_of(rotation_y(-slope)),
+                angular_velocity_rad_s=np.zeros(3),
+                linear_acceleration_m_s2=at_rest,
+            )
+        )
+        speeds.append(test.speed_m_s)
+    assert speeds[: round(CONFIG.rest_s / TICK_S) + 1] == [0.0] * (round(CONFIG.rest_s / TICK_S) + 1)
+    asked = (speeds[100] - speeds[80]) / (20 * TICK_S)
+    # Friction asked: tan θ + a/(g cos θ), to be (1 + share)·tan β where the chair lies on the stair. G is rounded to 9.81 here.
+    friction = math.tan(slope) + asked / (G_M_S2 * math.cos(slope))
+    assert friction == pytest.approx((1.0 + CONFIG.share) * math.tan(slope), rel=1e-3)
+
+
+def test_belts_that_do_not_move_are_no_grip() -> None:
+    for seed in range(5):
+        test = Foot(stalled=True, noise_m_s2=0.03, seed=seed).run()
+        assert not test.holds
+        assert test.slip == 1.0
+
+
+def test_before_the_first_sample_nothing_is_asked_and_nothing_is_over() -> None:
+    test = TractionTest(CONFIG, 28.0 * DEG)
+    assert (test.speed_m_s, test.over, test.slip) == (0.0, False, 0.0)
