@@ -16,17 +16,18 @@ BEAT_TICKS = 25
 class LockStep:
     """All nodes on one transport, turned in the loop's order."""
 
-    def __init__(self, plant: Plant, blocks: Blocks, config: GuardConfig, transport: Transport | None = None) -> None:
-        self.transport = transport or InProcess()
+    def __init__(self, plant: Plant, blocks: Blocks, config: GuardConfig, *, beside: tuple[Node, ...] = ()) -> None:
+        """Connect the nodes; those ``beside`` only listen."""
+        self.transport: Transport = InProcess()
         self.guard = GuardNode(config)
         self._plant = PlantNode(plant)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config)
         camera, seat = CameraNode(blocks.detector, config), SeatNode(blocks.leveller, config)
         # The guard takes each reading before anybody acts on it, and speaks after all others.
-        for node in (self._plant, self.guard, camera, heading, seat, driver):
+        for node in (self._plant, self.guard, camera, heading, seat, driver, *beside):
             node.listen(self.transport)
-        self.nodes: list[Node] = [camera, seat, driver, heading, self.guard]
+        self.nodes: list[Node] = [*beside, camera, seat, driver, heading, self.guard]
         self._tick = 0
         self._plant.start()
 

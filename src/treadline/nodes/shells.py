@@ -378,6 +378,11 @@ SPOKEN: dict[type, str] = {
 """The channel of each reading of a plant."""
 
 
+def spoken(reading: Reading) -> str:
+    """Return the channel of a reading; a plant may have its own kind of frame."""
+    return next(SPOKEN[kind] for kind in type(reading).__mro__ if kind in SPOKEN)
+
+
 class PlantNode:
     """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
@@ -422,7 +427,7 @@ class PlantNode:
         self._t_s = t_s
         self._plant.advance(t_s)
         for reading in self._plant.read():
-            self._say(SPOKEN[type(reading)], reading)
+            self._say(spoken(reading), reading)
         if isinstance(self._plant, TruthPlant):
             for truth in self._plant.truth():
                 if round(truth.t_s / TICK_S) % TRUTH_TICKS == 0:

@@ -1,0 +1,121 @@
+"""``treadline node``: one node of the graph in a process of its own."""
+
+import signal
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Literal
+
+from treadline.cli.answer import Answer
+
+if TYPE_CHECKING:
+    from treadline.mission.config import MissionConfig
+    from treadline.nodes.wire import WireTransport
+    from treadline.scenario import Scenario
+
+TransportName = Literal["inproc", "ros1", "zenoh"]
+
+
+def node(
+    name: str,
+    scenario: str = "default",
+    /,
+    *remappings: str,
+    transport: TransportName = "zenoh",
+    controller: Path | None = None,
+    seed: int = 0,
+    clock: Literal["sim", "wall"] = "sim",
+    pace: float = 1.0,
+    duration: float | None = None,
+    endpoint: str = "tcp/127.0.0.1:7447",
+    domain: int = 0,
+    patience: float = 60.0,
+    out: Path | None = None,
+) -> Answer:
+    """Run one node: plant, camera, heading, seat, driver, guard or recorder.
+
+    treadline node guard default --transport ros1
+
+    Args:
+        name: The node.
+        scenario: The settings that the whole graph shares: a scenario file, or the name of a shipped one.
+        remappings: ROS 1's own, as /camera/color/image_raw:=/camera; behind a lone --.
+        transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS.
+        controller: A file that treadline tune wrote; the shipped one when left out.
+        seed: Of the simulated plant.
+        clock: sim where a plant speaks on /clock, wall where drivers stamp with the machine's.
+        pace: Simulated seconds a second, of the plant.
+        duration: Seconds after which the plant ends; the scenario's when left out.
+        endpoint: Where zenoh's nodes find each other; the guard listens there.
+        domain: ROS 2's ROS_DOMAIN_ID.
+        patience: Seconds to wait for what a node cannot do without.
+        out: What the recorder writes: a run folder, or a file that ends in .mcap, .bag or .db3.
+    """
+    from treadline.errors import SettingsError
+    from treadline.nodes.assembly import node_of
+    from treadline.nodes.process import Turning, run_plant
+    from treadline.nodes.recorder import RecorderNode
+    from treadline.nodes.shells import PlantNode
+
+    if transport == "inproc":
+        raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")
+    settings, config = told(scenario, controller)
+    stop = stopping()
+    wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
+    try:
+        made = node_of(name, config, plant=lambda: _plant(settings, seed), out=out)
+        if isinstance(made, PlantNode):
+            t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
+            return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
+        try:
+            Turning(made, wire, clock=clock, patience_s=patience).run(stop)
+        finally:
+            if isinstance(made, RecorderNode):
+                made.close()
+    finally:
+        wire.close()
+    lost = dict(wire.inbox.lost)
+    return Answer(values={"node": name, "lost": lost}, summary=[f"{name}: done" + (f", lost {lost}" if lost else "")])
+
+
+def told(scenario: str, controller: Path | None) -> tuple["Scenario", "MissionConfig"]:
+    """Return the settings, and what a mission is told of them."""
+    from treadline.experiments.shipped import shipped_controller
+    from treadline.experiments.traverse import mission_config
+    from treadline.mechanics.chair import read_chair
+    from treadline.models import ControllerDesign
+    from treadline.scenario import read_scenario
+
+    settings = read_scenario(scenario)
+    chair = read_chair(settings.chair.model)
+    design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)
+    return settings, mission_config(settings, design)
+
+
+def wired(
+    transport: TransportName, name: str, config: "MissionConfig", *, endpoint: str, domain: int, arguments: tuple[str, ...] = ()
+) -> "WireTransport":
+    """Return the transport of one node."""
+    from treadline.nodes.assembly import mount_of
+
+    if transport == "ros1":
+        from treadline.nodes.ros1 import Ros1Transport
+
+        return Ros1Transport(name, arguments=arguments, mount=mount_of(config))
+    from treadline.nodes.zenoh import ZenohTransport
+
+    return ZenohTransport(name, endpoint=endpoint, listen=name == "guard", domain=domain, mount=mount_of(config))
+
+
+def stopping() -> Event:
+    """Return a flag that Ctrl-C and a request to end set: nodes end between two messages."""
+    stop = Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
+
+
+def _plant(settings: "Scenario", seed: int):  # noqa: ANN202 - a plant, whose module is heavy
+    from treadline.sim import open_plant
+    from treadline.sim.faults import faulty
+
+    return faulty(open_plant(settings, seed), settings, seed)

@@ -1,0 +1,212 @@
+"""``treadline nodes``: the whole graph, in one process or each node in its own."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, Literal
+
+from treadline.cli.answer import Answer
+from treadline.cli.node import TransportName, stopping, told, wired
+
+LEAVE_S = 5.0
+"""For nodes that were asked to end."""
+
+
+def nodes(
+    scenario: str = "default",
+    /,
+    *,
+    transport: TransportName = "inproc",
+    controller: Path | None = None,
+    seed: int = 0,
+    pace: float = 1.0,
+    duration: float | None = None,
+    endpoint: str = "tcp/127.0.0.1:7447",
+    domain: int = 0,
+    without: Literal["", "plant"] = "",
+    out: Path | None = None,
+) -> Answer:
+    """Run the whole graph of Fig. 7 on a scenario, and tell what came of it.
+
+    treadline nodes default --transport zenoh --pace 0.5
+
+    Args:
+        scenario: A scenario file, or the name of a shipped one.
+        transport: inproc runs all nodes in this process, tick by tick; ros1 and zenoh start a process for each.
+        controller: A file that treadline tune wrote; the shipped one when left out.
+        seed: Of the simulated plant.
+        pace: Simulated seconds a second; less where the machine is busy.
+        duration: Simulated seconds after which it ends; the scenario's when left out.
+        endpoint: Where zenoh's nodes find each other.
+        domain: ROS 2's ROS_DOMAIN_ID.
+        without: plant leaves the plant to somebody else: Gazebo, or a chair's own drivers.
+        out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
+    """
+    settings, config = told(scenario, controller)
+    seconds = duration or settings.drive.duration_s
+    if transport == "inproc":
+        return _in_one_process(settings, config, seed, seconds, out)
+    wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
+    options = ["--transport", transport, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
+    options += ["--endpoint", endpoint, "--domain", str(domain)]
+    options += [] if controller is None else ["--controller", str(controller)]
+    from treadline.nodes.assembly import DRIVING
+
+    names = [name for name in DRIVING if name != without] + (["recorder"] if out is not None else [])
+    running: dict[str, subprocess.Popen[bytes]] = {}
+    watch = _Watch()
+    watch.listen(wire)
+    stop = stopping()
+    try:
+        for name in names:
+            extra = ["--out", str(out)] if name == "recorder" else []
+            command = [sys.executable, "-m", "treadline", "node", name, scenario, *options, *extra]
+            running[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 - our own command
+        sys.stderr.write("\n".join(_table({name: f"pid {process.pid}" for name, process in running.items()}, transport)) + "\n")
+        ended = _supervise(running, wire, watch, stop)
+    finally:
+        _end(running)
+        wire.close()
+    return watch.answer(ended, {name: process.pid for name, process in running.items()}, transport)
+
+
+def _supervise(running: dict[str, subprocess.Popen[bytes]], wire: Any, watch: "_Watch", stop: Any) -> str | None:
+    """Watch until the traversal is over; return which node ended without being asked."""
+    while not stop.is_set() and not watch.over:
+        wire.deliver(0.1)
+        for name, process in running.items():
+            if process.poll() is not None:
+                return None if name == "plant" and process.returncode == 0 else name
+    return None
+
+
+def _end(running: dict[str, subprocess.Popen[bytes]]) -> None:
+    for process in running.values():
+        process.terminate()
+    until_s = time.monotonic() + LEAVE_S
+    for process in running.values():
+        try:
+            process.wait(max(until_s - time.monotonic(), 0.1))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+class _Watch:
+    """What a bystander sees of a traversal: the guard's state, the plan, events, and the simulator's truth."""
+
+    AFTER_S = 1.0
+    """How long a held chair is watched."""
+
+    def __init__(self) -> None:
+        self.over = False
+        self._phase = "search"
+        self._holding: str | None = None
+        self._held_s: float | None = None
+        self._events: list[dict[str, Any]] = []
+        self._headings: list[float] = []
+        self._t_s = 0.0
+        self._x_m = 0.0
+
+    def listen(self, transport: Any) -> None:
+        from treadline.nodes import channels as on
+
+        takers = ((on.PLAN, self._plan), (on.GUARD, self._guard), (on.DIAGNOSTICS, self._event), (on.TRUTH, self._truth))
+        for channel, take in takers:
+            transport.subscribe(channel, take)
+
+    def answer(self, ended: str | None, where: dict[str, Any], transport: str) -> Answer:
+        """Return what came of it."""
+        from treadline.angles import DEG
+
+        verdict = "time_up"
+        if self._holding is not None:
+            verdict = "held"
+        elif self._phase in ("arrived", "refused"):
+            verdict = self._phase
+        elif ended is not None:
+            verdict = "ended"
+        count = len(self._headings)
+        rms_deg = (sum(heading**2 for heading in self._headings) / count) ** 0.5 / DEG if count else None
+        cause = self._holding or (f"node {ended} ended" if ended else None)
+        final_deg = self._headings[-1] / DEG if count else None
+        values = {
+            "verdict": verdict,
+            "cause": cause,
+            "phase": self._phase,
+            "duration_s": self._t_s,
+            "rms_heading_deg": rms_deg,
+            "final_heading_deg": final_deg,
+            "x_m": self._x_m,
+            "events": self._events,
+            "transport": transport,
+            "nodes": where,
+        }
+        told = "" if rms_deg is None or final_deg is None else f"; heading {rms_deg:.2f}° RMS, {final_deg:.2f}° at the end"
+        lines = [f"{verdict}" + (f": {cause}" if cause else "") + f" after {self._t_s:.1f} s in phase {self._phase}{told}"]
+        return Answer(values=values, summary=lines, code=0 if verdict in ("arrived", "time_up") else 1)
+
+    def _plan(self, plan: Any) -> None:
+        self._phase = plan.phase
+        self._note(plan.t_s)
+        self.over = self.over or plan.phase in ("arrived", "refused")
+
+    def _guard(self, state: Any) -> None:
+        self._holding = state.holding
+        if state.holding is not None and self._held_s is None:
+            self._held_s = state.t_s
+
+    def _event(self, told: Any) -> None:
+        from treadline.signals import Event
+
+        if isinstance(told, Event):
+            self._events.append({"t_s": told.t_s, "name": told.name, "cause": told.cause})
+
+    def _truth(self, truth: Any) -> None:
+        self._headings.append(truth.heading_rad)
+        self._x_m = truth.x_m
+        self._note(truth.t_s)
+
+    def _note(self, t_s: float) -> None:
+        self._t_s = max(self._t_s, t_s)
+        self.over = self.over or (self._held_s is not None and self._t_s - self._held_s > self.AFTER_S)
+
+
+def _in_one_process(settings: Any, config: Any, seed: int, seconds: float, out: Path | None) -> Answer:
+    from treadline.cli.progress import SimulatedTime
+    from treadline.mission.config import build_blocks, guard_config
+    from treadline.nodes.assembly import DRIVING
+    from treadline.nodes.lockstep import LockStep
+    from treadline.nodes.recorder import RecorderNode
+    from treadline.sim import open_plant
+    from treadline.sim.faults import faulty
+
+    blocks = build_blocks(config)
+    limits = guard_config(config, blocks.driver.period_s)
+    plant = faulty(open_plant(settings, seed), settings, seed)
+    recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
+    graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,))
+    watch = _Watch()
+    watch.listen(graph.transport)
+    stop = stopping()
+    t_s = 0.0
+    try:
+        with SimulatedTime("nodes", seconds) as progress:
+            while t_s < seconds and not watch.over and not stop.is_set():
+                t_s = graph.tick()
+                progress.at(t_s)
+    finally:
+        plant.close()
+        if recorder is not None:
+            recorder.close()
+    where = dict.fromkeys(DRIVING, "this process")
+    sys.stderr.write("\n".join(_table(where, "inproc")) + "\n")
+    return watch.answer(None, where, "inproc")
+
+
+def _table(where: dict[str, str], transport: str) -> list[str]:
+    """Return what runs where, for people."""
+    from treadline.nodes.assembly import ROLES
+
+    return [f"treadline: {name:9} {place:13} {transport:7} {ROLES[name]}" for name, place in where.items()]

@@ -1,0 +1,64 @@
+"""Which nodes there are, and how each comes out of the same settings that a mission has."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from treadline.errors import SettingsError
+from treadline.mission.config import MissionConfig, build_blocks, guard_config
+from treadline.mission.guard import GuardConfig
+from treadline.nodes.recorder import RecorderNode
+from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, PlantNode, SeatNode
+from treadline.ports import Plant
+from treadline.signals import PinholeCamera
+
+DRIVING = ("guard", "camera", "heading", "seat", "driver", "plant")
+"""The graph; the guard is started first, the plant last."""
+NAMES = (*DRIVING, "recorder")
+ROLES = {
+    "guard": "lets commands pass, limits them, or holds",
+    "camera": "images to heading and stair map (the paper's /depth)",
+    "heading": "IMU, belts and headings seen to the heading now",
+    "seat": "levels the seat by its IMU",
+    "driver": "planner and LQR: plan and belt speeds",
+    "plant": "the chair on its stair, simulated",
+    "recorder": "identification record and log",
+}
+
+
+def mount_of(config: MissionConfig) -> PinholeCamera:
+    """Return the camera in use, on the chair."""
+    return config.chair.camera_at(240, rear=config.direction == "down")
+
+
+def node_of(name: str, config: MissionConfig, *, plant: Callable[[], Plant] | None = None, out: Path | None = None) -> Node:
+    """Return a node by its name.
+
+    Args:
+        plant: Makes the chair; only the plant node asks.
+        out: Where the recorder writes.
+
+    Raises:
+        SettingsError: If there is no such node, or it lacks what it needs.
+    """
+    if name == "plant":
+        if plant is None:
+            raise SettingsError("the plant node needs a plant; on a real chair its drivers take its place")
+        return PlantNode(plant())
+    blocks = build_blocks(config)
+    limits: GuardConfig = guard_config(config, blocks.driver.period_s)
+    match name:
+        case "guard":
+            return GuardNode(limits, tuple(other for other in DRIVING if other != "guard"))
+        case "camera":
+            node = CameraNode(blocks.detector, limits)
+            node.warm(mount_of(config))
+            return node
+        case "heading":
+            return HeadingNode(blocks.estimator, limits)
+        case "seat":
+            return SeatNode(blocks.leveller, limits)
+        case "driver":
+            return DriverNode(blocks.planner, blocks.driver, limits)
+        case "recorder":
+            return RecorderNode(out, blocks.driver.period_s)
+    raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")

@@ -1,0 +1,225 @@
+"""One node in a process of its own: its clock, its signs of life, and what it does when nobody speaks to it.
+
+Time is the plant's where it is simulated (``/clock``), else the wall's. A simulated plant waits until the guard is ready, keeps
+to the pace it is told, and lets the guard fall behind by no more than a few ticks: a busy machine slows the simulation, not the
+chair's reactions.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from threading import Event as Flag
+from typing import Any, Literal
+
+from treadline.errors import TreadlineError
+from treadline.mission.rates import TICK_S
+from treadline.nodes import channels as on
+from treadline.nodes.shells import GuardNode, Node, PlantNode
+from treadline.nodes.wire import WireTransport
+from treadline.nodes.words import Beat, Clock
+
+BEAT_S = 0.2
+"""Between two signs of life."""
+SILENT_S = 0.1
+"""Of a simulated clock, after which the guard counts by itself: whoever stopped it must not stop the guard."""
+PATIENCE_S = 60.0
+"""For whatever a node cannot do without."""
+LAG_S = 0.05
+"""How far the guard may be behind a simulated plant."""
+STUCK_S = 0.5
+"""How long a simulated plant waits for a guard that is behind; then it goes on, and brakes."""
+OTHER_CLOCK_S = 10.0
+"""A first stamp so far from the clock is of another one."""
+POLL_S = 0.005
+
+ClockKind = Literal["sim", "wall"]
+
+
+class Turning:
+    """Turns a node by messages, clock and heartbeat."""
+
+    def __init__(self, node: Node, transport: WireTransport, *, clock: ClockKind = "sim", patience_s: float = PATIENCE_S) -> None:
+        self._node = node
+        self._transport = transport
+        self._sim = clock == "sim"
+        self._patience_s = patience_s
+        self._t_s = 0.0
+        self._clock_at: float | None = None
+        self._beat_at = -math.inf
+        self._heard: set[str] = set()
+        self._began = time.monotonic()
+        transport.announce(on.DIAGNOSTICS)
+        for channel in node.says:
+            transport.announce(channel)
+        node.listen(_Ears(transport, self._hear))
+        if self._sim and not isinstance(node, PlantNode):
+            transport.subscribe(on.CLOCK, self._take_clock)
+
+    def run(self, stop: Flag) -> None:
+        """Turn until told to stop.
+
+        Raises:
+            TreadlineError: If a channel that is needed is silent or of another type, or stamps are another clock's.
+        """
+        self._began = time.monotonic()
+        looked = False
+        while not stop.is_set():
+            self._transport.deliver(POLL_S)
+            self._turn()
+            if not looked and time.monotonic() - self._began > self._patience_s:
+                looked = True
+                self._look_for_trouble()
+
+    def _turn(self) -> None:
+        """Tick where no message does it, and give a sign of life."""
+        now = time.monotonic()
+        if not self._sim:
+            t_s = math.floor(time.time() / TICK_S) * TICK_S
+            if t_s > self._t_s:
+                self._tick(t_s)
+        elif isinstance(self._node, GuardNode) and self._clock_at is not None and now - self._clock_at > SILENT_S:
+            t_s = self._last_s + math.floor((now - self._clock_at) / TICK_S) * TICK_S
+            if t_s > self._t_s:
+                self._tick(t_s)
+        self.beat(now)
+
+    def beat(self, now: float) -> None:
+        """Give a sign of life where it is due."""
+        if now - self._beat_at < BEAT_S:
+            return
+        self._beat_at = now
+        state = "ready"
+        if isinstance(self._node, GuardNode):
+            missing = self._node.missing
+            state = f"waits for {', '.join(sorted(missing))}" if missing else "ready"
+            if missing:
+                self._node.tick(self._t_s)
+            else:
+                self._node.repeat_state()
+        self._transport.publish(on.DIAGNOSTICS, Beat(t_s=self._t_s, node=self._node.name, state=state))
+
+    def _take_clock(self, clock: Clock) -> None:
+        self._clock_at, self._last_s = time.monotonic(), clock.t_s
+        self._tick(clock.t_s)
+
+    def _tick(self, t_s: float) -> None:
+        self._t_s = t_s
+        self._node.tick(t_s)
+
+    def _hear(self, channel: str, signal: Any) -> None:
+        """Compare the first stamp of a sensor with the clock."""
+        if channel in self._heard:
+            return
+        known = not self._sim or self._clock_at is not None
+        if channel in on.SENSORS:
+            now_s = self._t_s if self._sim else time.time()
+            apart_s = signal.t_s - now_s
+            if known and abs(apart_s) > OTHER_CLOCK_S:
+                remedy = (
+                    "--clock wall is for drivers that stamp with the wall's" if self._sim else "--clock sim is for a simulator's"
+                )
+                raise TreadlineError(
+                    f"{channel}: stamped {signal.t_s:.3f} s where the clock shows {now_s:.3f} s: stamps of another clock; {remedy}"
+                )
+        if known:
+            self._heard.add(channel)
+
+    def _look_for_trouble(self) -> None:
+        after = f"after {self._patience_s:.0f} s"
+        for channels in self._node.needs:
+            if any(channel in self._heard for channel in channels):
+                continue
+            why = self._transport.trouble(channels[0])
+            if why is None and self._sim and self._clock_at is None:
+                break
+            raise TreadlineError(f"{self._node.name}: nothing on {channels[0]} {after}: {why or 'it is published, and silent'}")
+        if self._sim and self._clock_at is None and self._transport.trouble(on.CLOCK) is not None:
+            raise TreadlineError(
+                f"{self._node.name}: no /clock {after}: start a simulated plant (treadline node plant), "
+                "or give --clock wall for real drivers"
+            )
+
+
+class _Ears:
+    """A transport that lets every signal be seen before it is taken."""
+
+    def __init__(self, transport: WireTransport, hear: Callable[[str, Any], None]) -> None:
+        self._transport = transport
+        self._hear = hear
+        self.announce, self.publish = transport.announce, transport.publish
+        self.deliver, self.close = transport.deliver, transport.close
+
+    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+        """Have a channel's signals seen, then taken."""
+
+        def seen(signal: Any) -> None:
+            self._hear(channel, signal)
+            take(signal)
+
+        self._transport.subscribe(channel, seen)
+
+
+def run_plant(
+    node: PlantNode,
+    transport: WireTransport,
+    *,
+    stop: Flag,
+    pace: float = 1.0,
+    duration_s: float = math.inf,
+    patience_s: float = 60.0,
+) -> float:
+    """Run a simulated plant by the wall's clock; return the simulated time that it came to.
+
+    Args:
+        pace: Simulated seconds a second.
+
+    Raises:
+        TreadlineError: If no guard is ready in time.
+    """
+    turning = Turning(node, transport, patience_s=math.inf)
+    transport.announce(on.CLOCK)
+    ready = Flag()
+    states = {"guard": "not heard"}
+
+    def hear(told: object) -> None:
+        if isinstance(told, Beat) and told.node == "guard":
+            states["guard"] = told.state
+            if told.state == "ready":
+                ready.set()
+
+    transport.subscribe(on.DIAGNOSTICS, hear)
+    node.start()
+    began = time.monotonic()
+    while not ready.is_set() and not stop.is_set():
+        transport.deliver(POLL_S)
+        turning.beat(time.monotonic())
+        if time.monotonic() - began > patience_s:
+            raise TreadlineError(
+                f"plant: the guard is not ready after {patience_s:.0f} s: {states['guard']}; start the missing nodes"
+            )
+    return _paced(node, transport, turning, stop, pace, duration_s)
+
+
+def _paced(node: PlantNode, transport: WireTransport, turning: Turning, stop: Flag, pace: float, duration_s: float) -> float:
+    due = time.monotonic()
+    tick, t_s = 0, 0.0
+    alone = False
+    while not stop.is_set() and t_s < duration_s:
+        t_s = tick * TICK_S
+        node.tick(t_s)
+        transport.publish(on.CLOCK, Clock(t_s=t_s))
+        due = max(due + TICK_S / pace, time.monotonic() - TICK_S)
+        waited = time.monotonic()
+        while True:
+            now = time.monotonic()
+            turning.beat(now)
+            behind = t_s - node.commanded_s > LAG_S
+            if not behind:
+                alone = False
+            elif now - waited > STUCK_S:
+                alone = True
+            if now >= due and (not behind or alone):
+                break
+            transport.deliver(min(POLL_S, max(due - now, 0.001)))
+        tick += 1
+    return t_s

@@ -1,0 +1,108 @@
+"""The recorder of Fig. 7: what the belts were told and what the chair made of it, for the identification; and a log of all.
+
+``TrackCommand, HeadingEstimate -> record.csv``, everything ``-> log.mcap`` or a ROS bag, by the name's ending.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.errors import SettingsError
+from treadline.io.records import RECORD, write_record
+from treadline.io.runs import LOG
+from treadline.mission.rates import TICK_S
+from treadline.models import InputOutputRecord
+from treadline.nodes import channels as on
+from treadline.nodes.bags import Bag, open_bag
+from treadline.nodes.words import Beat
+from treadline.ports import Transport
+from treadline.signals import HeadingEstimate, TrackCommand
+
+INPUTS = ("left_m_s", "right_m_s")
+OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
+LOGGED = (
+    on.IMU,
+    on.TRACKS,
+    on.SEAT,
+    on.ARM,
+    on.OPERATOR,
+    on.CAMERA,
+    on.MEASURED,
+    on.ESTIMATE,
+    on.TRACKS_CMD,
+    on.SEAT_CMD,
+    on.ARM_CMD,
+    on.DIAGNOSTICS,
+    on.TRUTH,
+)
+
+
+class RecorderNode:
+    """Writes a run folder, or one bag.
+
+    Args:
+        out: A folder for record.csv and log.mcap, or a file: .mcap, .bag, or .db3 for a folder of ROS 2's.
+        period_s: Of the record's rows.
+        frames: Whether images are kept.
+    """
+
+    name = "recorder"
+    says: tuple[str, ...] = ()
+    needs: tuple[tuple[str, ...], ...] = ()
+
+    def __init__(self, out: Path | None, period_s: float, *, frames: bool = True) -> None:
+        if out is None:
+            raise SettingsError("the recorder needs --out: a run folder, or a file that ends in .mcap, .bag or .db3")
+        self._folder = out if out.suffix not in (".mcap", ".bag", ".db3") else None
+        if self._folder is not None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        self._bag: Bag = open_bag(out if self._folder is None else self._folder / LOG)
+        self._channels = tuple(channel for channel in LOGGED if frames or channel != on.CAMERA)
+        self._period_s = period_s
+        self._every = round(period_s / TICK_S)
+        self._slot = -1
+        self._command: TrackCommand | None = None
+        self._estimate: HeadingEstimate | None = None
+        self._before: tuple[float, HeadingEstimate] | None = None
+        self._rows: list[tuple[float, float, float, float, float]] = []
+        self.count = 0
+        """Signals written."""
+
+    def listen(self, transport: Transport) -> None:
+        """Take what is kept."""
+        for channel in self._channels:
+            transport.subscribe(channel, self._keep)
+
+    def tick(self, t_s: float) -> None:
+        """Close a row: outputs were read at its beginning, the inputs have acted until now."""
+        slot = round(t_s / TICK_S) // self._every
+        if slot == self._slot:
+            return
+        whole, self._slot = slot == self._slot + 1, slot
+        if self._before is not None and self._command is not None and whole:
+            then_s, estimate = self._before
+            belts = self._command.left_m_s, self._command.right_m_s
+            self._rows.append((then_s, *belts, estimate.heading_rad, estimate.heading_rate_rad_s))
+        elif not whole:
+            self._rows.clear()  # a row was missed: a record knows no gaps
+        self._before = None if self._estimate is None else (t_s, self._estimate)
+
+    def close(self) -> None:
+        """Finish the files."""
+        self._bag.close()
+        if self._folder is None or not self._rows:
+            return
+        rows = np.array(self._rows)
+        record = InputOutputRecord(u=rows[:, 1:3], y=rows[:, 3:5], dt_s=self._period_s, input_names=INPUTS, output_names=OUTPUTS)
+        write_record(self._folder / RECORD, record, self._rows[0][0])
+
+    def _keep(self, signal: Any) -> None:
+        if isinstance(signal, Beat):
+            return
+        if isinstance(signal, TrackCommand):
+            self._command = signal
+        elif isinstance(signal, HeadingEstimate):
+            self._estimate = signal
+        self._bag(signal)
+        self.count += 1

@@ -1,0 +1,120 @@
+"""ROS 1 (Noetic): topics of a roscore, by rospy. The bytes are our own; rospy finds partners, compares types and carries them."""
+
+import importlib
+import sys
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from treadline.errors import TreadlineError
+from treadline.nodes.wire import WireTransport
+from treadline.signals import PinholeCamera
+
+DEBIAN = Path("/usr/lib/python3/dist-packages")
+"""Debian's packages; appended, never before a venv's own: its numpy is older."""
+INSTALL = (
+    "apt-get install ros-core python3-rospy python3-sensor-msgs python3-geometry-msgs python3-diagnostic-msgs, "
+    "or source /opt/ros/noetic/setup.bash"
+)
+
+
+class Ros1Transport(WireTransport):
+    """One node on a roscore.
+
+    Args:
+        node: Its name in the graph.
+        arguments: ROS's own remappings, as ``/camera/color/image_raw:=/camera``.
+    """
+
+    ros1 = True
+
+    def __init__(self, node: str, *, arguments: tuple[str, ...] = (), mount: PinholeCamera | None = None) -> None:
+        super().__init__(mount)
+        self._rospy, rosgraph = _modules()
+        master = rosgraph.get_master_uri()
+        if not rosgraph.is_master_online():
+            raise TreadlineError(f"no roscore answers at {master}: start one (roscore), or set ROS_MASTER_URI")
+        self._master = rosgraph.Master(f"/treadline_{node}")
+        self._rospy.init_node(f"treadline_{node}", argv=["treadline", *arguments], disable_signals=True)
+        self._publishers: dict[str, tuple[Any, Any]] = {}
+
+    def close(self) -> None:
+        """Leave."""
+        self._rospy.signal_shutdown("done")
+
+    def _advertise(self, topic: str, kind: str, depth: int) -> None:
+        message = _raw(kind)
+        publisher = self._rospy.Publisher(topic, message, queue_size=max(depth, 10), tcp_nodelay=True)
+        self._publishers[topic] = publisher, message
+
+    def _send(self, topic: str, data: bytes) -> None:
+        publisher, message = self._publishers[topic]
+        publisher.publish(message(data))
+
+    def _receive(self, topic: str, kind: str, depth: int) -> None:
+        inbox = self.inbox
+        self._rospy.Subscriber(
+            topic,
+            _raw(kind),
+            lambda message: inbox.put(topic, message.data),
+            queue_size=max(depth, 10),
+            buff_size=BUFFER,
+            tcp_nodelay=True,
+        )
+
+    def _kinds(self, topic: str) -> list[str]:
+        resolved = self._rospy.resolve_name(topic)
+        kinds = [kind for name, kind in self._master.getPublishedTopics("") if name == resolved]
+        return ["/msg/".join(kind.split("/")) for kind in kinds]
+
+
+BUFFER = 1 << 22
+"""Bytes: two frames of VGA with depth; a smaller one reads an image in pieces, late."""
+
+
+def _raw(kind: str) -> Any:
+    """Return a message class of this type that holds its bytes as they travel."""
+    package, _, name = kind.split("/")
+    try:
+        real = getattr(importlib.import_module(f"{package}.msg"), name)
+    except ImportError:
+        raise TreadlineError(f"ROS 1 has no {package} here: apt-get install python3-{package.replace('_', '-')}") from None
+
+    class Raw(real):  # type: ignore[misc] - a class that only ROS knows
+        """Bytes under a real type's name and checksum."""
+
+        __slots__ = ("data",)
+
+        def __init__(self, data: bytes = b"") -> None:
+            self.data = data
+
+        def serialize(self, buff: BytesIO) -> None:
+            buff.write(self.data)
+
+        def deserialize(self, data: bytes) -> "Raw":
+            self.data = data
+            return self
+
+    # rospy sets stamps and sequence numbers in messages that have a header; ours are written.
+    Raw._has_header = False  # noqa: SLF001 - genpy's own attribute
+    return Raw
+
+
+def _modules() -> tuple[Any, Any]:
+    try:
+        return _import()
+    except ImportError:
+        if DEBIAN.is_dir() and str(DEBIAN) not in sys.path:
+            sys.path.append(str(DEBIAN))
+            importlib.invalidate_caches()
+    try:
+        return _import()
+    except ImportError as error:
+        raise TreadlineError(f"--transport ros1 needs {error.name or 'rospy'}, which is not installed: {INSTALL}") from None
+
+
+def _import() -> tuple[Any, Any]:
+    import rosgraph
+    import rospy
+
+    return rospy, rosgraph

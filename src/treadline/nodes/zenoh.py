@@ -1,0 +1,137 @@
+"""ROS 2's wire without ROS 2: zenoh, spoken as rmw_zenoh speaks it, so that ROS 2 nodes (Jazzy and later) hear and are heard.
+
+A topic is the key ``<domain>/<topic>/<type>/<hash of the type>``, a message its CDR bytes with sequence number, time and sender's
+id attached; liveliness tokens say who is there. Peers find each other through one endpoint on this machine, or through a router's.
+"""
+
+import itertools
+import os
+import struct
+import time
+from typing import Any
+
+from treadline.errors import TreadlineError
+from treadline.nodes.wire import WireTransport
+from treadline.signals import PinholeCamera
+
+ENDPOINT = "tcp/127.0.0.1:7447"
+"""Where rmw_zenoh's router listens, too."""
+ATTACHMENT = struct.Struct("<qqB16s")
+GID_BYTES = 16
+LIVELINESS = "@ros2_lv"
+
+
+class ZenohTransport(WireTransport):
+    """One node on zenoh.
+
+    Args:
+        node: Its name in the graph.
+        listen: Whether others find each other through this node; where something else listens already, it is found there.
+    """
+
+    def __init__(
+        self, node: str, *, endpoint: str = ENDPOINT, listen: bool = False, domain: int = 0, mount: PinholeCamera | None = None
+    ) -> None:
+        super().__init__(mount)
+        self._zenoh, self._store = _modules()
+        self._node = node
+        self._domain = domain
+        self._session = self._open(endpoint, listen=listen)
+        self._zid = str(self._session.zid())
+        self._ids = itertools.count()
+        self._publishers: dict[str, tuple[Any, bytes, Any]] = {}
+        self._kept: list[Any] = [self._token(next(self._ids), "NN", ())]
+
+    def close(self) -> None:
+        """Leave; tokens go with the session."""
+        self._session.close()
+
+    def _open(self, endpoint: str, *, listen: bool) -> Any:
+        """Return a session: of the one who listens, or of one who has found it."""
+        try:
+            if listen:
+                try:
+                    return self._zenoh.open(self._config(listen=endpoint))
+                except self._zenoh.ZError:
+                    pass  # a router is there already
+            return self._zenoh.open(self._config(connect=endpoint))
+        except self._zenoh.ZError as error:
+            raise TreadlineError(f"zenoh: {endpoint}: {_line(error)}; give --endpoint as tcp/127.0.0.1:7447") from None
+
+    def _config(self, *, listen: str | None = None, connect: str | None = None) -> Any:
+        config = self._zenoh.Config()
+        config.insert_json5("mode", '"peer"')
+        config.insert_json5("scouting/multicast/enabled", "false")
+        config.insert_json5("listen/endpoints", f'["{listen or "tcp/127.0.0.1:0"}"]')
+        config.insert_json5("transport/shared_memory/enabled", "false")
+        if connect is not None:
+            config.insert_json5("connect/endpoints", f'["{connect}"]')
+            # Nodes start in any order, and one that was killed comes back.
+            config.insert_json5("connect/timeout_ms", "0")
+            config.insert_json5("connect/exit_on_failure", "false")
+            config.insert_json5("connect/retry", "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}")
+        return config
+
+    def _key(self, topic: str, kind: str) -> str:
+        package, _, name = kind.split("/")
+        return f"{self._domain}/{topic.lstrip('/')}/{package}::msg::dds_::{name}_/{self._store.hash_rihs01(kind)}"
+
+    def _token(self, entity: int, what: str, about: tuple[str, ...]) -> Any:
+        """Say that a node (NN), publisher (MP) or subscriber (MS) is there."""
+        names = ("%", "%", self._node)
+        key = "/".join((LIVELINESS, str(self._domain), self._zid, "0", str(entity), what, *names, *about))
+        return self._session.liveliness().declare_token(key)
+
+    def _about(self, topic: str, kind: str, depth: int) -> tuple[str, ...]:
+        package, _, name = kind.split("/")
+        # Quality of service as rmw_zenoh writes it: reliability, durability, history and depth, what is default left out.
+        return (
+            topic.replace("/", "%"),
+            f"{package}::msg::dds_::{name}_",
+            self._store.hash_rihs01(kind),
+            f"::,{depth}:,:,:,,",
+        )
+
+    def _advertise(self, topic: str, kind: str, depth: int) -> None:
+        express = depth == 1 or not topic.startswith("/camera")
+        publisher = self._session.declare_publisher(
+            self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.BLOCK, express=express
+        )
+        self._publishers[topic] = publisher, os.urandom(GID_BYTES), itertools.count(1)
+        self._kept.append(self._token(next(self._ids), "MP", self._about(topic, kind, depth)))
+
+    def _send(self, topic: str, data: bytes) -> None:
+        publisher, gid, numbers = self._publishers[topic]
+        publisher.put(data, attachment=ATTACHMENT.pack(next(numbers), time.time_ns(), GID_BYTES, gid))
+
+    def _receive(self, topic: str, kind: str, depth: int) -> None:
+        inbox = self.inbox
+        self._kept.append(
+            self._session.declare_subscriber(self._key(topic, kind), lambda sample: inbox.put(topic, sample.payload.to_bytes()))
+        )
+        self._kept.append(self._token(next(self._ids), "MS", self._about(topic, kind, depth)))
+
+    def _kinds(self, topic: str) -> list[str]:
+        found = []
+        pattern = f"{LIVELINESS}/{self._domain}/*/*/*/MP/*/*/*/{topic.replace('/', '%')}/**"
+        for reply in self._session.liveliness().get(pattern, timeout=2.0):
+            if reply.ok is not None:
+                kind = str(reply.ok.key_expr).split("/")[10]
+                package, _, _, name = kind.split("::")
+                found.append(f"{package}/msg/{name.removesuffix('_')}")
+        return found
+
+
+def _modules() -> tuple[Any, Any]:
+    try:
+        import zenoh
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise TreadlineError(
+            f"--transport zenoh needs {error.name or 'zenoh'}, which is not installed: pip install 'treadline[ros]'"
+        ) from None
+    return zenoh, get_typestore(Stores.ROS2_JAZZY)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:200]
