@@ -17,6 +17,7 @@
     │   └── PeriodMismatch               two clocks where one is needed
     ├── ImageError                       an image or its calibration cannot be used
     ├── MechanicsError                   a geometry that cannot exist
+    ├── GazeboError                      Gazebo is not there, does not start, or has died
     └── SimulationDiverged               the simulator left physics: never a result from it (exit code 1)
 """
 
@@ -79,6 +80,10 @@ class ImageError(TreadlineError):
 
 class MechanicsError(TreadlineError):
     """A geometry that cannot exist."""
+
+
+class GazeboError(TreadlineError):
+    """Gazebo is not there, does not start, or has died."""
 
 
 class SimulationDiverged(TreadlineError):

@@ -44,9 +44,21 @@ def sdf_model(
 
 
 def sdf_world(
-    staircase: Staircase, chair: ChairDescription, loading: Chair, *, start: Standing | None = None, plugins: Sequence[str] = ()
+    staircase: Staircase,
+    chair: ChairDescription,
+    loading: Chair,
+    *,
+    start: Standing | None = None,
+    plugins: Sequence[str] = (),
+    is_whole: bool = False,
 ) -> str:
-    """Return a world with the stair and, where it starts, the chair; light and floor are in it, nothing is fetched."""
+    """Return a world with the stair and, where it starts, the chair; light and floor are in it, nothing is fetched.
+
+    Args:
+        start: Where the chair stands.
+        plugins: ``<plugin>`` elements, as text, for the model's end.
+        is_whole: Leave the belts on chassis and arm instead of on links of their own.
+    """
     root = Element("sdf", version=VERSION)
     world = child(root, "world", name="treadline")
     physics = child(world, "physics", name="ode", type="ode")
@@ -55,7 +67,7 @@ def sdf_world(
     child(world, "gravity", "0 0 -9.81")
     world.append(fromstring(LIGHT))  # noqa: S314 - a constant of ours
     _stair(world, solids(staircase))
-    _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins)
+    _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins, is_whole=is_whole)
     return document(root)
 
 
@@ -66,18 +78,21 @@ def _model(
     friction: tuple[float, float],
     start: Standing | None,
     plugins: Sequence[str],
+    *,
+    is_whole: bool = False,
 ) -> None:
     model = child(parent, "model", name=whole.name)
     if start is not None:
         child(model, "pose", text(*start.p_WB, *roll_pitch_yaw(start.R_WB)))
     child(model, "allow_auto_disable", "0")  # a chair that rests would sleep through its belts' start
-    _three_links(model, whole.chassis, chair.tracks, "track", friction)
-    for body, hinge in whole.turning:
-        if body is whole.arm:
-            _three_links(model, body, chair.tracks, "flipper", friction)
+    words = {} if is_whole else {"chair": "track", "arm": "flipper"}
+    for body in whole.bodies:
+        if body.name in words:
+            _three_links(model, body, chair.tracks, words[body.name], friction)
         else:
             _link(model, body.name, body, Mass(mass_kg=body.mass_kg, com_m=body.com_m, inertia=body.inertia), body.shapes, friction)
-        _hinge(model, body, hinge)
+        if body.hinge is not None:
+            _hinge(model, body, body.hinge)
     # Here the surfaces are brought to move: the plugin sets the contacts' motion on left_track, right_track and the flippers.
     for plugin in plugins:
         model.append(fromstring(plugin))  # noqa: S314 - the caller's own element

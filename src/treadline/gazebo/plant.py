@@ -1,0 +1,175 @@
+"""The chair in Gazebo 11: a ``TruthPlant`` with the drives, sensors and seeds of the MuJoCo plant, on other contacts.
+
+Mission time runs in ticks of 10 ms, ten steps of ODE each. The bodies move in gzserver; drives and sensors are ours.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_of
+from treadline.devices import kernels
+from treadline.devices.drives import TICK_S, Drives
+from treadline.devices.instruments import ChairState, Instruments, Streams
+from treadline.devices.statistical import StatisticalCamera
+from treadline.errors import SettingsError, SimulationDiverged
+from treadline.gazebo import server
+from treadline.gazebo.environment import PLUGIN, Environment, find_environment
+from treadline.gazebo.world import seat_start_rad, world_sdf
+from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.ports import Truth
+from treadline.scenario import Scenario
+from treadline.signals import ArmCommand, FrameQuality, Reading, SeatCommand, TrackCommand
+
+STEPS = 10
+"""Of 1 ms in a tick."""
+SETTLE_TICKS = 100
+"""Before t = 0, on a stair of high friction, until the chair rests on its nosings."""
+SETTLE_FRICTION = (1.0, 1.0)
+"""The stair's own: ODE takes the smaller of two."""
+
+
+class GazeboPlant:
+    """A chair, its stair and its sensors, in a gzserver of its own."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
+        streams = np.random.default_rng(seed).spawn(6)  # as the other simulator's: a seed means the same noise
+        self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
+        self._eye = self._camera(streams[3])
+        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
+        self._instruments = Instruments(scenario, chair, self.staircase, apart, self._look)
+        self._drives = Drives(scenario, chair)
+        self._server: server.GazeboServer | None = None
+        self._tick = 0
+        self._arm_rad = 0.0
+        self._began_s = 0.0
+        self._pending: list[ChairState] = []
+        self._readings: list[Reading] = []
+        self._truth: list[Truth] = []
+
+    def start(self) -> None:
+        """Put the chair on its nosings in a new world, belts at rest, at ``t = 0``.
+
+        Raises:
+            GazeboError: If Gazebo does not come up.
+        """
+        self.close()
+        self._server = server.GazeboServer(self._environment, self._world, port=self._port)
+        self._arm_rad = self._chair.tracks.approach_angle_deg * DEG
+        self._drives.rest(seat_start_rad(self._scenario, self.staircase), self._arm_rad)
+        self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
+        rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
+        self._drives.command[:] = 0.0
+        self._tick = 0
+        self._began_s = float(rows[-1][server.T])
+        self._readings.clear()
+        self._truth.clear()
+        first = self._state_of(rows[-1])
+        self._instruments.start(first.velocity_W)
+        self._pending = [first]
+
+    def advance(self, until_s: float) -> None:
+        """Step the world until ``until_s``.
+
+        Raises:
+            SimulationDiverged: If the state is not finite, or time does not advance as it should.
+            GazeboError: If gzserver has died.
+        """
+        while self._tick < round(until_s / TICK_S):
+            row = self._step(self.staircase.friction)
+            self._tick += 1
+            self._check(row)
+            self._pending.append(self._state_of(row))
+
+    def read(self) -> Sequence[Reading]:
+        """Return the samples since the last call, in time order."""
+        self._sense()
+        readings, self._readings = self._readings, []
+        return readings
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+        """Take the commands; they hold until the next call."""
+        self._drives.take(tracks, seat, arm)
+
+    def truth(self) -> Sequence[Truth]:
+        """Return the truth of every tick since the last call."""
+        self._sense()
+        truth, self._truth = self._truth, []
+        return truth
+
+    def close(self) -> None:
+        """End gzserver."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def _world(self, port: int) -> str:
+        return world_sdf(self._scenario, self.staircase, self._chair, plugin=f"/{PLUGIN}", port=port)
+
+    def _camera(self, rng: np.random.Generator) -> StatisticalCamera:
+        sensors, vision = self._scenario.sensors, self._scenario.control.vision
+        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
+        if vision == "truth" or sensors.camera == "statistical":
+            return StatisticalCamera(self.staircase, calibration, rng, exact=vision == "truth")
+        raise SettingsError(
+            f"sensors.camera = '{sensors.camera}': the Gazebo plant renders no frames; "
+            "take camera = \"statistical\" or control.vision = \"truth\""
+        )
+
+    def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
+        if self._server is None:
+            raise SettingsError("the Gazebo plant was not started; call start() first")
+        self._drives.act(self._arm_rad)
+        state = self._drives.state
+        left, right = self._drives.belts_m_s
+        seat_rad, arm_rad, arm_rate = state[kernels.SEAT_ANGLE], state[kernels.ARM_TARGET], state[kernels.ARM_RATE]
+        row = self._server.step(np.array([STEPS, left, right, seat_rad, arm_rad, arm_rate, *friction]))
+        self._arm_rad = float(row[server.ARM])
+        return row
+
+    def _check(self, row: Float[np.ndarray, " 22"]) -> None:
+        t_s = self._tick * TICK_S
+        if not np.isfinite(row).all():
+            raise SimulationDiverged(f"the state is not finite at {t_s:.2f} s")
+        if abs(float(row[server.T]) - self._began_s - t_s) > 1e-6 * max(1.0, t_s):
+            raise SimulationDiverged(f"Gazebo's clock is at {row[server.T] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
+
+    def _state_of(self, row: Float[np.ndarray, " 22"]) -> ChairState:
+        return ChairState(
+            tick=self._tick,
+            p_WB=row[server.POSITION : server.POSITION + 3],
+            R_WB=rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4]),
+            velocity_W=row[server.VELOCITY : server.VELOCITY + 3],
+            rate_B=row[server.RATE : server.RATE + 3],
+            seat_rad=float(row[server.SEAT]),
+            stroke_m=float(self._drives.state[kernels.STROKE]),
+            belts_m_s=self._drives.belts_m_s,
+            brake_on=bool(self._drives.state[kernels.BRAKED] > 0.5),
+            arm_rad=float(row[server.ARM]),
+            arm_torque_n_m=float(row[server.ARM_TORQUE]),
+            reach_m=row[server.REACH : server.REACH + 4],
+        )
+
+    def _sense(self) -> None:
+        """Turn the states not yet looked at into truth and sensor samples, in time order."""
+        for state in self._pending:
+            readings, truth = self._instruments.read(state)
+            self._readings.extend(readings)
+            self._truth.append(truth)
+        self._pending.clear()
+
+    def _look(self, state: ChairState) -> Sequence[Reading]:
+        arrived = FrameQuality(t_s=state.t_s, fingerprint=state.tick, brightness=0.5, contrast=0.2, valid_share=1.0)
+        return [arrived, *self._eye.look(state.t_s, state.R_WB, state.p_WB)]
+
+
+def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> GazeboPlant:
+    """Return a chair in Gazebo on the scenario's stair.
+
+    Raises:
+        GazeboError: If there is no Gazebo here.
+    """
+    return GazeboPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, find_environment())

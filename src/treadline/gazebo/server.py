@@ -1,0 +1,183 @@
+"""gzserver and the plugin's socket: ``order -> state``, in lock-step.
+
+One process per run: a second run in the same process would differ in its last bits, a new one does not.
+"""
+
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.errors import GazeboError
+from treadline.gazebo.environment import BUILD, LIBRARIES, Environment
+
+PROTOCOL, MAJOR = 1, 11
+ORDERS, COLUMNS = 8, 22
+"""Doubles in an order and in an answer: as in ``ros/gazebo/lockstep.cc``."""
+T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, ARM, ARM_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
+START_S = 60.0
+"""In which a world must be loaded, on a machine that does other things too."""
+ANSWER_S = 60.0
+TRIES = 3
+"""A port that was free may be taken a moment later."""
+
+
+class GazeboServer:
+    """A gzserver with one world, from its start to its end."""
+
+    def __init__(self, environment: Environment, world: Callable[[int], str], *, port: int = 0) -> None:
+        """Load a world.
+
+        Args:
+            world: The world's SDF, the plugin listening on a port.
+            port: The plugin's; zero takes a free one.
+
+        Raises:
+            GazeboError: If gzserver or the plugin does not come up.
+        """
+        self._environment = environment
+        base = environment.root / "tmp"
+        base.mkdir(exist_ok=True)
+        self._folder = Path(tempfile.mkdtemp(prefix="treadline-", dir=base))
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        for attempt in range(TRIES):
+            try:
+                self._launch(world, port or free_port())
+            except GazeboError as error:
+                self.close()
+                if port or attempt == TRIES - 1 or "taken" not in str(error):
+                    raise
+            else:
+                return
+
+    def step(self, order: Float[np.ndarray, " 8"]) -> Float[np.ndarray, " 22"]:
+        """Obey an order for its steps and return the state after them.
+
+        Raises:
+            GazeboError: If gzserver has died or hangs.
+        """
+        assert self._socket is not None  # noqa: S101 - launched
+        try:
+            self._socket.sendall(order.tobytes())
+            return np.frombuffer(self._received(8 * COLUMNS))
+        except OSError as error:
+            raise self._died(error) from None
+
+    def close(self) -> None:
+        """End gzserver and forget its files."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _launch(self, world: Callable[[int], str], port: int) -> None:
+        self._folder.mkdir(exist_ok=True)
+        file = self._folder / "chair.world"
+        file.write_text(world(port), encoding="utf-8")
+        variables = {
+            "HOME": self._environment.inside(self._folder),
+            "PATH": "/usr/bin:/bin",
+            "LD_LIBRARY_PATH": f"/{LIBRARIES}",
+            "GAZEBO_PLUGIN_PATH": f"/{LIBRARIES}",
+            "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
+            "GAZEBO_MODEL_PATH": "",
+            "GAZEBO_MODEL_DATABASE_URI": "",
+            "GAZEBO_IP": "127.0.0.1",
+            "GAZEBO_MASTER_URI": f"http://127.0.0.1:{free_port()}",
+        }
+        words = ("/usr/bin/gzserver", "--lockstep", "-e", "ode", "--verbose", self._environment.inside(file))
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(  # noqa: S603 - our own words
+                self._environment.command(*words), env=os.environ | variables, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+            )
+        self._connect(port)
+        self._greet()
+
+    @property
+    def _log(self) -> Path:
+        return self._folder / "gzserver.log"
+
+    def _connect(self, port: int) -> None:
+        assert self._process is not None  # noqa: S101 - just started
+        until = time.monotonic() + START_S
+        while time.monotonic() < until:
+            if self._process.poll() is not None:
+                raise GazeboError(f"gzserver ended before the chair was in it: {self._reason()}")
+            if reason := self._refusal():
+                raise GazeboError(f"gzserver does not load the plugin: {reason}; {BUILD}")
+            try:
+                self._socket = socket.create_connection(("127.0.0.1", port), timeout=ANSWER_S)
+            except OSError:
+                time.sleep(0.05)
+                continue
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return
+        raise GazeboError(f"gzserver did not load the world within {START_S:.0f} s: {self._reason()}")
+
+    def _greet(self) -> None:
+        """Ask who is there, before anything is believed."""
+        try:
+            protocol, major, orders, columns = struct.unpack("<4d", self._received(32))
+        except OSError as error:
+            raise self._died(error) from None
+        if (protocol, orders, columns) != (PROTOCOL, ORDERS, COLUMNS):
+            raise GazeboError(f"the plugin speaks protocol {protocol:g}, this program {PROTOCOL}; {BUILD}")
+        if major != MAJOR:
+            raise GazeboError(f"the plugin was built for Gazebo {major:g}, not {MAJOR}; {BUILD}")
+
+    def _received(self, size: int) -> bytes:
+        assert self._socket is not None  # noqa: S101 - connected
+        data = bytearray()
+        while len(data) < size:
+            part = self._socket.recv(size - len(data))
+            if not part:
+                raise ConnectionResetError("the connection ended")
+            data += part
+        return bytes(data)
+
+    def _died(self, error: OSError) -> GazeboError:
+        code = None
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                code = self._process.wait(timeout=1.0)
+        what = f"gzserver hangs ({error})" if code is None else f"gzserver died (exit code {code})"
+        return GazeboError(f"{what}: {self._reason()}; run it again")
+
+    def _refusal(self) -> str | None:
+        lines = self._lines()
+        return next((line for line in lines if "Failed to load plugin" in line), None)
+
+    def _reason(self) -> str:
+        """Return the log's last complaint."""
+        lines = self._lines()
+        complaints = [line for line in lines if "[Err]" in line or "rror" in line or "taken" in line or "in use" in line]
+        if any("in use" in line for line in complaints):
+            return "a port is taken"
+        return (complaints or lines or ["it said nothing"])[-1]
+
+    def _lines(self) -> list[str]:
+        if not self._log.exists():
+            return []
+        text = self._log.read_text(encoding="utf-8", errors="replace")
+        return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def free_port() -> int:
+    """Return a port of the loopback that nothing listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,53 @@
+"""The world that gzserver loads: the stair and the chair as every simulator gets them, and the plugin that drives the tracks."""
+
+from xml.etree.ElementTree import Element, tostring
+
+from treadline.angles import DEG
+from treadline.mechanics.bodies import standing
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.formats import sdf_world
+from treadline.mechanics.formats.elements import child, text
+from treadline.mechanics.staircase import Staircase
+from treadline.scenario import Scenario
+
+
+def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
+    """Return a scenario at its start.
+
+    Args:
+        plugin: File of the lock-step plugin, as gzserver finds it.
+        port: On which it listens, on the loopback alone.
+    """
+    start = standing(staircase, chair.tracks, scenario.start)
+    element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=seat_start_rad(scenario, staircase))
+    return sdf_world(staircase, chair, scenario.chair, start=start, plugins=(element,), is_whole=True)
+
+
+def seat_start_rad(scenario: Scenario, staircase: Staircase) -> float:
+    """Return the seat's angle at the start: level, or parallel to the chassis."""
+    on_flight = scenario.start.place == "flight" and scenario.start.seat == "level"
+    return staircase.slope_rad if on_flight else 0.0
+
+
+def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:
+    """Return the ``<plugin>`` of a chair."""
+    element = Element("plugin", name="treadline", filename=plugin)
+    child(element, "body", "chair")
+    for side in ("left", "right"):
+        # Both belts are parts of the same bodies; the plugin tells them apart by the names of their shapes.
+        child(element, f"{side}_track", "chair")
+        if chair.arm is not None:
+            child(element, f"{side}_flipper", "arm")
+    child(element, "tracks_separation", text(chair.tracks.gauge_m))
+    # Table I: 3.07 rad/s at ±1 m/s are the belts' difference over the gauge.
+    child(element, "steering_efficiency", "1")
+    child(element, "max_linear_speed", text(chair.drives.max_speed_m_s))
+    # Set anew before the first step: the plugin can only change what is there.
+    child(element, "track_mu", "1")
+    child(element, "track_mu2", "1")
+    child(element, "seat_start", text(seat_rad))
+    if chair.arm is not None:
+        child(element, "arm_start", text(chair.tracks.approach_angle_deg * DEG))
+        child(element, "arm_torque", text(chair.arm.torque_n_m))
+    child(element, "port", str(port))
+    return tostring(element, encoding="unicode")
