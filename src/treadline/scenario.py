@@ -111,6 +111,8 @@ class Drive(Settings):
     """Direction, speed and a limit on time."""
 
     direction: Literal["up", "down"] = "up"
+    check: bool = True
+    """Whether ``treadline check`` is asked before anything moves; without it the chair finds out by itself what it can."""
     speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
 

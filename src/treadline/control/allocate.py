@@ -2,7 +2,7 @@
 
 Turning on a stair slides the chair downhill unless both belts keep pulling up. ``climb-safe`` keeps the slower belt at
 half the climb speed at least and the faster at its limit at most: steering decides, the common speed follows.
-``back_safe`` backs down: no belt may run uphill while the other lets down, and none may let down faster than twice the pace.
+``back_safe`` backs down: each belt lets down at half the pace at least and at one and a half times the pace at most.
 ``paper`` only clips, as the paper's "do not exceed the maximum speed" asks.
 """
 

@@ -164,7 +164,7 @@ def traverse(
     """
     config = mission_config(scenario, controller)
     shifted = refusal = None
-    if is_whole(config, driver):
+    if is_whole(config, driver) and scenario.drive.check:
         scenario, refusal, shifted = ready(scenario, read_chair(scenario.chair.model))
         config = mission_config(scenario, controller)
     blocks = build_blocks(config, driver)

@@ -49,8 +49,10 @@ class AscentConfig:
     """Of the last nosing ahead of the front pulley when the crest's sequencer takes over: it slows down in time by itself."""
     unseen_end_m: float = 0.10
     """Of the front pulley before the last nosing ever seen: were there another, frames would have shown it long ago."""
-    landed_m: float = 0.05
-    """Of the rear pulley past the last nosing."""
+    landed_m: float = 0.3
+    """To drive on over a landing that is not level before the chair counts as landed all the same."""
+    mount_m: float = 1.6
+    """Of the belts while mounting, from which on they slip on the first nosing."""
     back_off_m: float = 0.5
     wall_m: float = 0.50
     """Free width to a wall below which the chair steers away."""
@@ -73,10 +75,13 @@ class Ascent:
         self._cause = "woken up"
         self._hold: str | None = None
         self._crest: Crest | None = None
-        self._crest_command: CrestCommand | None = None
+        self._is_climbing = True
+        """Whether the crest's sequencer has not yet lowered its arm."""
+        self._end = ""
         self._traction: TractionTest | None = None
         self._refusal = ""
-        self._back_from_m = 0.0
+        self._from_m = 0.0
+        """Travel at which the phase began."""
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._arm: ArmReading | None = None
@@ -157,6 +162,10 @@ class Ascent:
         ahead = where.ahead_m()
         if self._phase == "approach" and (before < config.mount_from_m or where.pitch_rad > config.touched_rad):
             return self._begin(t_s, "mount", f"first nosing {before:.2f} m before the front pulley")
+        if self._phase == "mount" and where.travel_m - self._from_m > config.mount_m:
+            slope = where.slope_rad / DEG
+            self._refusal = f"the belts ran {config.mount_m:g} m on the first nosings of a {slope:.0f}° stair without getting up"
+            return self._begin(t_s, "back_off", self._refusal)
         if (
             self._phase == "mount"
             and len(ahead) > 1
@@ -197,7 +206,6 @@ class Ascent:
             return self._begin(t_s, "climb", slip)
         wanted = (1.0 + self._config.traction.wanted) * math.tan(self._where.slope_rad)
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
-        self._back_from_m = self._where.travel_m
         return self._begin(t_s, "back_off", self._refusal)
 
     def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
@@ -209,7 +217,9 @@ class Ascent:
             belief = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
             self._crest = Crest(belief, top)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
-            self._cause = f"end of the flight {top - self._pivot_m:.2f} m before the front pulley, {seen}"
+            self._end = f"end of the flight, {seen}"
+        elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
+            self._crest = None  # a nosing came into view beyond what was taken for the last
         if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
             rest = config.chair.tracks.approach_angle_deg * DEG
             return self._plan(t_s, config.cruise_m_s, heading_rad=self._aside(), arm=self._arm_to(t_s, rest))
@@ -219,6 +229,7 @@ class Ascent:
         return self._follow(t_s, command, estimate)
 
     def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
+        self._is_climbing = command.stage in ("climb", "slow")
         match command.stage:
             case "climb" | "slow":
                 return self._plan(t_s, command.speed_m_s, arm=command.arm, needs_stair=False)
@@ -228,17 +239,23 @@ class Ascent:
                 phase = "crest"
         if phase != self._phase:
             pitch = self._where.pitch_rad / DEG
-            self._phase = phase
-            self._cause = f"{command.stage}: pitch {pitch:.1f}°, {command.tip_n:.0f} N on the arm's tip"
-        if command.stage == "done" and abs(self._where.pitch_rad) < LEVEL_RAD:
+            seen = f"{self._end}; " if phase == "crest" else ""
+            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {command.tip_n:.0f} N on the arm's tip")
+        is_level = abs(self._where.pitch_rad) < LEVEL_RAD
+        if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
             )
         return self._plan(t_s, command.speed_m_s, turn_m_s=self._level.keep(estimate), arm=command.arm, needs_stair=False)
 
+    @property
+    def _landing_m(self) -> float:
+        """Travel from the landing's first contact to where the chair is clear of the last nosing, and a little more."""
+        return 2.0 * self._pivot_m + self._config.landed_m
+
     def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if where.pitch_rad < LEVEL_RAD and self._back_from_m - where.travel_m > config.back_off_m:
+        if where.pitch_rad < LEVEL_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
@@ -256,8 +273,8 @@ class Ascent:
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
 
     def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
-        """Enter a phase; the chair stands for this one tick."""
-        self._phase, self._cause = phase, cause
+        """Enter a phase; for this one tick the belts go on as they are, or stand."""
+        self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
         return self._plan(t_s, self._where.speed_m_s if phase in ("mount", "climb", "approach") else 0.0, turn_m_s=0.0)
 
     def _plan(

@@ -26,14 +26,13 @@ class DescentConfig:
     payload_kg: float
     cruise_m_s: float = 0.2
     slow_m_s: float = 0.1
-    edge_level_m: float = 0.06
-    """A nosing within this height of the belts, seen from the landing, is the edge."""
+    askew_rad: float = 4.0 * DEG
+    """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
+    square_rad: float = 1.0 * DEG
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing."""
     left_m: float = 0.10
     """Of the front pulley past the last nosing when the chair has left the stair."""
-    unseen_foot_m: float = 0.0
-    """Of the rear pulley before the lowest nosing ever seen, at which the pace is slow in any case."""
 
 
 class Descent:
@@ -82,6 +81,8 @@ class Descent:
                 return self._align(t_s, estimate)
             case "approach" | "edge":
                 return self._over_the_edge(t_s, estimate)
+            case "climb":
+                return self._turn_by_climbing(t_s, estimate)
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case _:
@@ -90,6 +91,8 @@ class Descent:
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
+            if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
+                return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
             if estimate is not None:
                 return self._begin(t_s, "descend", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
             return self._plan(t_s, 0.0, turn_m_s=0.0)
@@ -140,6 +143,11 @@ class Descent:
             self._phase = "edge"
             self._cause = f"{command.stage}: {command.tip_n:.0f} N on the arm's tip"
 
+    def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
+            return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
+        return self._plan(t_s, self._config.cruise_m_s)
+
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
         foot = where.bottom_ahead_m()
@@ -150,14 +158,14 @@ class Descent:
             self._phase, self._cause = "leave", f"rear pulley at the last nosing, {seen}"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
-        slow = before < config.slow_from_m if ends else before < config.unseen_foot_m + config.slow_from_m
+        slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), needs_stair=False)
         return self._plan(t_s, speed, needs_stair=not slow)
 
     def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
-        """Enter a phase; the chair stands for this one tick."""
+        """Enter a phase; for this one tick the belts go on as they are, or stand."""
         self._phase, self._cause = phase, cause
         return self._plan(t_s, self._where.speed_m_s if phase == "descend" else 0.0, turn_m_s=0.0)
 

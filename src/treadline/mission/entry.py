@@ -28,6 +28,8 @@ def refusal_of(chair: ChairDescription, payload_kg: float, rise_m: float, run_m:
     if rating is not None and slope_rad > rating.slope_deg * DEG + MEASURED_RAD:
         steep = f"the stair is {slope_rad / DEG:.1f}° steep"
         return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    if rating is not None and payload_kg > rating.payload_kg:
+        return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
     lacking_m = minimum_track_length(rise_m, run_m) - chair.tracks.flat_run_m
     if lacking_m > MEASURED_M:
         return f"the track is {lacking_m:.3f} m too short for steps of {rise_m:.3f} by {run_m:.3f} m; use a longer track"

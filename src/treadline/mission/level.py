@@ -79,6 +79,7 @@ class LevelSteering:
         if self._legs and abs(self._legs[0] - self._swept_rad) < 2.0 * DEG:
             self._legs.pop(0)
         if not self._legs:
+            self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]  # a person may re-arm, and it looks again
             return None
         return self._half(math.copysign(0.5 * config.turn_rad_s, self._legs[0] - self._swept_rad))
 

@@ -131,7 +131,6 @@ class Mission:
         self._tick = 0
         self._control = Rate(blocks.driver.period_s)
         self._estimate: HeadingEstimate | None = None
-        self._gravity_B: Float[np.ndarray, " 3"] | None = None
         self._imu: ImuSample | None = None
         self._phase = ""
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
@@ -185,7 +184,6 @@ class Mission:
         match reading:
             case ImuSample():
                 self._imu = reading
-                self._gravity_B = rotation_of(reading.orientation).T @ DOWN_W
                 self._estimate = blocks.estimator.step(reading)
                 blocks.planner.feel(reading)
             case TrackReading():
@@ -224,7 +222,9 @@ class Mission:
         self._blocks.planner.feel(stair_map)
 
     def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
-        return None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
+        if self._imu is None:
+            return None
+        return np.asarray(frame.camera.R_BC.T @ (rotation_of(self._imu.orientation).T @ DOWN_W))
 
     def _tell(self, tracks: TrackCommand, arm: ArmCommand | None, plan: Plan, *, proposed: bool) -> None:
         if self._estimate is not None:

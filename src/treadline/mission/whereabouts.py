@@ -14,6 +14,8 @@ from treadline.signals import ImuSample, StairMap, TrackReading
 SAME = 0.45
 """Of a run: nosings nearer than this are one."""
 SAME_RISE_M = 0.08
+MISSED_SHARE = 2.0
+"""Maps that pass over a nosing, per map that shows it, from which on it was never there."""
 KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
 MAPS_MAX = 50
@@ -31,7 +33,14 @@ class _Nosing:
     x_m: float
     z_m: float
     count: int = 1
+    missed: int = 0
+    """Maps that showed nosings nearer and further, and not this one."""
     end_count: int = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether it has been seen often enough to be believed."""
+        return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
 
 
 class Whereabouts:
@@ -74,11 +83,11 @@ class Whereabouts:
         """Return how far along the belts each known nosing is ahead of mid-track, the lowest of the flight first."""
         c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
         c /= math.cos(self.heading_rad)
-        return [(n.x_m - self._x_m) * c + (n.z_m - self._z_m) * s for n in self._nosings if n.count >= KNOWN_AFTER]
+        return [(n.x_m - self._x_m) * c + (n.z_m - self._z_m) * s for n in self._nosings if n.known]
 
     def first_ahead_m(self) -> float | None:
         """Return how far the flight's lowest known nosing is ahead of mid-track, level."""
-        known = [n.x_m for n in self._nosings if n.count >= KNOWN_AFTER]
+        known = [n.x_m for n in self._nosings if n.known]
         return known[0] - self._x_m if known else None
 
     def top_ahead_m(self) -> float | None:
@@ -102,7 +111,7 @@ class Whereabouts:
         return self._ends(0)
 
     def _ends(self, index: int) -> bool:
-        known = [n for n in self._nosings if n.count >= KNOWN_AFTER]
+        known = [n for n in self._nosings if n.known]
         return bool(known) and known[index].end_count >= KNOWN_AFTER
 
     def _drive(self, reading: TrackReading) -> None:
@@ -126,9 +135,9 @@ class Whereabouts:
         places = self._places(seen)
         matched = [(nosing, place) for place in places if (nosing := self._find(*place)) is not None]
         self._move_onto(matched)
-        last: _Nosing | None = None
-        for x_m, z_m in self._places(seen):
-            last = self._place(x_m, z_m)
+        shown = [self._place(x_m, z_m) for x_m, z_m in self._places(seen)]
+        self._note_missed(shown)
+        last = shown[-1] if shown else None
         self._nosings.sort(key=lambda nosing: nosing.x_m)
         if last is not None:
             self._note_end(last, seen)
@@ -140,7 +149,7 @@ class Whereabouts:
 
     def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> None:
         """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together."""
-        known = [(nosing, place) for nosing, place in matched if nosing.count >= KNOWN_AFTER]
+        known = [(nosing, place) for nosing, place in matched if nosing.known]
         if known:
             self._x_m -= SLIP_SHARE * sum(place[0] - nosing.x_m for nosing, place in known) / len(known)
             self._z_m -= SLIP_SHARE * sum(place[1] - nosing.z_m for nosing, place in known) / len(known)
@@ -164,6 +173,15 @@ class Whereabouts:
         nosing.x_m += (x_m - nosing.x_m) * share
         nosing.z_m += (z_m - nosing.z_m) * share
         return nosing
+
+    def _note_missed(self, shown: list[_Nosing]) -> None:
+        """Count against nosings that a map passes over: nearer and further ones are in it."""
+        if len(shown) < KNOWN_AFTER:
+            return
+        low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
+        for nosing in self._nosings:
+            if low < nosing.x_m < high and not any(nosing is other for other in shown):
+                nosing.missed += 1
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
         """Count the frames that show the flight's end at a nosing; one that shows another beyond takes all back."""

@@ -215,7 +215,9 @@ class Guard:
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
         self._ahead.look(stair, places, travel)
         # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
-        on_flight = self._plan is None or self._plan.phase in FLIGHT
+        plan = self._plan
+        # A chair that first climbs to turn square, its camera on the flight below, does not roll back.
+        on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
             self._slip.look(stair.t_s, [place * across for place, _ in places], travel, self._heading_rad)
