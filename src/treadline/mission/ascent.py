@@ -33,6 +33,8 @@ class AscentConfig:
     """Onto the stair and off it."""
     slow_from_m: float = 0.35
     """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
+    gap_m: float = 0.45
+    """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
     mount_from_m: float = 0.22
     clear_m: float = 0.05
     """Of the arm's tip above the next nosing while mounting. The section meets the second nosing at its own angle plus the pitch:
@@ -157,6 +159,8 @@ class Ascent:
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
+        if self._bar():
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
         ahead = where.ahead_m()
@@ -208,8 +212,19 @@ class Ascent:
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
         return self._begin(t_s, "back_off", self._refusal)
 
+    def _bar(self) -> bool:
+        """Say whether a missing step is so near that the chair must stop, and why."""
+        gap = self._where.gap_ahead_m()
+        if gap is None or not 0.0 < gap[0] - self._pivot_m < self._config.gap_m:
+            return False
+        before_m, wide_m = gap[0] - self._pivot_m, gap[1] - gap[0]
+        self._hold = f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the front pulley"
+        return True
+
     def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
+        if self._bar():
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
         top = where.top_ahead_m()
         unseen = top is not None and top - self._pivot_m < config.unseen_end_m
         near = top is not None and top - self._pivot_m < config.crest_from_m

@@ -29,6 +29,8 @@ class DescentConfig:
     askew_rad: float = 4.0 * DEG
     """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
     square_rad: float = 1.0 * DEG
+    gap_m: float = 0.45
+    """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing."""
     left_m: float = 0.10
@@ -126,6 +128,8 @@ class Descent:
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
             return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if self._phase == "approach" and self._bar():
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
         edge = self._where.top_ahead_m()
         if edge is not None:
             self._edge.nosing_seen(-edge)
@@ -148,8 +152,19 @@ class Descent:
             return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
         return self._plan(t_s, self._config.cruise_m_s)
 
+    def _bar(self) -> bool:
+        """Say whether a missing step is so near that the chair must stop, and why."""
+        gap = self._where.gap_ahead_m()
+        if gap is None or not 0.0 < -gap[1] - self._pivot_m < self._config.gap_m:
+            return False
+        before_m, wide_m = -gap[1] - self._pivot_m, gap[1] - gap[0]
+        self._hold = f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the rear pulley"
+        return True
+
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
+        if self._bar():
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
         foot = where.bottom_ahead_m()
         before = math.inf if foot is None else -foot - self._pivot_m
         ends = where.bottom_ends

@@ -5,6 +5,7 @@ up the flight and level, z up: a nosing stands still in it while the chair turns
 slip as long as a nosing is in view; one that the chair has passed stays where it was last seen.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -14,6 +15,8 @@ from treadline.signals import ImuSample, StairMap, TrackReading
 SAME = 0.45
 """Of a run: nosings nearer than this are one."""
 SAME_RISE_M = 0.08
+MISSING = 1.6
+"""Pitches between neighbouring nosings from which on one is missing between them."""
 MISSED_SHARE = 2.0
 """Maps that pass over a nosing, per map that shows it, from which on it was never there."""
 KNOWN_AFTER = 2
@@ -109,6 +112,12 @@ class Whereabouts:
     def bottom_ends(self) -> bool:
         """Whether frames have shown that nothing follows the lowest known nosing."""
         return self._ends(0)
+
+    def gap_ahead_m(self) -> tuple[float, float] | None:
+        """Return how far ahead of mid-track, along the belts, a step is missing: the nosings below and above; the lowest such."""
+        ahead = self.ahead_m()
+        pitch_m = math.hypot(self.rise_m, self.run_m)
+        return next(((low, high) for low, high in itertools.pairwise(ahead) if high - low > MISSING * pitch_m), None)
 
     def _ends(self, index: int) -> bool:
         known = [n for n in self._nosings if n.known]

@@ -73,6 +73,8 @@ class BeltWatch:
             self.cause = f"{name} track {fault}: {speed:.2f} m/s where {expected:.2f} is expected"
 
 
+MATCH_M = 0.12
+"""Between a nosing and where it was expected: less than half of the shortest pitch."""
 MATCH_S = 0.35
 """Between two maps whose nosings are compared."""
 DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
@@ -111,7 +113,10 @@ class SlipWatch:
         else:
             predicted = [place - (travel_m - self._travel_m) for place in self._places]
             apart = sorted(min((place - there for there in predicted), key=abs) for place in places_m)
-            self._slid_m += apart[len(apart) // 2]
+            if abs(apart[len(apart) // 2]) > MATCH_M:
+                self.forget()  # other nosings than before
+            else:
+                self._slid_m += apart[len(apart) // 2]
         self._t_s, self._places, self._travel_m = (t_s if places_m else -math.inf), places_m, travel_m
         self._window.append((t_s, travel_m, self._slid_m, heading_rad))
         self._judge(t_s)
