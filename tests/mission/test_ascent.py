@@ -1,0 +1,422 @@
+"""The phases of a traversal up, each way in and out, with hand-made maps, belts and IMU; crossing the crest has its own tests."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.control.crest import CrestCommand, CrestConfig
+from treadline.mechanics.chair import read_chair
+from treadline.mission import ascent
+from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
+
+CHAIR = read_chair("wheelchair")
+CONFIG = AscentConfig(chair=CHAIR, payload_kg=50.0)
+PIVOT_M, G_M_S2, TICK_S = 0.5 * CHAIR.tracks.flat_run_m, 9.81, 0.01
+RISE_M, RUN_M = 0.16, 0.30
+SLOPE_RAD = math.atan2(RISE_M, RUN_M)
+PITCH_M = math.hypot(RISE_M, RUN_M)
+SEES_M = 2.8
+"""Reach of the camera, of which nothing nearer than the front pulley is in view."""
+
+
+@dataclass(kw_only=True)
+class World:
+    """A chair that does what its plan says, before a flight and a camera over its front."""
+
+    planner: Ascent = field(default_factory=lambda: Ascent(CONFIG))
+    heading_rad: float = 0.0
+    x_m: float = 0.0
+    first_m: float = 1.8
+    steps: int = 8
+    grip: float = 0.5
+    """Friction over tan β, less one."""
+    slip: float = 0.0
+    """Of the belts on the floor."""
+    knows: bool = True
+    """Whether the filter has a heading."""
+    spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
+    """What the camera makes of a map."""
+
+    def __post_init__(self) -> None:
+        self.t_s = self.z_m = self.pitch_rad = 0.0
+        self.belts = self.speed = 0.0
+        self.arm_rad = CHAIR.tracks.approach_angle_deg * DEG
+        self.maps = 0
+        self.plans: list[Plan] = []
+        self.xs: list[float] = []
+
+    def run(self, *until: str, limit_s: float = 60.0) -> Plan:
+        """Tick until a phase has begun, or for the time given."""
+        end_s = self.t_s + limit_s
+        while self.t_s < end_s:
+            plan = self.tick()
+            if plan.phase in until:
+                return plan
+        assert not until, f"still in {plan.phase}: {plan.cause}"
+        return plan
+
+    def tick(self) -> Plan:
+        change = self._move()
+        estimate = HeadingEstimate(
+            t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
+        )
+        for signal in self._senses(change):
+            self.planner.feel(signal)
+        plan = self.planner.step(self.t_s, estimate if self.knows else None)
+        self.plans.append(plan)
+        self.xs.append(self.x_m)
+        self.t_s += TICK_S
+        return plan
+
+    def _move(self) -> float:
+        """Do what the last plan says; return how the chair speeds up."""
+        plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
+        self.belts += (plan.speed_m_s - self.belts) * TICK_S / 0.1
+        most = G_M_S2 * ((1.0 + self.grip) * math.tan(SLOPE_RAD) * math.cos(self.pitch_rad) - math.sin(self.pitch_rad))
+        wanted = (self.belts * (1.0 - self.slip) - self.speed) / TICK_S
+        change = max(min(wanted, most), -4.0) if self.pitch_rad > 0.1 else wanted
+        self.speed += change * TICK_S
+        self.x_m += self.speed * TICK_S * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
+        self.z_m += self.speed * TICK_S * math.sin(self.pitch_rad)
+        begins, lies = self.first_m - PIVOT_M, self.first_m + 0.10
+        if self.x_m > begins:
+            self.pitch_rad = SLOPE_RAD * min((self.x_m - begins) / (lies - begins), 1.0)
+        elif self.plans:
+            self.pitch_rad = 0.0
+        turn = (self.heading_rad - plan.heading_rad) * -0.3 if plan.turn_m_s is None else plan.turn_m_s
+        self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
+        self.heading_rad += self.turned * TICK_S
+        if plan.arm is not None:
+            self.arm_rad += plan.arm.rate_rad_s * TICK_S
+        return change
+
+    def _senses(self, change: float) -> list[Any]:
+        R = rotation_y(-self.pitch_rad)
+        senses: list[Any] = [
+            TrackReading(t_s=self.t_s, left_m_s=self.belts, right_m_s=self.belts, brake_on=False),
+            ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=0.0),
+            ImuSample(
+                t_s=self.t_s,
+                orientation=quaternion_of(R),
+                angular_velocity_rad_s=np.array([0.0, 0.0, self.turned]),
+                linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, G_M_S2]) + np.array([change, 0.0, 0.0]),
+            ),
+        ]
+        if round(self.t_s / TICK_S) % 10 == 0:
+            self.maps += 1
+            seen = self.spoil(self.camera())
+            senses += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
+        return senses
+
+    def camera(self) -> StairMap:
+        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        nosings = []
+        for k in range(self.steps):
+            along = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad)
+            up = (k + 1) * RISE_M - self.z_m
+            x, z = along * c + up * s, up * c - along * s
+            if PIVOT_M < x < SEES_M:
+                nosings.append([x, 0.0, z])
+        return StairMap(
+            t_s=self.t_s,
+            direction="up",
+            nosings_B=np.array(nosings or np.empty((0, 3))).reshape(-1, 3),
+            rise_m=RISE_M,
+            run_m=RUN_M,
+            slope_rad=SLOPE_RAD,
+            # A nosing more would be in view.
+            ends=bool(nosings) and nosings[-1][0] < SEES_M - PITCH_M,
+            left_wall_m=None,
+            right_wall_m=None,
+            obstacle_m=None,
+        )
+
+    @property
+    def phases(self) -> list[str]:
+        return [plan.phase for k, plan in enumerate(self.plans) if k == 0 or plan.phase != self.plans[k - 1].phase]
+
+    @property
+    def front_before_m(self) -> float:
+        """Of the front pulley before the first nosing, level."""
+        return self.first_m - self.x_m - PIVOT_M
+
+
+def nothing(seen: StairMap) -> None:
+    """See no stair."""
+    del seen
+
+
+# --- search and align
+
+
+def test_where_there_is_no_stair_it_looks_to_both_sides_and_then_holds() -> None:
+    world = World(spoil=nothing, knows=False)
+    turned = []
+    while world.tick().hold is None:
+        turned.append(world.heading_rad / DEG)
+        assert world.t_s < 40.0
+    assert world.phases == ["search"]
+    assert max(turned) > 35.0
+    assert min(turned) < -35.0
+    assert all(plan.speed_m_s == 0.0 and not plan.needs_stair for plan in world.plans)
+    assert world.plans[-1].hold == "no stair in view, to neither side"
+    assert world.plans[-1].turn_m_s == 0.0
+
+
+def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
+    def to_the_left(seen: StairMap) -> StairMap | None:
+        return seen if world.heading_rad > -20.0 * DEG else None
+
+    world = World(heading_rad=-40.0 * DEG, spoil=to_the_left)
+    world.run("align")
+    # Two maps, a tenth of a second apart at 10 °/s.
+    assert world.heading_rad / DEG == pytest.approx(-19.0, abs=1.5)
+    assert world.run("approach").cause.startswith("square to the stair within")
+
+
+def test_a_flight_that_falls_is_no_stair_to_go_up() -> None:
+    world = World(spoil=lambda seen: replace(seen, direction="down"))
+    world.run(limit_s=0.5)
+    assert world.phases == ["search"]
+
+
+def test_one_map_or_no_heading_is_not_enough_to_go() -> None:
+    world = World(spoil=lambda seen: seen if world.maps == 1 else None)
+    world.run(limit_s=0.9)
+    assert world.phases == ["search"]
+    blind = World(knows=False)
+    blind.run(limit_s=0.9)
+    assert blind.phases == ["search"]
+
+
+@pytest.mark.parametrize("heading_deg", [-30.0, -5.0, 0.0, 30.0])
+def test_it_turns_square_on_the_spot_within_ten_seconds_and_only_then_drives(heading_deg: float) -> None:
+    world = World(heading_rad=heading_deg * DEG)
+    world.run("approach")
+    assert world.t_s < 10.0
+    assert abs(world.heading_rad) <= 1.0 * DEG
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    # The nosings stood still meanwhile: the mission knows how far the stair is.
+    assert world.run("mount").cause == f"first nosing {world.front_before_m:.2f} m before the front pulley"
+
+
+def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
+    world = World(heading_rad=30.0 * DEG)
+    world.run("align")
+    world.knows = False
+    world.run(limit_s=1.0)
+    assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
+
+
+def test_what_mechanics_forbid_is_refused_at_the_foot_with_its_number() -> None:
+    world = World(spoil=lambda seen: replace(seen, rise_m=0.20, run_m=0.27, slope_rad=36.5 * DEG))
+    plan = world.run("refused")
+    assert "36.5°" in plan.cause
+    world.run(limit_s=2.0)
+    assert world.phases == ["search", "align", "refused"]
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    assert world.plans[-1].turn_m_s == 0.0
+
+
+def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_climbs() -> None:
+    world = World(x_m=3.0, knows=False)
+    world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
+    world.run(limit_s=2.0)
+    assert {plan.phase for plan in world.plans} == {"search"}
+    assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
+    world.knows = True
+    assert "on a flight" in world.run("climb").cause
+
+
+# --- approach, mount, traction
+
+
+def test_it_drives_at_the_stair_slower_near_it_with_the_arm_lowered_and_tests_the_traction() -> None:
+    world = World()
+    world.run("mount")
+    near = world.front_before_m
+    assert CONFIG.mount_from_m - 0.01 < near < CONFIG.mount_from_m
+    far = [p.speed_m_s for p, x in zip(world.plans, world.xs, strict=True) if p.phase == "approach" and x < world.first_m - 0.9]
+    assert set(far[1:]) == {CONFIG.cruise_m_s}
+    world.run("traction")
+    mounting = [plan for plan in world.plans if plan.phase == "mount"][1:]
+    assert {plan.speed_m_s for plan in mounting} == {CONFIG.slow_m_s}
+    # The tip clears the next nosing by 5 cm: asin(0.21 / 0.45) = 27.8°.
+    assert world.arm_rad / DEG == pytest.approx(27.8, abs=0.5)
+    assert world.pitch_rad > SLOPE_RAD - CONFIG.mounted_rad
+    # The first nosing lies where belts on two nosings lift the rear pulley off the floor.
+    assert world.first_m - world.x_m < 0.0
+    world.run("climb")
+    assert world.phases == ["search", "align", "approach", "mount", "traction", "climb"]
+    assert "slipped" in world.plans[-1].cause
+
+
+def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
+    def far_off(seen: StairMap) -> StairMap:
+        return replace(seen, nosings_B=seen.nosings_B + np.array([0.6, 0.0, 0.0]))
+
+    world = World(spoil=far_off)
+    world.run("mount")
+    assert CONFIG.touched_rad < world.pitch_rad < CONFIG.touched_rad + 1.0 * DEG
+
+
+@pytest.mark.parametrize("slip", [0.05, 0.2])
+def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None:
+    world = World(slip=slip)
+    world.run("mount")
+    # At 0.1 m/s a map comes each 10 mm and corrects half: the slip of two.
+    assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
+
+
+def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
+    rng = np.random.default_rng(3)
+
+    def flicker(seen: StairMap) -> StairMap | None:
+        kept = rng.random(len(seen.nosings_B)) < 0.8
+        error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
+        return None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=False)
+
+    world = World(heading_rad=10.0 * DEG, spoil=flicker)
+    world.run("climb")
+    assert world.phases == ["search", "align", "approach", "mount", "traction", "climb"]
+
+
+def test_a_false_nosing_seen_once_does_not_begin_the_mount() -> None:
+    def ghost(seen: StairMap) -> StairMap:
+        nearer = seen.nosings_B[:1] - np.array([RUN_M, 0.0, RISE_M])
+        return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if world.maps == 12 else seen
+
+    world = World(spoil=ghost)
+    world.run("mount")
+    assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
+
+
+def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> None:
+    world = World(grip=0.02)
+    plan = world.run("back_off")
+    assert plan.cause.startswith("too little friction: ")
+    assert f"below {1.065 * math.tan(SLOPE_RAD):.2f}" in plan.cause
+    from_m = world.x_m
+    plan = world.run("refused")
+    assert plan.cause.startswith("too little friction: ")
+    assert world.pitch_rad < 2.0 * DEG
+    assert 0.3 < from_m - world.x_m < 0.9
+    backing = [plan for plan in world.plans if plan.phase == "back_off"][1:]
+    assert {plan.speed_m_s for plan in backing} == {-CONFIG.slow_m_s}
+    world.run(limit_s=1.0)
+    assert world.plans[-1].speed_m_s == 0.0
+
+
+def test_the_belts_do_not_steer_in_the_test() -> None:
+    world = World()
+    world.run("climb")
+    assert {plan.turn_m_s for plan in world.plans if plan.phase == "traction"} == {0.0}
+
+
+# --- climb: walls
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "sign"),
+    [(None, None, 0), (0.40, None, -1), (None, 0.40, 1), (0.60, None, 0), (0.45, 0.75, -1), (0.75, 0.45, 1), (0.6, 0.6, 0)],
+)
+def test_it_steers_off_a_wall_that_is_near_and_to_the_middle_between_two(
+    left: float | None, right: float | None, sign: int
+) -> None:
+    world = World(spoil=lambda seen: replace(seen, left_wall_m=left, right_wall_m=right))
+    world.run("climb")
+    world.run(limit_s=0.5)
+    heading = world.plans[-1].heading_rad
+    # A wall at the left is left by turning right: a negative heading.
+    assert np.sign(heading) == sign
+    assert abs(heading) <= CONFIG.aside_limit_rad
+
+
+# --- climb to crest, land, arrived
+
+
+class Script:
+    """Stands for the crest: plays stages, and keeps what it is told."""
+
+    made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
+    stages: tuple[str, ...] = ("climb", "slow", "reach", "carry", "lead", "land", "done")
+
+    def __init__(self, config: CrestConfig, nosing_ahead_m: float) -> None:
+        self.config, self.ahead_m, self.seen = config, nosing_ahead_m, 0
+        self.steps = 0
+        Script.made.append(self)
+
+    def nosing_seen(self, ahead_m: float) -> None:
+        del ahead_m
+        self.seen += 1
+
+    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> CrestCommand:
+        del arm, tracks
+        stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)]
+        self.steps += 1
+        still = ArmCommand(t_s=imu.t_s, rate_rad_s=0.0)
+        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=0.05, arm=still, tip_n=90.0)
+
+
+@pytest.fixture
+def crest(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
+    Script.made = []
+    monkeypatch.setattr(ascent, "Crest", Script)
+    return Script
+
+
+def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: type[Script]) -> None:
+    world = World(steps=6)
+    world.run("crest")
+    (made,) = crest.made
+    front = made.ahead_m - PIVOT_M
+    assert CONFIG.unseen_end_m < front < CONFIG.crest_from_m
+    assert made.config.payload_kg == CONFIG.payload_kg
+    assert made.seen > 0
+    assert f"pitch {SLOPE_RAD / DEG:.1f}°, 90 N on the arm's tip" in world.plans[-1].cause
+    assert not world.plans[-1].needs_stair
+
+
+def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(crest: type[Script]) -> None:
+    world = World(steps=6, spoil=lambda seen: replace(seen, ends=False))
+    world.run("crest")
+    (made,) = crest.made
+    assert made.ahead_m - PIVOT_M == pytest.approx(CONFIG.unseen_end_m, abs=0.01)
+    # No frame tells a better place of it.
+    assert made.seen == 0
+
+
+@pytest.mark.usefixtures("crest")
+def test_the_crest_follows_its_stages_and_arrives_level() -> None:
+    world = World(steps=6)
+    world.run("land")
+    world.run(limit_s=0.5)
+    # Done, but still pitched: not there.
+    assert world.plans[-1].phase == "land"
+    world.first_m = 99.0  # the floor is level from now on
+    world.run("arrived")
+    assert world.phases[-3:] == ["crest", "land", "arrived"]
+    assert world.plans[-1].cause.startswith("on the landing, pitch 0.0°")
+    world.run(limit_s=0.5)
+    assert (world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == (0.0, 0.0)
+
+
+def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> None:
+    world = World(steps=6)
+    silent = world.planner.feel
+    world.planner.feel = lambda signal: None if isinstance(signal, ArmReading) else silent(signal)  # type: ignore[method-assign]
+    world.run("climb")
+    assert all(plan.arm is None for plan in world.plans)
+
+
+def test_on_the_flight_the_arm_goes_back_to_its_rest() -> None:
+    world = World(steps=14)
+    world.run("climb")
+    world.run(limit_s=4.0)
+    assert world.arm_rad / DEG == pytest.approx(CHAIR.tracks.approach_angle_deg, abs=0.5)
