@@ -1,0 +1,299 @@
+"""The phases of a traversal down, each way in and out, with hand-made maps, belts and IMU; the edge has its own tests."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.control.edge import EdgeCommand, EdgeConfig
+from treadline.errors import SettingsError
+from treadline.mechanics.chair import read_chair
+from treadline.mission import descent
+from treadline.mission.config import MissionConfig, planner_of
+from treadline.mission.descent import Descent, DescentConfig
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
+
+CHAIR = read_chair("wheelchair")
+CONFIG = DescentConfig(chair=CHAIR, payload_kg=50.0)
+PIVOT_M, TICK_S = 0.5 * CHAIR.tracks.flat_run_m, 0.01
+RISE_M, RUN_M, STEPS = 0.16, 0.30, 8
+SLOPE_RAD = math.atan2(RISE_M, RUN_M)
+EDGE_M = (STEPS - 1) * RUN_M
+"""Where the last nosing stands, the landing's edge; the first stands at zero."""
+
+
+@dataclass(kw_only=True)
+class World:
+    """A chair that does what its plan says, on a landing, facing up, its camera looking back over the flight."""
+
+    planner: Descent = field(default_factory=lambda: Descent(CONFIG))
+    heading_rad: float = 0.0
+    x_m: float = EDGE_M + 1.6
+    knows: bool = True
+    """Whether the filter has a heading."""
+    shows_end: bool = True
+    spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
+    """What the camera makes of a map."""
+
+    def __post_init__(self) -> None:
+        self.t_s = 0.0
+        self.z_m, self.pitch_rad = STEPS * RISE_M, 0.0
+        if self.x_m < EDGE_M:
+            self.z_m, self.pitch_rad = (self.x_m / RUN_M + 1.0) * RISE_M, SLOPE_RAD
+        self.turned = 0.0
+        self.plans: list[Plan] = []
+
+    def run(self, *until: str, limit_s: float = 60.0) -> Plan:
+        """Tick until a phase has begun, or for the time given."""
+        end_s = self.t_s + limit_s
+        while self.t_s < end_s:
+            plan = self.tick()
+            if plan.phase in until:
+                return plan
+        assert not until, f"still in {plan.phase}: {plan.cause}"
+        return plan
+
+    def tick(self) -> Plan:
+        speed = self._move()
+        R = rotation_y(-self.pitch_rad)
+        signals: list[Any] = [
+            TrackReading(t_s=self.t_s, left_m_s=speed, right_m_s=speed, brake_on=False),
+            ArmReading(t_s=self.t_s, angle_rad=0.7, torque_n_m=0.0),
+            ImuSample(
+                t_s=self.t_s,
+                orientation=quaternion_of(R),
+                angular_velocity_rad_s=np.array([0.0, 0.0, self.turned]),
+                linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, 9.81]),
+            ),
+        ]
+        if round(self.t_s / TICK_S) % 10 == 0:
+            seen = self.spoil(self.camera())
+            signals += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
+        for signal in signals:
+            self.planner.feel(signal)
+        estimate = HeadingEstimate(
+            t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
+        )
+        plan = self.planner.step(self.t_s, estimate if self.knows else None)
+        self.plans.append(plan)
+        self.t_s += TICK_S
+        return plan
+
+    def _move(self) -> float:
+        """Do what the last plan says."""
+        plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
+        moved = plan.speed_m_s * TICK_S
+        self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
+        self.z_m += moved * math.sin(self.pitch_rad)
+        if self.z_m < 0.0 or self.x_m < 0.0:
+            # The rear has reached the floor: the pitch goes with the way that is left to where mid-track leaves the first nosing.
+            self.pitch_rad = SLOPE_RAD * min(max((self.x_m + PIVOT_M) / PIVOT_M, 0.0), 1.0)
+        elif EDGE_M - 0.05 < self.x_m < EDGE_M and plan.phase in ("edge", "descend"):
+            self.pitch_rad = SLOPE_RAD
+        turn = self.heading_rad * -0.3 if plan.turn_m_s is None else plan.turn_m_s
+        self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
+        self.heading_rad += self.turned * TICK_S
+        return plan.speed_m_s
+
+    def camera(self) -> StairMap:
+        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        nosings = []
+        for k in reversed(range(STEPS)):
+            along, up = (k * RUN_M - self.x_m) / math.cos(self.heading_rad), (k + 1) * RISE_M - self.z_m
+            x, z = along * c + up * s, up * c - along * s
+            if -3.2 < x < -PIVOT_M:
+                nosings.append((k, [x, 0.0, z]))
+        return StairMap(
+            t_s=self.t_s,
+            direction="down",
+            nosings_B=np.array([place for _, place in nosings] or np.empty((0, 3))).reshape(-1, 3),
+            rise_m=RISE_M,
+            run_m=RUN_M,
+            slope_rad=SLOPE_RAD,
+            ends=self.shows_end and bool(nosings) and nosings[-1][0] == 0,
+            left_wall_m=None,
+            right_wall_m=None,
+            obstacle_m=None,
+        )
+
+    @property
+    def phases(self) -> list[str]:
+        return [plan.phase for k, plan in enumerate(self.plans) if k == 0 or plan.phase != self.plans[k - 1].phase]
+
+
+class Script:
+    """Stands for the edge: approaches, then plays stages, and keeps what it is told."""
+
+    made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
+    stages: tuple[str, ...] = ("press", "lift", "settle", "leave", "done")
+
+    def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
+        self.config, self.behind_m, self.slope_rad = config, nosing_behind_m, slope_rad
+        self.steps = 0
+        Script.made.append(self)
+
+    def nosing_seen(self, behind_m: float) -> None:
+        self.behind_m = behind_m
+
+    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> EdgeCommand:
+        del arm, tracks
+        near = self.behind_m < 0.02
+        stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)] if near else "approach"
+        self.steps += near
+        still = ArmCommand(t_s=imu.t_s, rate_rad_s=0.1)
+        return EdgeCommand(t_s=imu.t_s, stage=stage, speed_m_s=-0.1, arm=still, tip_n=90.0)
+
+
+@pytest.fixture
+def edge(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
+    Script.made, Script.stages = [], ("press", "lift", "settle", "leave", "done")
+    monkeypatch.setattr(descent, "Edge", Script)
+    return Script
+
+
+def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> None:
+    world = World(spoil=lambda seen: replace(seen, direction="up"), knows=False)
+    while world.tick().hold is None:
+        assert world.t_s < 40.0
+    assert world.phases == ["search"]
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    assert world.plans[-1].hold == "no stair in view behind, to neither side"
+
+
+@pytest.mark.usefixtures("edge")
+@pytest.mark.parametrize("heading_deg", [-30.0, 0.0, 30.0])
+def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> None:
+    world = World(heading_rad=heading_deg * DEG)
+    plan = world.run("approach")
+    assert world.t_s < 10.0
+    assert abs(world.heading_rad) < 1.0 * DEG
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    behind = re.search(r"edge (\d\.\d\d) m behind", plan.cause)
+    assert behind is not None
+    # The first maps of a turn are a tick older than its heading.
+    assert float(behind[1]) == pytest.approx(world.x_m - EDGE_M - PIVOT_M, abs=0.015)
+
+
+def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
+    world = World(heading_rad=30.0 * DEG)
+    world.run("align")
+    world.knows = False
+    world.run(limit_s=1.0)
+    assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
+
+
+def test_what_mechanics_forbid_is_refused_on_the_landing_with_its_number() -> None:
+    world = World(spoil=lambda seen: replace(seen, rise_m=0.20, run_m=0.27, slope_rad=36.5 * DEG))
+    assert "36.5°" in world.run("refused").cause
+    world.run(limit_s=1.0)
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+
+
+def test_an_edge_under_the_chair_holds_it() -> None:
+    world = World(x_m=EDGE_M + 0.3)
+    # A camera of a chair that stands over the edge: it shows the edge all the same.
+    world.spoil = lambda seen: replace(seen, nosings_B=np.vstack([[-0.3, 0.0, 0.0], seen.nosings_B]))
+    while world.tick().hold is None:
+        assert world.t_s < 5.0
+    assert world.plans[-1].hold == "square to the flight, and its edge is not behind the chair"
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+
+
+def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(edge: type[Script]) -> None:
+    world = World()
+    world.run("approach")
+    (made,) = edge.made
+    assert made.behind_m == pytest.approx(1.6, abs=0.02)
+    assert made.slope_rad == pytest.approx(SLOPE_RAD)
+    assert (made.config.payload_kg, made.config.cruise_m_s) == (CONFIG.payload_kg, CONFIG.slow_m_s)
+    world.run("edge")
+    assert made.behind_m == pytest.approx(world.x_m - EDGE_M, abs=0.02)
+    assert world.plans[-1].cause == "press: 90 N on the arm's tip"
+    assert world.plans[-1].arm is not None
+    assert not world.plans[-1].needs_stair
+
+
+@pytest.mark.usefixtures("edge")
+def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
+    world = World()
+    world.run("arrived", limit_s=120.0)
+    assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
+    assert world.plans[-1].cause.startswith("on the floor, pitch 0.0°")
+    # The front pulley is clear of the first nosing by 10 cm.
+    assert world.x_m + PIVOT_M == pytest.approx(-CONFIG.left_m, abs=0.02)
+    going = [plan.speed_m_s for plan in world.plans if plan.phase == "descend"][1:]
+    assert set(going) == {-CONFIG.cruise_m_s, -CONFIG.slow_m_s}
+    assert going == sorted(going)
+    # Half a metre before the last nosing it is slow, and no stair need be seen.
+    slow = [plan for plan in world.plans if plan.phase == "descend" and plan.speed_m_s == -CONFIG.slow_m_s]
+    assert len(slow) * TICK_S * CONFIG.slow_m_s == pytest.approx(CONFIG.slow_from_m, abs=0.03)
+    assert not any(plan.needs_stair for plan in slow[1:])
+    assert {plan.speed_m_s for plan in world.plans if plan.phase == "leave"} == {-CONFIG.slow_m_s}
+    world.run(limit_s=0.5)
+    assert (world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == (0.0, 0.0)
+
+
+@pytest.mark.usefixtures("edge")
+def test_a_foot_that_no_frame_shows_is_met_slowly_where_the_lowest_nosing_ever_seen_is() -> None:
+    world = World(shows_end=False)
+    world.run("leave", limit_s=90.0)
+    assert "no nosing seen beyond" in world.plans[-1].cause
+    assert world.plans[-2].speed_m_s == -CONFIG.slow_m_s
+    world.run("arrived", limit_s=60.0)
+
+
+def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
+    edge.stages = ("press", "lower", "barred")
+    world = World()
+    world.run("edge")
+    while world.tick().hold is None:
+        assert world.t_s < 60.0
+    assert world.plans[-1].hold == "the arm could not let the chair down over the edge; it stands on the landing again"
+    assert world.plans[-1].phase == "edge"
+
+
+def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_descends() -> None:
+    world = World(x_m=0.5 * EDGE_M, knows=False)
+    world.run(limit_s=2.0)
+    assert {plan.phase for plan in world.plans} == {"search"}
+    assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
+    world.knows = True
+    assert "on a flight" in world.run("descend").cause
+    world.run("leave", "arrived")
+
+
+def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Script]) -> None:
+    rng = np.random.default_rng(4)
+
+    def flicker(seen: StairMap) -> StairMap | None:
+        kept = rng.random(len(seen.nosings_B)) < 0.8
+        kept[:1] = True
+        error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
+        return None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=False)
+
+    world = World(heading_rad=-10.0 * DEG, spoil=flicker)
+    world.run("arrived", limit_s=120.0)
+    assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
+    assert len(edge.made) == 1
+
+
+def test_a_false_nosing_seen_once_beyond_the_edge_moves_nothing(edge: type[Script]) -> None:
+    def ghost(seen: StairMap) -> StairMap:
+        nearer = seen.nosings_B[:1] + np.array([RUN_M, 0.0, RISE_M])
+        return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if 0.25 < world.t_s < 0.35 else seen
+
+    world = World(spoil=ghost)
+    world.run("approach")
+    assert edge.made[0].behind_m == pytest.approx(1.6, abs=0.02)
+
+
+@pytest.mark.parametrize("changes", [{"loop": "open"}, {"vision": "paper"}, {"chair": read_chair("wheelchair-fixed")}])
+def test_coming_down_is_refused_without_arm_closed_loop_or_robust_vision(changes: dict[str, Any]) -> None:
+    config = MissionConfig(**({"chair": CHAIR, "direction": "down"} | changes))
+    with pytest.raises(SettingsError, match="coming down needs"):
+        planner_of(config)
