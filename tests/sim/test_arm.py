@@ -56,11 +56,12 @@ def with_arm(**changes: object) -> ChairDescription:
 
 
 def test_a_chair_without_an_arm_is_the_chair_it_was() -> None:
-    staircase = build_staircase(Stair(), np.random.default_rng(0))
+    # Without walls: these have become shorter since.
+    staircase = build_staircase(Stair(walls="none"), np.random.default_rng(0))
     scene = scene_xml(staircase, read_chair("wheelchair-fixed"), Chair())
     # The scene as it was before there were arms. Nine digits: the last ones are the platform's sine.
     rounded = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: f"{float(number[0]):.9g}", scene)
-    assert hashlib.sha256(rounded.encode()).hexdigest() == "19ea56015149566bef8ef9a8657a24ed5549774e3aad80bd7ccef5b12a67ca6d"
+    assert hashlib.sha256(rounded.encode()).hexdigest() == "f4314d80ba0309b5e8eceef6914d11b3633ce4a17a2f365244b6d739ad9ab29b"
 
 
 def test_a_chair_without_an_arm_reports_none_and_ignores_its_command() -> None:
