@@ -1,5 +1,6 @@
 """``treadline nodes``: the whole graph, in one process or each node in its own."""
 
+import math
 import subprocess
 import sys
 import time
@@ -9,6 +10,8 @@ from typing import Any, Literal
 from treadline.cli.answer import Answer
 from treadline.cli.node import TransportName, stopping, told, wired
 
+GONE_S = 4.0
+"""After a node was lost, for the guard to hold and a bystander to see it."""
 LEAVE_S = 5.0
 """For nodes that were asked to end."""
 
@@ -55,7 +58,7 @@ def nodes(
 
     names = [name for name in DRIVING if name != without] + (["recorder"] if out is not None else [])
     running: dict[str, subprocess.Popen[bytes]] = {}
-    watch = _Watch()
+    watch = _Watch(seconds)
     watch.listen(wire)
     stop = stopping()
     try:
@@ -72,13 +75,16 @@ def nodes(
 
 
 def _supervise(running: dict[str, subprocess.Popen[bytes]], wire: Any, watch: "_Watch", stop: Any) -> str | None:
-    """Watch until the traversal is over; return which node ended without being asked."""
-    while not stop.is_set() and not watch.over:
+    """Watch until the traversal is over; return which node ended without being asked: the guard has a while to hold for it."""
+    ended, until_s = None, math.inf
+    while not stop.is_set() and not watch.over and time.monotonic() < until_s:
         wire.deliver(0.1)
-        for name, process in running.items():
-            if process.poll() is not None:
-                return None if name == "plant" and process.returncode == 0 else name
-    return None
+        gone = next((name for name, process in running.items() if process.poll() is not None), None)
+        if gone == "plant" and running[gone].returncode == 0:
+            return None
+        if gone is not None and ended is None:
+            ended, until_s = gone, time.monotonic() + GONE_S
+    return ended
 
 
 def _end(running: dict[str, subprocess.Popen[bytes]]) -> None:
@@ -99,7 +105,8 @@ class _Watch:
     AFTER_S = 1.0
     """How long a held chair is watched."""
 
-    def __init__(self) -> None:
+    def __init__(self, until_s: float) -> None:
+        self._until_s = until_s
         self.over = False
         self._phase = "search"
         self._holding: str | None = None
@@ -123,10 +130,10 @@ class _Watch:
         verdict = "time_up"
         if self._holding is not None:
             verdict = "held"
-        elif self._phase in ("arrived", "refused"):
-            verdict = self._phase
         elif ended is not None:
             verdict = "ended"
+        elif self._phase in ("arrived", "refused"):
+            verdict = self._phase
         count = len(self._headings)
         rms_deg = (sum(heading**2 for heading in self._headings) / count) ** 0.5 / DEG if count else None
         cause = self._holding or (f"node {ended} ended" if ended else None)
@@ -153,6 +160,8 @@ class _Watch:
         self.over = self.over or plan.phase in ("arrived", "refused")
 
     def _guard(self, state: Any) -> None:
+        if state.t_s >= self._until_s:
+            return  # the plant has ended: that it is silent is as it should be
         self._holding = state.holding
         if state.holding is not None and self._held_s is None:
             self._held_s = state.t_s
@@ -160,7 +169,7 @@ class _Watch:
     def _event(self, told: Any) -> None:
         from treadline.signals import Event
 
-        if isinstance(told, Event):
+        if isinstance(told, Event) and told.t_s < self._until_s:
             self._events.append({"t_s": told.t_s, "name": told.name, "cause": told.cause})
 
     def _truth(self, truth: Any) -> None:
@@ -187,7 +196,7 @@ def _in_one_process(settings: Any, config: Any, seed: int, seconds: float, out: 
     plant = faulty(open_plant(settings, seed), settings, seed)
     recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
     graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,))
-    watch = _Watch()
+    watch = _Watch(seconds)
     watch.listen(graph.transport)
     stop = stopping()
     t_s = 0.0

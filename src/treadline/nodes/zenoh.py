@@ -67,7 +67,7 @@ class ZenohTransport(WireTransport):
         if connect is not None:
             config.insert_json5("connect/endpoints", f'["{connect}"]')
             # Nodes start in any order, and one that was killed comes back.
-            config.insert_json5("connect/timeout_ms", "0")
+            config.insert_json5("connect/timeout_ms", "-1")
             config.insert_json5("connect/exit_on_failure", "false")
             config.insert_json5("connect/retry", "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}")
         return config
