@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.control.allocate import BeltLimits, climb_safe, clipped
+from treadline.control.allocate import BeltLimits, back_safe, climb_safe, clipped
 
 ROUNDING = 1e-12
 asked_m_s = st.floats(min_value=-1e3, max_value=1e3)
@@ -57,3 +57,37 @@ def test_a_square_chair_climbs_at_the_operators_speed(climb: float) -> None:
 def test_the_papers_allocation_only_clips(left: float, right: float) -> None:
     given_m_s = clipped(np.array([left, right]), limits(0.2))
     np.testing.assert_array_equal(given_m_s, [max(-1.0, min(1.0, left)), max(-1.0, min(1.0, right))])
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
+def test_backing_down_no_belt_runs_uphill_and_none_lets_down_faster_than_half_as_much_again(
+    left: float, right: float, climb: float
+) -> None:
+    given_m_s = back_safe(np.array([left, right]), limits(climb))
+    assert given_m_s.max() <= -0.5 * climb + ROUNDING
+    assert given_m_s.min() >= -1.5 * climb - ROUNDING
+    # Within the belts' limit, for no pace is above 0.3 m/s.
+    assert given_m_s.min() >= -1.0
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
+def test_backing_down_the_pace_is_kept_whatever_is_asked(left: float, right: float, climb: float) -> None:
+    assert abs(back_safe(np.array([left, right]), limits(climb)).mean() + climb) < ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(share=st.floats(min_value=-0.5, max_value=0.5), climb=climb_m_s)
+def test_backing_down_steering_is_kept_up_to_half_the_pace_and_turns_the_same_way(share: float, climb: float) -> None:
+    half = share * climb
+    given_m_s = back_safe(np.array([-half, half]), limits(climb))
+    # Right less left turns left, whichever way the belts run.
+    assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
+def test_backing_down_saturation_never_turns_the_other_way(half: float, climb: float) -> None:
+    given_m_s = back_safe(np.array([-half, half]), limits(climb))
+    assert (given_m_s[1] - given_m_s[0]) * half >= 0.0
