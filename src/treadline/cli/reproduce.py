@@ -1,11 +1,22 @@
 """``treadline reproduce``: the whole paper."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from treadline.cli.answer import Answer
 
+if TYPE_CHECKING:
+    from treadline.experiments.plan import Plan
 
-def reproduce(*, out: Path = Path("reproduce"), quick: bool = False, workers: int | None = None) -> Answer:
+
+def reproduce(
+    *,
+    out: Path = Path("reproduce"),
+    quick: bool = False,
+    workers: int | None = None,
+    plant: str = "mujoco",
+    seeds: int | None = None,
+) -> Answer:
     """Run the paper's system whole and write one report that puts our figures beside the paper's.
 
     Excites, identifies, tunes, climbs, levels and sees on stairs of 25, 28 and 30°; writes report.html, results.json,
@@ -15,7 +26,11 @@ def reproduce(*, out: Path = Path("reproduce"), quick: bool = False, workers: in
         out: Folder of the results.
         quick: Fewer seeds and shorter runs, in under a minute; figures are marked as such.
         workers: Processes; as many as there are cores when left out.
+        plant: mujoco, or gazebo: Fig. 8, 9, 10 and Table II in Gazebo 11, with a controller identified there, beside MuJoCo.
+        seeds: How many of the plan's seeds to run; one when left out with --plant gazebo, else all.
     """
+    from dataclasses import replace
+
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
     from treadline.experiments.plan import QUICK, WHOLE
@@ -25,7 +40,14 @@ def reproduce(*, out: Path = Path("reproduce"), quick: bool = False, workers: in
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
+    if plant not in ("mujoco", "gazebo"):
+        raise SettingsError(f"--plant is '{plant}'; allowed: mujoco, gazebo")
     plan = QUICK if quick else WHOLE
+    if seeds is not None and not 1 <= seeds <= len(plan.seeds):
+        raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")
+    plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
+    if plant == "gazebo":
+        return _in_gazebo(plan, out, workers or default_workers())
     with Progress("reproduce", job_count(plan)) as progress:
         results = reproduce_paper(plan, out, workers=workers or default_workers(), done=progress.done)
     path = write_report(out)
@@ -33,3 +55,13 @@ def reproduce(*, out: Path = Path("reproduce"), quick: bool = False, workers: in
         values=results,
         summary=[f"done in {results['wall_s']:.0f} s; results: {out / 'results.json'}", f"report: {path}"],
     )
+
+
+def _in_gazebo(plan: "Plan", out: Path, workers: int) -> Answer:
+    from treadline.cli.progress import Progress
+    from treadline.experiments.gazebo import job_count, reproduce_in_gazebo, summary
+
+    with Progress("reproduce", job_count(plan)) as progress:
+        values = reproduce_in_gazebo(plan, out, workers=workers, done=progress.done)
+    place = f"done in {values['wall_s']:.0f} s; results: {out / 'results.json'}"
+    return Answer(values=values, summary=[*summary(values), place])

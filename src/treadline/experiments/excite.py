@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from treadline import paper
-from treadline.experiments.traverse import Sink, Traverse, Watch, traverse
+from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, traverse
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.models import InputOutputRecord
 from treadline.scenario import Scenario
 from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.sim import open_plant as open_mujoco
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
 INPUTS = ("left_m_s", "right_m_s")
@@ -63,13 +64,15 @@ def excite(
     seed: int,
     sink: Sink | None = None,
     watch: Watch | None = None,
+    open_plant: Opener = open_mujoco,
 ) -> Excited:
     """Return ``samples`` of random driving on a flight made long enough for them."""
     driver = ExcitationDriver(
         Excitation(ExcitationConfig(mean_m_s=scenario.drive.speed_m_s), np.random.default_rng([seed, 5])),
         period_s,
     )
-    run = traverse(long_enough(scenario, (samples + 1) * period_s), seed=seed, driver=driver, sink=sink, watch=watch)
+    whole = long_enough(scenario, (samples + 1) * period_s)
+    run = traverse(whole, seed=seed, driver=driver, sink=sink, watch=watch, open_plant=open_plant)
     count = min(samples, len(driver.u))
     record = InputOutputRecord(
         u=np.array(driver.u[:count]).reshape(-1, len(INPUTS)),

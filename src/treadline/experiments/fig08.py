@@ -14,9 +14,12 @@ from treadline.angles import DEG
 from treadline.experiments.excite import PERIOD_S
 from treadline.experiments.plan import excitation
 from treadline.experiments.recorded import recorded_excitation
+from treadline.experiments.traverse import Opener
 from treadline.identification import identify
 from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.models import InputOutputRecord, LinearModel
+from treadline.scenario import Scenario
+from treadline.sim import open_plant as open_mujoco
 
 IMPULSE_S = 20.0
 """The span that is drawn; the integrator holds what the first second did."""
@@ -34,16 +37,20 @@ class ExciteJob:
     seed: int
     folder: Path
     image_every: int = 0
+    scenario: Scenario | None = None
+    """In which to drive; None is that of the slope."""
+    open_plant: Opener = open_mujoco
 
     def run(self) -> "Recording":
         """Drive and return the record."""
         excited = recorded_excitation(
             self.folder,
-            excitation(self.slope_deg),
+            self.scenario or excitation(self.slope_deg),
             samples=self.samples,
             period_s=PERIOD_S,
             seed=self.seed,
             image_every=self.image_every,
+            open_plant=self.open_plant,
         )
         return Recording(
             slope_deg=self.slope_deg,

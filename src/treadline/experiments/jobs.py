@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from treadline.experiments.recorded import recorded_run
+from treadline.experiments.traverse import Opener
 from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
+from treadline.sim import open_plant as open_mujoco
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,6 +25,8 @@ class RunJob:
     """Keep an MCAP log; one run per figure does, the rest keep their series only."""
     image_every: int = 0
     """Keep every n-th frame in the log; 0 keeps none."""
+    open_plant: Opener = open_mujoco
+    """Which simulator; a function of a module, for the job may be done by another process."""
 
     def run(self) -> dict[str, Any]:
         """Drive, and return the labels with the run's summary."""
@@ -33,5 +37,6 @@ class RunJob:
             seed=self.seed,
             log=self.log,
             image_every=self.image_every,
+            open_plant=self.open_plant,
         )
         return {**self.labels, **run.summary(), "cpu_s": run.cpu_s, "run": self.folder.name}

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.experiments.excite import Excited, excite, long_enough
 from treadline.experiments.scores import Trace
-from treadline.experiments.traverse import Sink, Traverse, Watch, mission_config, traverse
+from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, traverse
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
 from treadline.io.runs import LOG, write_manifest, write_result, write_series
@@ -19,6 +19,7 @@ from treadline.mission.config import heading_driver
 from treadline.mission.drivers import Driver
 from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
+from treadline.sim import open_plant as open_mujoco
 
 SERIES = {
     "heading_deg": "heading_rad",
@@ -40,6 +41,7 @@ def recorded_run(
     log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
+    open_plant: Opener = open_mujoco,
 ) -> Traverse:
     """Drive a scenario and write its run folder.
 
@@ -51,7 +53,9 @@ def recorded_run(
     _begin(folder, scenario, seed)
     run: Traverse = _logged(
         folder,
-        lambda sink: traverse(scenario, controller=controller, seed=seed, driver=driver, sink=sink, watch=watch),
+        lambda sink: traverse(
+            scenario, controller=controller, seed=seed, driver=driver, sink=sink, watch=watch, open_plant=open_plant
+        ),
         log=log,
         image_every=image_every,
     )
@@ -69,13 +73,14 @@ def recorded_excitation(
     log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
+    open_plant: Opener = open_mujoco,
 ) -> Excited:
     """Excite a scenario and write its run folder, ``record.csv`` included."""
     mission_config(scenario, None)
     _begin(folder, long_enough(scenario, (samples + 1) * period_s), seed)
     excited: Excited = _logged(
         folder,
-        lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch),
+        lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch, open_plant=open_plant),
         log=log,
         image_every=image_every,
     )

@@ -43,7 +43,7 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
     figures.mkdir(parents=True, exist_ok=True)
 
     recordings = run_jobs(_excitations(plan, runs), workers=workers, done=done)
-    controller, fig08_by_slope = _learn(plan, recordings, out)
+    controller, fig08_by_slope = learn(plan, recordings, out)
     results = run_jobs(_drives(plan, controller, runs), workers=workers, done=done)
     safe, sliding, straight, printed = _sorted_out(results)
 
@@ -96,7 +96,8 @@ def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
     ]
 
 
-def _learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[int, dict[str, Any]]]:
+def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[int, dict[str, Any]]]:
+    """Return the controller tuned on what was identified, and each slope's figures; models and controller are written to files."""
     fresh = {item.slope_deg: item.record for item in recordings if item.seed == FRESH_SEED}
     figures: dict[int, dict[str, Any]] = {}
     controller: ControllerDesign | None = None

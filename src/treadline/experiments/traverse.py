@@ -14,6 +14,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
+from treadline.faults import Process, is_killed
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks, is_whole
@@ -24,7 +25,7 @@ from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
 from treadline.signals import Event, Plan
-from treadline.sim import open_plant
+from treadline.sim import open_plant as open_mujoco
 from treadline.sim.faults import faulty
 
 FALLEN_RAD = 25.0 * DEG
@@ -33,6 +34,8 @@ LEVEL_RAD = 4.0 * DEG
 SEAT_SHIFT_M = 0.10
 """How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
 
+Opener = Callable[[Scenario, int], TruthPlant]
+"""Makes a scenario's plant from a seed."""
 Sink = Callable[[Signal | Truth], None]
 """Takes all that happens in a run, truth included: a log."""
 Watch = Callable[[Tick], None]
@@ -153,11 +156,13 @@ def traverse(
     sink: Sink | None = None,
     watch: Watch | None = None,
     after_hold_s: float = 0.0,
+    open_plant: Opener = open_mujoco,
 ) -> Traverse:
     """Return one run, driven by ``controller`` unless an experiment brings its own ``driver``.
 
     Args:
         after_hold_s: How long a held chair is watched before the run ends.
+        open_plant: Which simulator.
 
     Raises:
         SettingsError: If the scenario asks for what the chair cannot do.
@@ -179,7 +184,7 @@ def traverse(
     over: tuple[str, str | None] | None = None if refusal is None else ("refused", refusal)
     held_s = 0.0
     try:
-        mission = Mission(plant, blocks, ride.log)
+        mission = Mission(plant, blocks, ride.log, lambda t_s: is_killed(scenario.fault, Process.CONTROLLER, t_s))
         if over is not None:
             ride.collect(plant)
         while over is None or (over[0] == "held" and held_s < after_hold_s):

@@ -116,7 +116,7 @@ class GazeboPlant:
             return StatisticalCamera(self.staircase, calibration, rng, exact=vision == "truth")
         raise SettingsError(
             f"sensors.camera = '{sensors.camera}': the Gazebo plant renders no frames; "
-            "take camera = \"statistical\" or control.vision = \"truth\""
+            'take camera = "statistical" or control.vision = "truth"'
         )
 
     def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:

@@ -1,0 +1,133 @@
+"""Fig. 8, 9, 10 and Table II in Gazebo, as the paper ran them: excited, identified and driven there, and beside it in MuJoCo.
+
+Paper: Section VI, Fig. 8–10, Table II.
+
+The camera tells what the stair detector would say of a frame (decision 0016) in both simulators, so that they differ in their
+contacts alone. One seed is one run of each row.
+"""
+
+import json
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.experiments import fig09, table2
+from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.jobs import RunJob
+from treadline.experiments.plan import FIG10_SLOPE, Plan, excitation
+from treadline.experiments.pool import run_jobs
+from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
+from treadline.experiments.traverse import Opener
+from treadline.gazebo import find_environment, open_gazebo
+from treadline.io.plain import plain
+from treadline.io.provenance import provenance
+from treadline.models import ControllerDesign, write_whole
+from treadline.scenario import Scenario
+from treadline.sim import open_plant as open_mujoco
+
+SIMULATORS: dict[str, Opener] = {"gazebo": open_gazebo, "mujoco": open_mujoco}
+EXCITE_SLOPES_DEG = (FIG10_SLOPE,)
+"""The controller's own slope is enough here."""
+
+
+def job_count(plan: Plan) -> int:
+    """Return how many parts ``reproduce_in_gazebo`` will report as done."""
+    drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
+    return len(SIMULATORS) * (len(_excitations(plan, Path(), open_mujoco)) + drives)
+
+
+def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
+    """Run both simulators and write ``results.json``, and per simulator ``model-28.json``, ``controller.json`` and ``runs/``.
+
+    Returns:
+        What ``results.json`` holds.
+
+    Raises:
+        GazeboError: If there is no Gazebo here: before anything is run.
+    """
+    find_environment()
+    started = time.monotonic()
+    plan = replace(plan, excite_slopes_deg=EXCITE_SLOPES_DEG)
+    found = {
+        name: _paper_in(plan, out / name, open_plant, workers=workers, done=lambda what, name=name: done(f"{name} {what}"))
+        for name, open_plant in SIMULATORS.items()
+    }
+    values: dict[str, Any] = plain(
+        {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
+    )
+    write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
+    return values
+
+
+def compared(gazebo: dict[str, Any], mujoco: dict[str, Any]) -> dict[str, Any]:
+    """Return what the paper's figures come to in each simulator, and how far apart they are."""
+    pairs = list(zip(gazebo["table2"], mujoco["table2"], strict=True))
+    gaps = [abs(one["rms_heading_deg"] - other["rms_heading_deg"]) for one, other in pairs]
+    return {
+        "table2_mean_deg": {"gazebo": _mean(gazebo["table2"]), "mujoco": _mean(mujoco["table2"])},
+        "table2_largest_gap_deg": max(gaps),
+        "straight_closed_worst_rms_deg": {
+            name: max(row["rms_heading_deg"] for row in rows["fig09"] if row["loop"] == "closed")
+            for name, rows in (("gazebo", gazebo), ("mujoco", mujoco))
+        },
+    }
+
+
+def summary(values: dict[str, Any]) -> list[str]:
+    """Return the table for people."""
+    lines = ["RMS heading [deg]          Gazebo  MuJoCo  paper"]
+    for one, other in zip(values["gazebo"]["table2"], values["mujoco"]["table2"], strict=True):
+        row = f"Table II {one['slope_deg']} deg from {one['start_heading_deg']:+d}"
+        lines.append(f"{row:26s} {one['rms_heading_deg']:6.2f}  {other['rms_heading_deg']:6.2f}  {one['paper_deg']:5.2f}")
+    for one, other in zip(values["gazebo"]["fig09"], values["mujoco"]["fig09"], strict=True):
+        row = f"Fig. 9 {one['slope_deg']} deg {one['loop']} loop"
+        lines.append(f"{row:26s} {one['rms_heading_deg']:6.2f}  {other['rms_heading_deg']:6.2f}")
+    return lines
+
+
+def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: Done) -> dict[str, Any]:
+    runs = out / "runs"
+    recordings: list[Recording] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
+    controller, fig08_by_slope = learn(plan, recordings, out)
+    results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=done)
+    turns = [result for result in results if result["kind"] == "turn"]
+    return {
+        "fig08": fig08_by_slope[FIG10_SLOPE],
+        "fig09": fig09.rows([result for result in results if result["kind"] == "straight"]),
+        "fig10": table2.fig10(turns),
+        "table2": table2.rows(turns),
+        "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
+    }
+
+
+def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
+    return [
+        ExciteJob(
+            name=f"excite-{slope}-seed{seed}",
+            slope_deg=slope,
+            samples=plan.samples,
+            seed=seed,
+            folder=runs / f"excite-{slope}-seed{seed}",
+            scenario=without_images(excitation(slope)),
+            open_plant=open_plant,
+        )
+        for slope in EXCITE_SLOPES_DEG
+        for seed in (FIT_SEED, FRESH_SEED)
+    ]
+
+
+def _drives(plan: Plan, controller: ControllerDesign, runs: Path, open_plant: Opener) -> list[RunJob]:
+    jobs = [*fig09.jobs(plan, controller, runs), *table2.jobs(plan, controller, runs, "climb-safe")]
+    return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]
+
+
+def without_images(scenario: Scenario) -> Scenario:
+    """Return the scenario with a camera that says what the stair detector would say of its frames."""
+    return scenario.model_copy(update={"sensors": scenario.sensors.model_copy(update={"camera": "statistical"})})
+
+
+def _mean(rows: list[dict[str, Any]]) -> float:
+    return float(np.mean([row["rms_heading_deg"] for row in rows]))
