@@ -46,6 +46,7 @@ class GazeboPlant:
         self._tick = 0
         self._arm_rad = 0.0
         self._began_s = 0.0
+        self._row = np.zeros(server.COLUMNS)
         self._pending: list[ChairState] = []
         self._readings: list[Reading] = []
         self._truth: list[Truth] = []
@@ -67,7 +68,8 @@ class GazeboPlant:
         self._began_s = float(rows[-1][server.T])
         self._readings.clear()
         self._truth.clear()
-        first = self._state_of(rows[-1])
+        first = self._state_of(rows[-2], rows[-1])
+        self._row = rows[-1]
         self._instruments.start(first.velocity_W)
         self._pending = [first]
 
@@ -82,7 +84,8 @@ class GazeboPlant:
             row = self._step(self.staircase.friction)
             self._tick += 1
             self._check(row)
-            self._pending.append(self._state_of(row))
+            self._pending.append(self._state_of(self._row, row))
+            self._row = row
 
     def read(self) -> Sequence[Reading]:
         """Return the samples since the last call, in time order."""
@@ -137,13 +140,20 @@ class GazeboPlant:
         if abs(float(row[server.T]) - self._began_s - t_s) > 1e-6 * max(1.0, t_s):
             raise SimulationDiverged(f"Gazebo's clock is at {row[server.T] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
 
-    def _state_of(self, row: Float[np.ndarray, " 22"]) -> ChairState:
+    def _state_of(self, before: Float[np.ndarray, " 22"], row: Float[np.ndarray, " 22"]) -> ChairState:
+        """Return the state at a tick; velocities are those of the tick.
+
+        ODE's own jump from step to step on a chair that rests: what it pushes out of one contact it lets sink into another.
+        """
+        p_WB, R_WB = _pose_of(row)
+        p_before, R_before = _pose_of(before)
+        turn = R_before.T @ R_WB
         return ChairState(
             tick=self._tick,
-            p_WB=row[server.POSITION : server.POSITION + 3],
-            R_WB=rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4]),
-            velocity_W=row[server.VELOCITY : server.VELOCITY + 3],
-            rate_B=row[server.RATE : server.RATE + 3],
+            p_WB=p_WB,
+            R_WB=R_WB,
+            velocity_W=(p_WB - p_before) / TICK_S,
+            rate_B=np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * TICK_S),
             seat_rad=float(row[server.SEAT]),
             stroke_m=float(self._drives.state[kernels.STROKE]),
             belts_m_s=self._drives.belts_m_s,
@@ -164,6 +174,10 @@ class GazeboPlant:
     def _look(self, state: ChairState) -> Sequence[Reading]:
         arrived = FrameQuality(t_s=state.t_s, fingerprint=state.tick, brightness=0.5, contrast=0.2, valid_share=1.0)
         return [arrived, *self._eye.look(state.t_s, state.R_WB, state.p_WB)]
+
+
+def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+    return row[server.POSITION : server.POSITION + 3], rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4])
 
 
 def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> GazeboPlant:
