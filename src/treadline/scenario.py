@@ -21,13 +21,18 @@ SEAT_SHIFT_M = (-0.3, 0.3)
 class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
-    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept.
+    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
+    are alike and go straight on, with a landing between any two.
     """
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
+    """Of each flight; the uppermost is its landing."""
+    flights: Annotated[int, Field(ge=1, le=20)] = 1
+    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
+    """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
     open_risers: bool = False
@@ -39,6 +44,7 @@ class Stair(Settings):
         0.5,
     )
     missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    """Counted from the floor over all flights, from 0."""
     texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
     walls: Literal["none", "left", "right", "both"] = "left"
     light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
@@ -64,11 +70,17 @@ class Stair(Settings):
 
     @model_validator(mode="after")
     def _steps_exist(self) -> "Stair":
-        beyond = [index for index in self.missing_steps if index >= self.steps - 1]
-        if beyond:
+        count = self.flights * self.steps
+        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
+        if beyond and self.flights == 1:
             raise ValueError(
                 f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
                 f"is {self.steps - 2}, for the one above it is the landing"
+            )
+        if beyond:
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
+                f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
             )
         return self
 

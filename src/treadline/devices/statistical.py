@@ -8,6 +8,7 @@ of whole traversals: as often refused or missed, as far off, and as alike from o
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -17,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.mechanics.staircase import Staircase
+from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import HeadingMeasurement, PinholeCamera, StairMap
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
@@ -63,7 +64,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outlook:
-    """What is in view, exactly."""
+    """What is in view of one flight, exactly."""
 
     direction: Direction
     heading_rad: float
@@ -104,6 +105,7 @@ class Geometry:
         self._camera = calibration
         steps = [step for step in staircase.steps if not step.missing]
         self._numbers = np.array([step.index for step in steps])
+        self._flights = self._numbers * staircase.flight_count // len(staircase.steps)
         self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
@@ -129,7 +131,9 @@ class Geometry:
         if len(row) < LEAST_NOSINGS:
             return None
         first, last = self._places_W[row[0]], self._places_W[row[-1]]
-        left, right = self._walls(R_WC, p_WC, p_WB)
+        flight = int(self._flights[row[0]])
+        steps = self._staircase.flights[flight]
+        left, right = self._walls(flight, R_WC, p_WC, p_WB)
         return Outlook(
             direction="up" if up else "down",
             heading_rad=heading,
@@ -139,8 +143,8 @@ class Geometry:
             depths_m=points[row, ASIDES // 2, 2],
             rise_m=float(abs(last[2] - first[2])) / (len(row) - 1),
             run_m=float(abs(last[0] - first[0])) / (len(row) - 1),
-            last=int(self._numbers[-1 if up else 0]),
-            ends=self._ends_up(R_WC, p_WC) if up else self._ends_down(R_WC, p_WC),
+            last=int(self._numbers[self._flights == flight][-1 if up else 0]),
+            ends=self._ends_up(steps, R_WC, p_WC) if up else self._ends_down(steps, R_WC, p_WC),
             left=left if sign > 0.0 else right,
             right=right if sign > 0.0 else left,
         )
@@ -161,26 +165,35 @@ class Geometry:
         return np.asarray(((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1))
 
     def _row(self, near: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
-        """Return the nosings that follow each other without a gap, the nearest first."""
+        """Return the nosings that follow each other without a gap, the nearest first: of the nearest flight that shows enough."""
         places = np.flatnonzero(near)
         if not up:
             places = places[::-1]
-        gaps = np.flatnonzero(np.abs(np.diff(self._numbers[places])) > 1)
-        return places[: gaps[0] + 1] if gaps.size else places
+        apart = (np.abs(np.diff(self._numbers[places])) > 1) | (np.diff(self._flights[places]) != 0)
+        rows = np.split(places, np.flatnonzero(apart) + 1)
+        row = rows[0]
+        for other in rows[1:]:
+            # What is left of a flight hides the one across the landing no longer; a gap within a flight hides what is beyond it.
+            if len(row) >= LEAST_NOSINGS or self._flights[other[0]] == self._flights[row[0]]:
+                break
+            row = other
+        return np.asarray(row)
 
-    def _ends_up(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+    def _ends_up(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
         """Return whether the landing is to be seen through where another riser would stand."""
-        staircase, last = self._staircase, self._staircase.steps[-1]
+        staircase, last = self._staircase, flight[-1]
         height, drop = p_WC[2] - last.z_m, p_WC[2] - last.z_m - END_HEIGHT * last.rise_m
-        there = last.x_m + last.depth_m
-        end = last.x_m + max(staircase.landing_m, last.depth_m)
+        run = flight[0].depth_m
+        there = last.x_m + run
+        # Of a landing between two flights the further one is seen, which is as far away.
+        end = last.x_m + max(staircase.landing_m, run) if last is staircase.steps[-1] else math.inf
         if drop <= 0.0 or p_WC[0] + (there - p_WC[0]) * height / drop > end:
             return False
         return self._shown([(there, aside, last.z_m + END_HEIGHT * last.rise_m) for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
-    def _ends_down(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+    def _ends_down(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
         """Return whether the floor is to be seen that goes on where another tread would end."""
-        first = self._staircase.steps[0]
+        first = flight[0]
         behind = [first.x_m - part * first.depth_m for part in np.linspace(*END_BEHIND, 4)]
         return self._shown([(x, aside, first.z_m - first.rise_m) for x in behind for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
@@ -190,21 +203,22 @@ class Geometry:
         return float((self._margins((np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
 
     def _walls(
-        self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
+        self, flight: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
     ) -> tuple[Wall | None, Wall | None]:
         """Return the walls at +y and at -y, however little of them is in view."""
         staircase = self._staircase
         if staircase.walls == "none":
             return None, None
         rays = self._rays_C @ R_WC.T
-        first, last, slope = self._places_W[0], self._places_W[-1], math.tan(staircase.slope_rad)
+        places = self._places_W[self._flights == flight]
+        first, last, slope = places[0], places[-1], math.tan(staircase.slope_rad)
         half = 0.5 * staircase.width_m
         with np.errstate(divide="ignore", invalid="ignore"):
             aside = (np.copysign(half, rays[:, 1]) - p_WC[1]) / rays[:, 1]
             below = (first[2] + slope * (p_WC[0] - first[0]) - p_WC[2]) / (rays[:, 2] - slope * rays[:, 0])
         below = np.where(below > 0.0, below, np.inf)
         x = p_WC[0] + np.clip(aside, 0.0, FAR_M) * rays[:, 0]
-        shown = (aside > 0.0) & (aside < np.minimum(below, FAR_M)) & (x > 0.0) & (x < last[0])
+        shown = (aside > 0.0) & (aside < np.minimum(below, FAR_M)) & (x > staircase.flights[flight][0].x_m) & (x < last[0])
         left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
         right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
         return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None

@@ -1,6 +1,8 @@
 """The staircase in the world: every step, nosing, landing and wall.
 
 Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width.
+Several flights go straight on, alike but for their jitter, with a landing between any two; S stays the frame of the first, so that
+x along S grows over the landings too: by cos β a metre.
 """
 
 import math
@@ -29,7 +31,7 @@ class Step:
     z_m: float
     """Of the tread."""
     depth_m: float
-    """To the next nosing's front."""
+    """To the next nosing's front, across a landing too."""
     rise_m: float
     """Above the tread (or floor) before."""
     yaw_rad: float
@@ -52,9 +54,10 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """A flight between a floor and a landing."""
+    """A flight between a floor and a landing, or several with landings between them."""
 
     steps: tuple[Step, ...]
+    """Of all flights, the lowest first."""
     width_m: float
     landing_m: float
     open_risers: bool
@@ -63,6 +66,13 @@ class Staircase:
     """Of the nosing plane as designed, jitter aside."""
     friction: tuple[float, float]
     walls: str
+    flight_count: int = 1
+
+    @property
+    def flights(self) -> tuple[tuple[Step, ...], ...]:
+        """The steps of each flight, the lowest first; the uppermost step of each is its landing."""
+        each = len(self.steps) // self.flight_count
+        return tuple(self.steps[k * each : (k + 1) * each] for k in range(self.flight_count))
 
     @property
     def R_WS(self) -> Float[np.ndarray, "3 3"]:
@@ -81,9 +91,10 @@ class Staircase:
 
     @property
     def pitch_m(self) -> float:
-        """Mean distance between nosings along the flight, √(h² + w²)."""
-        first, last = self.steps[0], self.steps[-1]
-        return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(self.steps) - 1)
+        """Mean distance between nosings along the first flight, √(h² + w²)."""
+        flight = self.flights[0]
+        first, last = flight[0], flight[-1]
+        return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(flight) - 1)
 
     def boxes(self) -> tuple[Box, ...]:
         """Return the solids with sharp front edges: floor, steps, landing, walls.
@@ -102,6 +113,7 @@ class Staircase:
                 yaw_rad=0.0,
             )
         ]
+        landings = {flight[-1].index for flight in self.flights}
         for step in self.steps:
             if step.missing:
                 continue
@@ -112,7 +124,7 @@ class Staircase:
             half_depth = 0.5 * (back_x - step.x_m)
             solids.append(
                 Box(
-                    kind="landing" if is_last else "step",
+                    kind="landing" if step.index in landings else "step",
                     index=step.index,
                     centre_W=(
                         step.x_m + half_depth * math.cos(step.yaw_rad),
@@ -123,37 +135,42 @@ class Staircase:
                     yaw_rad=step.yaw_rad,
                 )
             )
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            if self.walls in (side, "both"):
-                solids.append(
-                    Box(
-                        kind="wall",
-                        index=-1,
-                        # Beside the flight alone: floor and landing are rooms in which a chair can turn.
-                        centre_W=(0.5 * last.x_m, sign * (half_width + 0.05), 0.5 * last.z_m + 0.5),
-                        half_m=(0.5 * last.x_m, 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
-                        yaw_rad=0.0,
-                    )
-                )
-        return tuple(solids)
+        return tuple(solids) + tuple(wall for flight in self.flights for wall in self._walls(flight))
+
+    def _walls(self, flight: tuple[Step, ...]) -> list[Box]:
+        """Return the walls beside a flight alone: floor and landings are rooms in which a chair can turn."""
+        first, last = flight[0], flight[-1]
+        return [
+            Box(
+                kind="wall",
+                index=-1,
+                centre_W=(0.5 * (first.x_m + last.x_m), sign * (0.5 * self.width_m + 0.05), 0.5 * last.z_m + 0.5),
+                half_m=(0.5 * (last.x_m - first.x_m), 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
+                yaw_rad=0.0,
+            )
+            for side, sign in (("left", 1.0), ("right", -1.0))
+            if self.walls in (side, "both")
+        ]
 
 
 def build_staircase(stair: Stair, rng: np.random.Generator) -> Staircase:
     """Return the staircase a scenario asks for; jitter is drawn from ``rng``."""
-    rises = stair.rise_m + stair.rise_jitter_m * rng.standard_normal(stair.steps)
-    yaws = stair.nosing_yaw_jitter_deg * DEG * rng.standard_normal(stair.steps)
+    count = stair.flights * stair.steps
+    rises = stair.rise_m + stair.rise_jitter_m * rng.standard_normal(count)
+    yaws = stair.nosing_yaw_jitter_deg * DEG * rng.standard_normal(count)
     heights = np.cumsum(rises)
+    further_m = stair.between_m - stair.run_m
     steps = tuple(
         Step(
             index=i,
-            x_m=i * stair.run_m,
+            x_m=i * stair.run_m + i // stair.steps * further_m,
             z_m=float(heights[i]),
-            depth_m=stair.run_m,
+            depth_m=stair.between_m if (i + 1) % stair.steps == 0 and i + 1 < count else stair.run_m,
             rise_m=float(rises[i]),
             yaw_rad=float(yaws[i]),
             missing=i in stair.missing_steps,
         )
-        for i in range(stair.steps)
+        for i in range(count)
     )
     return Staircase(
         steps=steps,
@@ -164,4 +181,5 @@ def build_staircase(stair: Stair, rng: np.random.Generator) -> Staircase:
         slope_rad=stair.slope_rad,
         friction=stair.friction,
         walls=stair.walls,
+        flight_count=stair.flights,
     )
