@@ -66,7 +66,7 @@ SECOND = 100
 """Messages of a sensor at 100 Hz."""
 
 CHANNELS: dict[str, Channel] = {
-    CLOCK: _one(CLOCK, "rosgraph_msgs/msg/Clock", 10),
+    CLOCK: _one(CLOCK, "rosgraph_msgs/msg/Clock", 1),
     IMU: _one(IMU, "sensor_msgs/msg/Imu", SECOND),
     TRACKS: _one(TRACKS, JOINTS, SECOND),
     SEAT: _one(SEAT, JOINTS, SECOND),
@@ -86,9 +86,9 @@ CHANNELS: dict[str, Channel] = {
     QUALITY: _one(QUALITY, JOINTS, 10),
     MEASURED: _with_detail(MEASURED, POSE, 10),
     MAP: _with_detail(MAP, "geometry_msgs/msg/PoseArray", 10),
-    ESTIMATE: _with_detail(ESTIMATE, POSE, 10),
+    ESTIMATE: _with_detail(ESTIMATE, POSE, 1),
     HEALTH: _one(HEALTH, STATUS, 10),
-    PLAN: _one(PLAN, STATUS, 10),
+    PLAN: _one(PLAN, STATUS, 1),
     TRACKS_PROPOSED: _one(TRACKS_PROPOSED, JOINTS, 1),
     SEAT_PROPOSED: _one(SEAT_PROPOSED, JOINTS, 1),
     TRACKS_CMD: _one(TRACKS_CMD, JOINTS, 1),

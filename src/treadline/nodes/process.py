@@ -20,7 +20,7 @@ from treadline.nodes.words import Beat, Clock
 
 BEAT_S = 0.2
 """Between two signs of life."""
-SILENT_S = 0.1
+SILENT_S = 0.3
 """Of a simulated clock, after which the guard counts by itself: whoever stopped it must not stop the guard."""
 PATIENCE_S = 60.0
 """For whatever a node cannot do without."""

@@ -56,7 +56,7 @@ class Ros1Transport(WireTransport):
         self._rospy.Subscriber(
             topic,
             _raw(kind),
-            lambda message: inbox.put(topic, message.data),
+            lambda message: inbox.put(topic, _bytes_of(message)),
             queue_size=max(depth, 10),
             buff_size=BUFFER,
             tcp_nodelay=True,
@@ -98,6 +98,16 @@ def _raw(kind: str) -> Any:
     # rospy sets stamps and sequence numbers in messages that have a header; ours are written.
     Raw._has_header = False  # noqa: SLF001 - genpy's own attribute
     return Raw
+
+
+def _bytes_of(message: Any) -> bytes:
+    """Return a message as it travelled; under ``use_sim_time`` rospy takes the clock first, as a message of its own."""
+    if hasattr(message, "data"):
+        data: bytes = message.data
+        return data
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
 
 
 def _modules() -> tuple[Any, Any]:

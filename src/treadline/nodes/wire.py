@@ -27,7 +27,7 @@ class Inbox:
         self._depths: dict[str, int] = {}
         self._come = Condition()
         self.lost: Counter[str] = Counter()
-        """Messages that gave way to newer ones, by topic."""
+        """Messages that gave way to newer ones, by topic; where only the newest counts none is lost."""
 
     def expect(self, topic: str, depth: int) -> None:
         """Take messages of a topic."""
@@ -39,7 +39,7 @@ class Inbox:
             self._waiting.append((topic, data))
             if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
                 self._skip[topic] += 1
-                self.lost[topic] += 1
+                self.lost[topic] += self._depths[topic] > 1
             self._counts[topic] += 1
             self._come.notify()
 

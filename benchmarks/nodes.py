@@ -1,0 +1,134 @@
+"""How fast and how whole signals travel between processes: ``python benchmarks/nodes.py zenoh|ros1 [SECONDS]``.
+
+Loss and delay of 10 Hz RGB-D at 320×240 and of 100 Hz IMU, over loopback, in wall time; then the graph itself on the MuJoCo
+plant at its own pace: from a frame's arrival to the first command that the guard gives with the heading seen in it, as a bystander
+process receives them. The driver speaks at 4 Hz, the guard at 100 Hz: the guard's is the command meant here.
+"""
+
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from treadline.nodes import channels as on
+from treadline.nodes.wire import WireTransport
+from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, TrackCommand
+
+ENDPOINT = "tcp/127.0.0.1:17469"
+SCENARIO = """
+[stair]
+steps = 66
+width_m = 2.4
+[start]
+place = "flight"
+step = 6
+heading_deg = 10
+[drive]
+duration_s = 600
+"""
+
+
+def wire(kind: str, name: str, *, listen: bool = False) -> WireTransport:
+    if kind == "ros1":
+        from treadline.nodes.ros1 import Ros1Transport
+
+        return Ros1Transport(name)
+    from treadline.nodes.zenoh import ZenohTransport
+
+    return ZenohTransport(name, endpoint=ENDPOINT, listen=listen)
+
+
+def source(kind: str, seconds: float) -> None:
+    """Speak as a chair's drivers do; stamps are the wall's."""
+    out = wire(kind, "source")
+    camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+    depth = rng.uniform(0.5, 4.0, (240, 320)).astype(np.float32)
+    zeros, level = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    out.announce(on.CAMERA)
+    out.announce(on.IMU)
+    time.sleep(2.0)
+    began = time.monotonic()
+    for k in range(round(100 * seconds)):
+        out.publish(
+            on.IMU, ImuSample(t_s=time.time(), orientation=level, angular_velocity_rad_s=zeros, linear_acceleration_m_s2=zeros)
+        )
+        if k % 10 == 0:
+            out.publish(on.CAMERA, RgbdFrame(t_s=time.time(), rgb=rgb, depth_m=depth, camera=camera))
+        time.sleep(max(0.0, began + (k + 1) / 100 - time.monotonic()))
+    time.sleep(1.0)
+    out.close()
+
+
+def sink(kind: str, seconds: float) -> None:
+    """Count what comes, and how late."""
+    delays: dict[str, list[float]] = {on.IMU: [], on.CAMERA: []}
+    into = wire(kind, "sink", listen=True)
+    for channel, kept in delays.items():
+        into.subscribe(channel, lambda signal, kept=kept: kept.append(1e3 * (time.time() - signal.t_s)))
+    speaker = subprocess.Popen([sys.executable, __file__, kind, str(seconds), "source"])
+    while speaker.poll() is None:
+        into.deliver(0.05)
+    while into.deliver(0.2):
+        pass
+    into.close()
+    for channel, rate in ((on.CAMERA, 10), (on.IMU, 100)):
+        tell(f"{kind}: {channel}: {len(delays[channel])} of {round(rate * seconds)} came", delays[channel])
+
+
+def graph(kind: str, seconds: float) -> None:
+    """Drive, and watch how long a frame takes to become a command."""
+    delays: list[float] = []
+    frames: dict[float, float] = {}
+    state: dict[str, float | None] = {"seen": None, "known": None}
+
+    def frame(picture: RgbdFrame) -> None:
+        frames[picture.t_s] = time.monotonic()
+
+    def measured(seen: HeadingMeasurement) -> None:
+        state["seen"], state["known"] = frames.pop(seen.t_s, None), None
+
+    def estimated(_: HeadingEstimate) -> None:
+        state["known"] = state["seen"]
+
+    def commanded(_: TrackCommand) -> None:
+        if state["known"] is not None:
+            delays.append(1e3 * (time.monotonic() - state["known"]))
+            state["seen"] = state["known"] = None
+
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = Path(folder) / "climb.toml"
+        scenario.write_text(SCENARIO)
+        options = ["--transport", kind, "--endpoint", ENDPOINT, "--duration", str(seconds)]
+        started = subprocess.Popen([sys.executable, "-m", "treadline", "nodes", str(scenario), *options], stderr=subprocess.DEVNULL)
+        watch = wire(kind, "bystander")
+        takers = ((on.CAMERA, frame), (on.MEASURED, measured), (on.ESTIMATE, estimated), (on.TRACKS_CMD, commanded))
+        for channel, take in takers:
+            watch.subscribe(channel, take)
+        began: float | None = None
+        while started.poll() is None:
+            watch.deliver(0.05)
+            if began is None and frames:
+                began = time.monotonic()
+        took_s = time.monotonic() - (began or 0.0)
+        watch.close()
+    tell(f"{kind}: camera to command, {len(delays)} frames, {seconds / took_s:.2f} × real time", delays[3:])
+
+
+def tell(what: str, delays_ms: list[float]) -> None:
+    median, p95, worst = np.percentile(delays_ms, (50, 95, 100)) if delays_ms else (np.nan, np.nan, np.nan)
+    print(f"{what}: median {median:.1f} ms, p95 {p95:.1f} ms, worst {worst:.1f} ms", flush=True)
+
+
+if __name__ == "__main__":
+    transport = sys.argv[1] if len(sys.argv) > 1 else "zenoh"
+    length_s = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
+    if sys.argv[3:] == ["source"]:
+        source(transport, length_s)
+    else:
+        sink(transport, length_s)
+        graph(transport, min(length_s, 60.0))
