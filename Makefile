@@ -4,12 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
 
-.PHONY: help setup reproduce quick test check format docs clean
+.PHONY: help setup reproduce quick test test-gazebo check format docs clean
 
 help:
 	@echo "make reproduce   run the whole paper and write $(OUT)/report.html"
 	@echo "make quick       the same, shortened (figures are marked as such)"
 	@echo "make test        run the tests"
+	@echo "make test-gazebo run the tests in Gazebo 11, which they build first (root, once)"
+	@echo "make test-ros1   install ROS 1 from Debian (root) and run the graph on a real roscore"
 	@echo "make check       formatter, linter, types, import contracts"
 	@echo "make docs        redraw the drawings of docs/"
 
@@ -30,6 +32,22 @@ quick: setup
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Where neither root nor chroot is to be had there is nothing to test: environment.sh says so and answers 77.
+test-gazebo: setup
+	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
+	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
+	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest tests/gazebo
+
+ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
+	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-ros
+
+test-ros1: setup
+	@command -v rostest >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
+		{ echo "treadline: ROS 1 is not installed, and only root of a Debian can: apt-get install $(ROS1)" >&2; exit 2; }
+	@command -v rostest >/dev/null || { apt-get -q update && \
+		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(ROS1); }
+	TREADLINE_ROS1=1 $(BIN)/python -m pytest tests/ros1
 
 check: setup
 	$(BIN)/ruff format --check .

@@ -1,6 +1,8 @@
 #!/bin/sh
-# Builds the environment that Gazebo 11 lives in (Debian bullseye in a folder) and compiles the plugin in it. The second call takes a second.
-# Prints the environment's root folder; everything else goes to a log. Needs root, debootstrap and 3 GB.
+# Builds the environment that Gazebo 11 lives in (Debian bullseye in a folder) and compiles the plugin in it; the second call takes
+# no time. Prints the environment's root folder, everything else goes to a log. Needs root, chroot and 3 GB. Exit code 77: not here.
+#   TREADLINE_GAZEBO   where to build it; ~/.cache/treadline/gazebo otherwise; / compiles the plugin for the Gazebo of this system
+#   TREADLINE_MIRROR   a Debian mirror; the one that apt uses otherwise
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -10,10 +12,9 @@ log=$cache/log.txt
 
 fail() {
     echo "treadline: $1" >&2
-    exit 2
+    exit "${2:-2}"
 }
 
-# The mirror is the one that apt uses here. TREADLINE_MIRROR names another.
 mirror() {
     if [ -n "${TREADLINE_MIRROR:-}" ]; then
         echo "$TREADLINE_MIRROR"
@@ -47,21 +48,32 @@ build() {
 
 compile() {
     echo "treadline: compiles the plugin" >&2
-    rm -rf "$root/opt/treadline"
-    mkdir -p "$root/opt/treadline/source"
-    cp "$here"/CMakeLists.txt "$here"/*.cc "$here"/*.hh "$root/opt/treadline/source/" 2>/dev/null || true
-    chroot "$root" sh -c 'cmake -S /opt/treadline/source -B /opt/treadline/build -DCMAKE_BUILD_TYPE=Release && make -C /opt/treadline/build' >>"$log" 2>&1 ||
-        fail "the plugin does not compile; see $log"
-    sources >"$root/opt/treadline/built-from"
+    built=$root/opt/treadline
+    rm -rf "$built"
+    mkdir -p "$built/source"
+    cp "$here/CMakeLists.txt" "$here/lockstep.cc" "$built/source/"
+    inside sh -c 'cmake -S /opt/treadline/source -B /opt/treadline/build -DCMAKE_BUILD_TYPE=Release && make -C /opt/treadline/build' \
+        >>"$log" 2>&1 || fail "the plugin does not compile; see $log"
+    sources >"$built/built-from"
 }
 
+inside() {
+    if [ "$root" = / ]; then "$@"; else chroot "$root" "$@"; fi
+}
+
+# What was compiled, for which Gazebo: another of either is compiled anew.
 sources() {
-    cat "$here"/CMakeLists.txt "$here"/*.cc | sha256sum | cut -d ' ' -f 1
+    { cat "$here/CMakeLists.txt" "$here/lockstep.cc"; inside dpkg-query --show libgazebo-dev; } | sha256sum | cut -d ' ' -f 1
 }
 
-[ "$(id -u)" = 0 ] || fail "Gazebo's environment needs root; run it as root or take the Dockerfile"
-chroot / true 2>/dev/null || fail "chroot is not allowed here; take the Dockerfile"
-mkdir -p "$cache"
-[ -e "$root/usr/bin/gzserver" ] || build
+if [ "$cache" = / ]; then
+    root=/ log=/tmp/treadline-gazebo.txt
+    [ -e /usr/bin/gzserver ] || fail "TREADLINE_GAZEBO is /, and this system has no gzserver"
+else
+    [ "$(id -u)" = 0 ] || fail "Gazebo's environment needs root; run it as root, or take the Dockerfile" 77
+    chroot / true 2>/dev/null || fail "chroot is not allowed here; take the Dockerfile" 77
+    mkdir -p "$cache"
+    [ -e "$root/usr/bin/gzserver" ] || build
+fi
 [ "$(cat "$root/opt/treadline/built-from" 2>/dev/null)" = "$(sources)" ] || compile
 echo "$root"

@@ -4,6 +4,7 @@ One process per run: a second run in the same process would differ in its last b
 """
 
 import os
+import re
 import shutil
 import socket
 import struct
@@ -24,6 +25,7 @@ PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
 """Doubles in an order and in an answer: as in ``ros/gazebo/lockstep.cc``."""
 T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, ARM, ARM_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 60.0
 """In which a world must be loaded, on a machine that does other things too."""
 ANSWER_S = 60.0
@@ -173,7 +175,7 @@ class GazeboServer:
         if not self._log.exists():
             return []
         text = self._log.read_text(encoding="utf-8", errors="replace")
-        return [line.strip() for line in text.splitlines() if line.strip()]
+        return [line.strip() for line in COLOURS.sub("", text).splitlines() if line.strip()]
 
 
 def free_port() -> int:

@@ -1,0 +1,1 @@
+"""Lifecycle nodes for ROS 2 around the shells of ``treadline.nodes``."""

@@ -1,0 +1,134 @@
+"""What can be told without Gazebo: the world that is written, and one line for each way in which gzserver lets one down."""
+
+import math
+import socket
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+
+from treadline.errors import GazeboError, SettingsError
+from treadline.gazebo import Environment, GazeboPlant, find_environment, server
+from treadline.gazebo.world import world_sdf
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import build_staircase
+from treadline.scenario import Control, Scenario, Sensors, Start
+
+SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
+
+GREETING = "import socket, struct, sys\n" + textwrap.dedent("""
+    port = int(open(sys.argv[-1]).read())
+    listener = socket.create_server(("127.0.0.1", port))
+    client = listener.accept()[0]
+    client.sendall(struct.pack("<4d", {protocol}, {major}, 8, 22))
+""")
+
+
+class Impostor(Environment):
+    """An environment whose gzserver is a Python script; the world it gets is the port alone."""
+
+    script: str
+
+    def command(self, *words: str) -> list[str]:
+        return [sys.executable, "-c", Impostor.script, *words[:-1], str(self.root / words[-1].lstrip("/"))]
+
+
+@pytest.fixture
+def launched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., server.GazeboServer]:
+    """Return what starts a script in gzserver's place."""
+    monkeypatch.setattr(server, "START_S", 10.0)
+
+    def launch(script: str, **options: int) -> server.GazeboServer:
+        Impostor.script = script
+        return server.GazeboServer(Impostor(root=tmp_path), str, **options)
+
+    return launch
+
+
+def test_the_world_holds_the_chair_whole_and_the_plugin_that_drives_it() -> None:
+    chair = read_chair("wheelchair")
+    staircase = build_staircase(SCENARIO.stair, np.random.default_rng(0))
+    world = fromstring(world_sdf(SCENARIO, staircase, chair, plugin="/p.so", port=1234)).find("world")  # noqa: S314 - our own
+    assert world is not None
+    model = next(model for model in world.iter("model") if model.get("name") == "wheelchair")
+    assert {link.get("name") for link in model.iter("link")} == {"chair", "seat", "arm"}
+    belts = {shape.get("name") for shape in model.iter("collision")}
+    assert {name.split("_")[0] for name in belts if name} == {"left", "right"}
+    plugin = model.find("plugin")
+    assert plugin is not None
+    assert (plugin.get("filename"), plugin.findtext("port")) == ("/p.so", "1234")
+    assert float(plugin.findtext("seat_start") or "nan") == pytest.approx(math.atan2(0.16, 0.30))
+    assert float(plugin.findtext("arm_start") or "nan") == pytest.approx(math.radians(40.0))
+
+
+def test_an_order_is_answered_by_the_state(launched: Callable[..., server.GazeboServer]) -> None:
+    echo = "while order := client.recv(64):\n    client.sendall(order + struct.pack('<14d', *range(14)))\n"
+    gazebo = launched(GREETING.format(protocol=1, major=11) + echo)
+    order = np.arange(8.0)
+    assert gazebo.step(order).tolist() == [*range(8), *range(14)]
+    gazebo.close()
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("print('[Err] no such world'); raise SystemExit(3)", "ended before the chair was in it: .*no such world"),
+        (
+            "import time; print('[Err] Failed to load plugin libx.so: libgazebo.so.9', flush=True); time.sleep(9)",
+            "libgazebo.so.9; build it",
+        ),
+        (GREETING.format(protocol=7, major=11) + "client.recv(1)", "protocol 7, this program 1; build it"),
+        (GREETING.format(protocol=1, major=9) + "client.recv(1)", "built for Gazebo 9, not 11; build it"),
+        ("print('[Err] bind: Address already in use'); raise SystemExit(1)", "a port is taken"),
+    ],
+    ids=["a world it cannot load", "a plugin it cannot load", "another protocol", "another Gazebo", "a port taken, three times"],
+)
+def test_a_server_that_does_not_come_up_says_why_in_a_line(
+    launched: Callable[..., server.GazeboServer], script: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(GazeboError, match=message) as raised:
+        launched(script)
+    assert "\n" not in str(raised.value)
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def test_a_server_that_dies_on_the_way_is_told_from_an_answer(launched: Callable[..., server.GazeboServer]) -> None:
+    gazebo = launched(GREETING.format(protocol=1, major=11) + "client.recv(64); raise SystemExit('[Err] a joint broke')")
+    with pytest.raises(GazeboError, match=r"gzserver died \(exit code 1\): .*a joint broke; run it again"):
+        gazebo.step(np.zeros(8))
+    gazebo.close()
+
+
+def test_a_free_port_is_one_that_can_be_had() -> None:
+    with socket.create_server(("127.0.0.1", server.free_port())):
+        pass
+
+
+def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    with pytest.raises(GazeboError, match=r"no Gazebo 11 in .*root; build it with ros/gazebo/environment.sh"):
+        find_environment()
+    (tmp_path / "root/usr/bin").mkdir(parents=True)
+    (tmp_path / "root/usr/bin/gzserver").touch()
+    with pytest.raises(GazeboError, match=r"libtreadline_lockstep.so is missing; build it"):
+        find_environment()
+    plugin = tmp_path / "root/opt/treadline/build/libtreadline_lockstep.so"
+    plugin.parent.mkdir(parents=True)
+    plugin.touch()
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    with pytest.raises(GazeboError, match="only root may enter"):
+        find_environment()
+    monkeypatch.setattr("os.geteuid", lambda: 0)
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(GazeboError, match="no chroot on this system"):
+        find_environment()
+
+
+def test_frames_are_refused_before_anything_is_started(tmp_path: Path) -> None:
+    scenario = Scenario(sensors=Sensors(camera="kinect1"))
+    with pytest.raises(SettingsError, match="renders no frames"):
+        GazeboPlant(scenario, 0, read_chair("wheelchair"), Environment(root=tmp_path))
