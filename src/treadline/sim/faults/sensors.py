@@ -25,6 +25,8 @@ SIGHT = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
 """All that a camera hands over."""
 HEARTBEAT_TICKS = 10
 """The person's handset speaks ten times a second."""
+DEPTH_ENOUGH = 0.4
+"""Share of a depth image from which on nobody looks at the colours, dark or not: as ``perception.quality`` does."""
 BLOTCH_PX = 12
 """Size of the smallest hole in the depth image: a return is lost with its neighbours."""
 JUMP_LEAST_DEG, JUMP_S = 5.0, 0.1
@@ -83,7 +85,7 @@ def _dark(machine: Machine, reading: Reading) -> Passed:
             painter = partial(_lit, reading, factor, machine.chance(reading.t_s))
             depth_m = np.full_like(reading.depth_m, np.nan) if blind else reading.depth_m
             return (RenderedFrame(t_s=reading.t_s, depth_m=depth_m, camera=reading.camera, painter=painter),)
-        case FrameQuality():
+        case FrameQuality() if blind or reading.valid_share < DEPTH_ENOUGH:
             faded = replace(
                 reading, brightness=min(reading.brightness * factor, 1.0), contrast=reading.contrast * min(factor, 1 / factor)
             )
@@ -142,11 +144,11 @@ def _clock_back(machine: Machine, reading: Reading) -> Passed:
     return (earlier, earlier)
 
 
-# In the order in which a reading passes: the clock comes last, for the others go by true time.
+# In the order in which a reading passes: dark asks what depth is left; the clock comes last, for the others go by true time.
 SPOILT: dict[FaultKind, Callable[[Machine, Reading], Passed]] = {
     "camera_frozen": partial(_stuck, SIGHT),
-    "camera_dark": _dark,
     "depth_holes": _holes,
+    "camera_dark": _dark,
     "camera_lost": partial(_lost, SIGHT),
     "imu_bias": _imu_bias,
     "imu_stuck": partial(_stuck, (ImuSample,)),
