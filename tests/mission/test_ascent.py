@@ -313,6 +313,27 @@ def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> No
     assert world.plans[-1].speed_m_s == 0.0
 
 
+def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_refused() -> None:
+    world = World(grip=-0.99)
+    plan = world.run("back_off", limit_s=40.0)
+    assert "without getting up" in plan.cause
+    assert "traction" not in world.phases
+    assert world.run("refused").cause == plan.cause
+
+
+def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
+    def lacks_the_fifth(seen: StairMap) -> StairMap:
+        heights = seen.nosings_B[:, 0] * math.sin(world.pitch_rad) + seen.nosings_B[:, 2] * math.cos(world.pitch_rad) + world.z_m
+        return replace(seen, nosings_B=seen.nosings_B[np.abs(heights - 5 * RISE_M) > 0.05])
+
+    world = World(steps=10, spoil=lacks_the_fifth)
+    while world.tick().hold is None:
+        assert world.t_s < 60.0
+    assert world.plans[-1].hold is not None
+    assert world.plans[-1].hold.startswith("a step is missing: 0.68 m from nosing to nosing")
+    assert world.plans[-1].speed_m_s == 0.0
+
+
 def test_the_belts_do_not_steer_in_the_test() -> None:
     world = World()
     world.run("climb")
