@@ -40,7 +40,7 @@ def job_count(plan: Plan) -> int:
 
 
 def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
-    """Run both simulators and write ``results.json``, and per simulator ``model-28.json``, ``controller.json`` and ``runs/``.
+    """Run both simulators and write ``results.json``, and per simulator ``results.json``, ``model-28.json``, ``controller.json`` and ``runs/``.
 
     Returns:
         What ``results.json`` holds.
@@ -94,13 +94,15 @@ def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: 
     controller, fig08_by_slope = learn(plan, recordings, out)
     results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=done)
     turns = [result for result in results if result["kind"] == "turn"]
-    return {
+    values: dict[str, Any] = {
         "fig08": fig08_by_slope[FIG10_SLOPE],
         "fig09": fig09.rows([result for result in results if result["kind"] == "straight"]),
         "fig10": table2.fig10(turns),
         "table2": table2.rows(turns),
         "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
     }
+    write_whole(out / "results.json", json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
+    return values
 
 
 def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:

@@ -20,6 +20,8 @@ from treadline.scenario import Chair
 VERSION = "1.6"
 STEP_S = 0.001
 """Gazebo's own; contacts of belts on nosings are stiff."""
+ITERATIONS = 400
+"""Of ODE's solver in a step: with its own 50 a chair turns right three times as fast as left."""
 LIGHT = """<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose><diffuse>0.8 0.8 0.8 1</diffuse>
 <specular>0.1 0.1 0.1 1</specular><direction>0.4 0.2 -0.9</direction><cast_shadows>false</cast_shadows></light>"""
 
@@ -64,6 +66,9 @@ def sdf_world(
     physics = child(world, "physics", name="ode", type="ode")
     child(physics, "max_step_size", text(STEP_S))
     child(physics, "real_time_update_rate", "0")  # as fast as it goes
+    solver = child(child(physics, "ode"), "solver")
+    child(solver, "type", "quick")
+    child(solver, "iters", str(ITERATIONS))
     child(world, "gravity", "0 0 -9.81")
     world.append(fromstring(LIGHT))  # noqa: S314 - a constant of ours
     _stair(world, solids(staircase))
