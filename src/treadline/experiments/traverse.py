@@ -76,11 +76,15 @@ class _Ending:
     def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
         self._slope_rad = scenario.stair.slope_rad
         self._duration_s = scenario.drive.duration_s
-        pitch_m = float(np.hypot(scenario.stair.rise_m, scenario.stair.run_m))
+        stair = scenario.stair
+        pitch_m = float(np.hypot(stair.rise_m, stair.run_m))
         half_run_m = 0.5 * chair.tracks.flat_run_m
-        self._last_x_m = (scenario.stair.steps - 1) * pitch_m
-        # Where only the flight is driven, it ends with the front pulley at the last nosing.
-        self._end_x_m = self._last_x_m - half_run_m
+        flight_m = (stair.steps - 1) * pitch_m
+        # Along S, from the first nosing of a flight to that of the next: over the landing x grows by its share.
+        further_m = flight_m + stair.between_m * np.cos(self._slope_rad) + stair.rise_m * np.sin(self._slope_rad)
+        self._last_x_m = flight_m + (stair.flights - 1) * further_m
+        # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
+        self._end_x_m = flight_m - half_run_m
         self._is_up = scenario.drive.direction == "up"
 
     def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
@@ -116,6 +120,7 @@ def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> M
         direction=scenario.drive.direction,
         payload_kg=scenario.chair.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
+        flights=scenario.stair.flights,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,

@@ -20,6 +20,8 @@ from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
 LEVEL_RAD = 2.0 * DEG
+BACKED_RAD = 0.7 * DEG
+"""Pitch below which no part of the chair lies on the first nosing any more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +31,10 @@ class AscentConfig:
     chair: ChairDescription
     payload_kg: float
     cruise_m_s: float = 0.2
+    flights: int | None = None
+    """To climb; None goes on as long as another flight is seen from the one before."""
+    look_m: float = 1.2
+    """To drive on over a landing to see the next flight: from far away no more than its first step is in view."""
     slow_m_s: float = 0.1
     """Onto the stair and off it."""
     slow_from_m: float = 0.35
@@ -80,6 +86,7 @@ class Ascent:
         self._is_climbing = True
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
+        self._flights_done = 0
         self._traction: TractionTest | None = None
         self._refusal = ""
         self._from_m = 0.0
@@ -133,11 +140,13 @@ class Ascent:
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
-            if estimate is not None:
+            if estimate is not None and where.map_count:
                 return self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
             return self._plan(t_s, 0.0, turn_m_s=0.0)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
+        if self._flights_done:
+            return self._look_on(t_s, estimate)
         turned, self._turned_rad = self._turned_rad, 0.0
         turn = self._level.sweep(t_s, turned)
         if turn is None:
@@ -258,10 +267,33 @@ class Ascent:
             self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {command.tip_n:.0f} N on the arm's tip")
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
+            if self._goes_on:
+                return self._go_on(t_s)
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
             )
         return self._plan(t_s, command.speed_m_s, turn_m_s=self._level.keep(estimate), arm=command.arm, needs_stair=False)
+
+    @property
+    def _goes_on(self) -> bool:
+        wanted = self._config.flights
+        return self._where.shows_another if wanted is None else self._flights_done + 1 < wanted
+
+    def _go_on(self, t_s: float) -> Plan:
+        """Begin anew with the flight across the landing."""
+        seen = "seen" if self._where.shows_another else "not yet seen"
+        self._where, self._crest, self._is_climbing = Whereabouts(), None, True
+        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
+        self._flights_done += 1
+        return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1} {seen}")
+
+    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        """Drive on over a landing until the next flight is in view."""
+        config, where = self._config, self._where
+        if where.travel_m > config.look_m or where.pitch_rad > config.touched_rad:
+            self._hold = f"no flight in view within {where.travel_m:.1f} m on the landing"
+            return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+        return self._plan(t_s, config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
     @property
     def _landing_m(self) -> float:
@@ -270,7 +302,7 @@ class Ascent:
 
     def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if where.pitch_rad < LEVEL_RAD and self._from_m - where.travel_m > config.back_off_m:
+        if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 

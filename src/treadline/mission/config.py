@@ -37,6 +37,8 @@ class MissionConfig:
     payload_kg: float = 50.0
     """What the passenger weighs, as entered; where in the seat is not known."""
     climb_speed_m_s: float = 0.2
+    flights: int | None = None
+    """How many to climb or come down; None goes on as long as another is seen across a landing."""
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
@@ -94,8 +96,12 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
         return Cruise(config.climb_speed_m_s)
     if config.direction == "down":
         chair.camera_at(240, rear=True)
-        return Descent(DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s))
-    return Ascent(AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s))
+        return Descent(
+            DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
+        )
+    return Ascent(
+        AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
+    )
 
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:

@@ -25,6 +25,10 @@ class DescentConfig:
     chair: ChairDescription
     payload_kg: float
     cruise_m_s: float = 0.2
+    flights: int | None = None
+    """To go down; None goes on as long as another flight is seen from the one before."""
+    look_m: float = 1.2
+    """To back on over a landing to see the next flight: from far away its edge hides it."""
     slow_m_s: float = 0.1
     askew_rad: float = 4.0 * DEG
     """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
@@ -33,8 +37,8 @@ class DescentConfig:
     """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing."""
-    left_m: float = 0.10
-    """Of the front pulley past the last nosing when the chair has left the stair."""
+    left_m: float = 0.45
+    """Of the front pulley past the last nosing when the chair, its front section too, has left the stair."""
 
 
 class Descent:
@@ -50,6 +54,7 @@ class Descent:
         self._cause = "woken up"
         self._hold: str | None = None
         self._edge: Edge | None = None
+        self._flights_done = 0
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._arm: ArmReading | None = None
@@ -93,6 +98,8 @@ class Descent:
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
+            if not where.map_count:
+                return self._plan(t_s, 0.0, turn_m_s=0.0)
             if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
                 return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
             if estimate is not None:
@@ -100,6 +107,8 @@ class Descent:
             return self._plan(t_s, 0.0, turn_m_s=0.0)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
+        if self._flights_done:
+            return self._look_on(t_s, estimate)
         turned, self._turned_rad = self._turned_rad, 0.0
         turn = self._level.sweep(t_s, turned)
         if turn is None:
@@ -172,12 +181,35 @@ class Descent:
             seen = "seen" if ends else "no nosing seen beyond"
             self._phase, self._cause = "leave", f"rear pulley at the last nosing, {seen}"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
+            if self._goes_on:
+                return self._go_on(t_s)
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), needs_stair=False)
         return self._plan(t_s, speed, needs_stair=not slow)
+
+    @property
+    def _goes_on(self) -> bool:
+        wanted = self._config.flights
+        return self._where.shows_another if wanted is None else self._flights_done + 1 < wanted
+
+    def _go_on(self, t_s: float) -> Plan:
+        """Begin anew with the flight across the landing."""
+        seen = "seen" if self._where.shows_another else "not yet seen"
+        self._where, self._edge = Whereabouts(), None
+        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
+        self._flights_done += 1
+        return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1} on the way down {seen}")
+
+    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+        """Back on over a landing until the next flight is in view."""
+        config, where = self._config, self._where
+        if -where.travel_m > config.look_m or where.pitch_rad > LEVEL_RAD:
+            self._hold = f"no flight in view behind within {-where.travel_m:.1f} m on the landing"
+            return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
     def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
         """Enter a phase; for this one tick the belts go on as they are, or stand."""

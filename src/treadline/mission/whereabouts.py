@@ -2,13 +2,15 @@
 
 ``ImuSample, TrackReading, StairMap -> Whereabouts``. Everything is kept in a level frame that the odometry moves through, x
 up the flight and level, z up: a nosing stands still in it while the chair turns and pitches. Maps correct the odometry's
-slip as long as a nosing is in view; one that the chair has passed stays where it was last seen.
+slip as long as a nosing is in view; one that the chair has passed stays where it was last seen. A flight seen across a landing
+is kept apart, in whereabouts of its own.
 """
 
 import itertools
 import math
 from dataclasses import dataclass
 
+from treadline.angles import DEG
 from treadline.control.arm import pitch_of
 from treadline.signals import ImuSample, StairMap, TrackReading
 
@@ -17,6 +19,16 @@ SAME = 0.45
 SAME_RISE_M = 0.08
 MISSING = 1.6
 """Pitches between neighbouring nosings from which on one is missing between them."""
+LANDING_RUNS = 2.5
+"""Between neighbouring nosings that a landing lies between: a chair that stands on one needs more, a missing step or two less …"""
+LANDING_SLOPE = 0.6
+"""… of the flight's slope at most, for a landing is one rise high however long; missing steps keep to the slope."""
+OFF_BELTS_M = 0.4
+"""Off the belts' line, and on a landing's side of it: no nosing of the flight on which the chair lies."""
+PITCHED_RAD = 10.0 * DEG
+"""From which on the chair lies on a flight."""
+NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
+"""Maps that must have shown the next flight, the time without one after which it is looked at anew, and how near it must be."""
 MISSED_SHARE = 2.0
 """Maps that pass over a nosing, per map that shows it, from which on it was never there."""
 KNOWN_AFTER = 2
@@ -66,6 +78,8 @@ class Whereabouts:
         self._x_m = self._z_m = 0.0
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
+        self._next: Whereabouts | None = None
+        """The next flight, across a landing."""
 
     def feel(self, signal: ImuSample | TrackReading | StairMap) -> None:
         """Take one signal."""
@@ -75,7 +89,21 @@ class Whereabouts:
             case ImuSample():
                 self.pitch_rad = pitch_of(signal)
             case StairMap():
-                self._see(signal)
+                if self._is_across(signal):
+                    self._see_across(signal)
+                else:
+                    self._see(signal)
+        if self._next is not None and not isinstance(signal, StairMap):
+            self._next.heading_rad = self.heading_rad
+            self._next.feel(signal)
+
+    @property
+    def shows_another(self) -> bool:
+        """Whether frames have shown another flight near, across a landing."""
+        beyond = self._next
+        if beyond is None or beyond.map_count < NEXT_MAPS:
+            return False
+        return any(abs(nosing.x_m - beyond._x_m) < NEXT_M for nosing in beyond._nosings if nosing.known)  # noqa: SLF001 - of this class
 
     @property
     def known(self) -> bool:
@@ -131,6 +159,26 @@ class Whereabouts:
         self.travel_m += moved
         self._x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
         self._z_m += moved * math.sin(self.pitch_rad)
+
+    def _is_across(self, seen: StairMap) -> bool:
+        """Say whether a map shows another flight than this one, across a landing."""
+        way = 1.0 if seen.direction == "up" else -1.0
+        known = [nosing for nosing in self._nosings if nosing.known]
+        if not known:
+            return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
+        edge, (x_m, z_m) = known[-1 if way > 0.0 else 0], self._places(seen)[0]
+        far_m, up_m = way * (x_m - edge.x_m), way * (z_m - edge.z_m)
+        return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
+
+    def _see_across(self, seen: StairMap) -> None:
+        """Take a map of the next flight: this one ends there. What is old is forgotten, for the chair may have tipped meanwhile."""
+        if self._next is None or seen.t_s - self._next.map_s > NEXT_S:
+            self._next = Whereabouts()
+        self._next.heading_rad, self._next.pitch_rad = self.heading_rad, self.pitch_rad
+        self._next._see(seen)  # noqa: SLF001 - of this class
+        known = [nosing for nosing in self._nosings if nosing.known]
+        if known:
+            known[-1 if seen.direction == "up" else 0].end_count += 1
 
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
