@@ -54,6 +54,11 @@ class FilterConfig:
     """Without a gyro sample for longer, the chair has moved unseen."""
     unseen_rate_rad_s: float = 10.0 * DEG
     """One sigma of how fast it turns then; a turn back to square reaches twice that."""
+    belts_gauge_m: float = 0.5
+    """Between the belts, at least: what they run apart turns the chair by no more than their difference over this …"""
+    belts_spare_rad_s: float = 40.0 * DEG
+    """… and a jolt adds little: 4 °/s at most in whole traversals. What a gyro says beyond both is no motion."""
+    belts_fresh_s: float = 0.1
     frozen_rad: float = 0.1 * DEG
     """A frame that repeats the last one's heading to the last bit, while the gyro has turned by more, shows the past."""
 
@@ -67,6 +72,7 @@ class HeadingFilter:
         self._drifts = DriftWatch(self._config.drift)
         self._stuck = StuckWatch(self._config.stuck)
         self._refused = Refused(self._config.reacquisition)
+        self._belts: TrackReading | None = None
         self._scatter = Scatter()
         self._memory = Memory(self._config.memory_s)
         self._t_s: float | None = None
@@ -133,7 +139,7 @@ class HeadingFilter:
             return
         if self._imu_s is not None and not t_s > self._imu_s:
             return  # a repeated or earlier stamp carries no new motion
-        if self._is_stuck(sample):
+        if self._is_stuck(sample) or self._is_impossible(sample):
             return
         # The mean rate over the step, by the trapezoid rule.
         mean = rate if self._imu_s is None else 0.5 * (rate + self._rate)
@@ -161,6 +167,18 @@ class HeadingFilter:
             self._move_unseen(same_s)
         return True
 
+    def _is_impossible(self, sample: ImuSample) -> bool:
+        """Say whether a sample tells of a turn that the belts cannot have made: it is left out, as if it had not come."""
+        belts, limits = self._belts, self._config
+        if belts is None or abs(sample.t_s - belts.t_s) > limits.belts_fresh_s:
+            return False
+        rate = float(sample.angular_velocity_rad_s[2]) - self._bank.bias
+        most = abs(belts.right_m_s - belts.left_m_s) / limits.belts_gauge_m + limits.belts_spare_rad_s
+        if abs(rate) <= most:
+            return False
+        self._tell("jump", sample.t_s, f"gyro says {rate / DEG:+.0f} °/s, the belts turn the chair by {most / DEG:.0f} at most")
+        return True
+
     def _last_known(self, t_s: float) -> float:
         """Return the time up to which the heading is known, for a gyro sample at ``t_s``."""
         if self._t_s is not None and self._t_s <= t_s:
@@ -178,6 +196,7 @@ class HeadingFilter:
 
     def _note_belts(self, reading: TrackReading) -> None:
         if math.isfinite(reading.t_s) and math.isfinite(reading.left_m_s) and math.isfinite(reading.right_m_s):
+            self._belts = reading
             self._stuck.belts(reading)
             self._drifts.belts(reading.t_s, reading.right_m_s - reading.left_m_s)
 

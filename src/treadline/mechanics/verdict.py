@@ -44,7 +44,9 @@ class CheckReport:
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     """Return the verdict on a scenario."""
     stair, loading = scenario.stair, scenario.chair
-    slope, heading = stair.slope_rad, scenario.start.heading_deg * DEG
+    # On floor and landing the chair turns square before it enters.
+    heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
+    slope = stair.slope_rad
     pitch = math.hypot(stair.rise_m, stair.run_m)
     widest_m = _widest_spacing(stair, 1) * pitch
     margins = static_margins(chair, loading, slope, widest_m, heading)

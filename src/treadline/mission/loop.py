@@ -121,13 +121,30 @@ def _no_log(signal: Signal) -> None:
     del signal
 
 
+def _never(t_s: float) -> bool:
+    del t_s
+    return False
+
+
 class Mission:
     """Turns the blocks, one tick at a time."""
 
-    def __init__(self, plant: Plant, blocks: Blocks, log: Callable[[Signal], None] = _no_log) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        blocks: Blocks,
+        log: Callable[[Signal], None] = _no_log,
+        is_dead: Callable[[float], bool] = _never,
+    ) -> None:
+        """Take the blocks and start the plant.
+
+        Args:
+            is_dead: Whether the process that drives is dead at a time: what a test does to it.
+        """
         self._plant = plant
         self._blocks = blocks
         self._log = log
+        self._is_dead = is_dead
         self._tick = 0
         self._control = Rate(blocks.driver.period_s)
         self._estimate: HeadingEstimate | None = None
@@ -167,6 +184,8 @@ class Mission:
         """Hand belt speeds to the guard: the plan's own at each tick, or the driver's when it is due."""
         blocks = self._blocks
         due = self._control.due(self._tick)
+        if self._is_dead(plan.t_s):
+            return False
         if plan.turn_m_s is not None:
             if due:
                 blocks.driver.step(None, plan.t_s, plan)  # it does not steer: what it remembers of the belts is void

@@ -39,6 +39,8 @@ class PitchFeedForward:
         stroke = min(max(seat.stroke_m, low), high)
         limit = self._seat.max_rate_m_s
         rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(stroke)
+        if (stroke >= high and rate > 0.0) or (stroke <= low and rate < 0.0):
+            rate = 0.0
         return SeatCommand(t_s=imu.t_s, rate_m_s=min(max(rate, -limit), limit))
 
 
