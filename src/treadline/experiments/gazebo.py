@@ -40,7 +40,7 @@ def job_count(plan: Plan) -> int:
 
 
 def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
-    """Run both simulators and write ``results.json``, and per simulator ``results.json``, ``model-28.json``, ``controller.json`` and ``runs/``.
+    """Run both simulators and write ``results.json``; in a folder each also models, ``controller.json`` and ``runs/``.
 
     Returns:
         What ``results.json`` holds.
