@@ -1,0 +1,102 @@
+"""``treadline record``: what nodes say into a bag, or a log from one kind of bag into another. No ROS is needed for either."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from treadline.cli.answer import Answer
+from treadline.cli.node import TransportName, stopping, told, wired
+
+if TYPE_CHECKING:
+    from treadline.nodes.wire import WireTransport
+
+
+def record(
+    log: Path | None = None,
+    /,
+    *,
+    out: Path,
+    transport: TransportName = "zenoh",
+    duration: float | None = None,
+    scenario: str = "default",
+    images: bool = True,
+    endpoint: str = "tcp/127.0.0.1:7447",
+    domain: int = 0,
+) -> Answer:
+    """Record what the graph's nodes say, or copy a log into another kind of bag.
+
+    treadline record --transport ros1 --duration 60 --out drive.bag
+    treadline record runs/first --out first.bag
+
+    Args:
+        log: A run folder or a bag to copy; without one the nodes are listened to until Ctrl-C.
+        out: A run folder (record.csv and log.mcap), or a file: .mcap, .bag (ROS 1) or .db3 (ROS 2).
+        transport: Where the nodes are: ros1 or zenoh.
+        duration: Seconds to record.
+        scenario: The settings that the graph shares; the camera's mount is in them.
+        images: Keep images.
+        endpoint: Where zenoh's nodes find each other.
+        domain: ROS 2's ROS_DOMAIN_ID.
+    """
+    if log is not None:
+        return _copied(log, out)
+    from treadline.errors import SettingsError
+
+    if transport == "inproc":
+        raise SettingsError("--transport inproc: nodes of one process are recorded by treadline nodes --out")
+    _, config = told(scenario, None)
+    wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
+    try:
+        count = _listened(wire, out, duration, images=images)
+    finally:
+        wire.close()
+    lost = dict(wire.inbox.lost)
+    lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else "")]
+    return Answer(values={"out": str(out), "signals": count, "lost": lost}, summary=lines, code=0 if count else 1)
+
+
+def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, images: bool) -> int:
+    from threading import Timer
+
+    from treadline import paper
+    from treadline.nodes.process import Turning
+    from treadline.nodes.recorder import RecorderNode
+
+    node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
+    stop = stopping()
+    timer = Timer(duration_s, stop.set) if duration_s is not None else None
+    try:
+        turning = Turning(node, wire, patience_s=float("inf"))
+        if timer is not None:
+            timer.start()
+        turning.run(stop)
+    finally:
+        if timer is not None:
+            timer.cancel()
+        node.close()
+    return node.count
+
+
+def _copied(log: Path, out: Path) -> Answer:
+    """Copy a log, signal by signal in the order of time."""
+    from treadline.io.sensor_log import SensorLog
+    from treadline.nodes.bags import open_bag
+
+    source = log / "log.mcap" if (log / "log.mcap").is_file() else log
+    recording = SensorLog(source)
+    bag = open_bag(out)
+    aside: list[Any] = []
+    count = 0
+    try:
+        for signal in recording.signals(aside.append):
+            for told_signal in (*aside, signal):
+                bag(told_signal)
+            count += 1 + len(aside)
+            aside.clear()
+        for told_signal in aside:
+            bag(told_signal)
+    finally:
+        bag.close()
+    count += len(aside)
+    dropped = dict(recording.dropped)
+    lines = [f"{out}: {count} signals from {source}", *(f"  dropped {number}: {reason}" for reason, number in dropped.items())]
+    return Answer(values={"out": str(out), "signals": count, "dropped": dropped}, summary=lines)

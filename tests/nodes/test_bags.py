@@ -1,0 +1,91 @@
+"""Bags of every kind, written and read with no ROS installed: what is recorded is replayed to the same heading, and identified."""
+
+import json
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.cli import main
+from treadline.io.decode import CdrReader, imu
+from treadline.io.records import read_record
+
+pytest.importorskip("rosbags", reason="rosbags is an extra (treadline[ros])")
+
+SCENARIO = """
+[stair]
+steps = 12
+[start]
+place = "flight"
+step = 4
+heading_deg = 10
+"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short drive of the graph, images and all."""
+    folder = tmp_path_factory.mktemp("bags")
+    (folder / "short.toml").write_text(SCENARIO)
+    assert main(["nodes", str(folder / "short.toml"), "--duration", "4", "--out", str(folder / "run")]) == 0
+    return folder / "run"
+
+
+def replayed(log: Path, out: Path, capsys: Any) -> dict[str, Any]:
+    capsys.readouterr()
+    assert main(["replay", str(log), "--out", str(out), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
+def test_a_copy_is_replayed_to_the_same_heading(run: Path, tmp_path: Path, capsys: Any, kind: str) -> None:
+    copy = tmp_path / f"copy.{kind}"
+    assert main(["record", str(run), "--out", str(copy)]) == 0
+    before = replayed(run / "log.mcap", tmp_path / "before", capsys)
+    after = replayed(copy, tmp_path / "after", capsys)
+    keys = ("frames", "accepted", "rms_difference_deg", "rms_error_deg")
+    assert [after[key] for key in keys] == [before[key] for key in keys]
+    assert (tmp_path / "after" / "series.csv").read_bytes() == (tmp_path / "before" / "series.csv").read_bytes()
+
+
+@pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
+def test_a_copy_is_read_for_identification(run: Path, tmp_path: Path, kind: str) -> None:
+    copy = tmp_path / f"copy.{kind}"
+    assert main(["record", str(run), "--out", str(copy)]) == 0
+    inputs, outputs = ("/tracks/cmd.velocity[0]", "/tracks/cmd.velocity[1]"), ("/stair/heading/detail.position[0]",)
+    ours = read_record(run / "log.mcap", inputs, outputs, period_s=0.25)
+    theirs = read_record(copy, inputs, outputs, period_s=0.25)
+    np.testing.assert_array_equal(theirs.u, ours.u)
+    np.testing.assert_array_equal(theirs.y, ours.y)
+
+
+def test_the_recorder_leaves_a_record_for_identification(run: Path) -> None:
+    record = read_record(run, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
+    assert record.dt_s == 0.25
+    assert len(record.u) >= 14
+    assert abs(record.y[-1, 0]) < abs(record.y[0, 0])
+
+
+def test_a_ros_2_bag_is_one_sqlite_file(run: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.db3"
+    assert main(["record", str(run), "--out", str(copy)]) == 0
+    with sqlite3.connect(copy) as base:
+        topics = dict(base.execute("SELECT name, type FROM topics"))
+        query = "SELECT data FROM messages JOIN topics ON topics.id = topic_id WHERE name = '/imu' ORDER BY timestamp"
+        times = [imu(CdrReader(data)).t_s for (data,) in base.execute(query)]
+    assert topics["/camera/depth/image_rect"] == "sensor_msgs/msg/Image"
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("out", "told"),
+    [("x.csv", "'.csv' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)"), ("there.bag", "is there already")],
+)
+def test_what_cannot_be_written_is_told_in_one_line(run: Path, tmp_path: Path, capsys: Any, out: str, told: str) -> None:
+    (tmp_path / "there.bag").touch()
+    capsys.readouterr()
+    assert main(["record", str(run), "--out", str(tmp_path / out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert told in line
