@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
-from treadline.devices.imu import IMUS, TICK_S, Imu
+from treadline.devices.drives import TICK_S
+from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.mechanics.chair import read_chair

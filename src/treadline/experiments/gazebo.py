@@ -51,10 +51,13 @@ def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> d
     find_environment()
     started = time.monotonic()
     plan = replace(plan, excite_slopes_deg=EXCITE_SLOPES_DEG)
-    found = {
-        name: _paper_in(plan, out / name, open_plant, workers=workers, done=lambda what, name=name: done(f"{name} {what}"))
-        for name, open_plant in SIMULATORS.items()
-    }
+    found: dict[str, dict[str, Any]] = {}
+    for name, open_plant in SIMULATORS.items():
+
+        def told(what: str, name: str = name) -> None:
+            done(f"{name} {what}")
+
+        found[name] = _paper_in(plan, out / name, open_plant, workers=workers, done=told)
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )

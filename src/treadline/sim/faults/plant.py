@@ -7,7 +7,7 @@ they are.
 
 from collections.abc import Sequence
 
-from treadline.devices.imu import TICK_S
+from treadline.devices.drives import TICK_S
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
