@@ -2,6 +2,8 @@
 
 import json
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,25 +31,29 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A short drive of the graph, images and all."""
     folder = tmp_path_factory.mktemp("bags")
     (folder / "short.toml").write_text(SCENARIO)
-    assert main(["nodes", str(folder / "short.toml"), "--duration", "4", "--out", str(folder / "run")]) == 0
+    treadline("nodes", folder / "short.toml", "--duration", "2.5", "--out", folder / "run")
     return folder / "run"
 
 
-def replayed(log: Path, out: Path, capsys: Any) -> dict[str, Any]:
-    capsys.readouterr()
-    assert main(["replay", str(log), "--out", str(out), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+def treadline(*words: object) -> dict[str, Any]:
+    """Run a command as a user does: compiled code is then read back, not compiled again under the shape checker."""
+    command = [sys.executable, "-m", "treadline", *map(str, words), "--json"]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
-@pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
-def test_a_copy_is_replayed_to_the_same_heading(run: Path, tmp_path: Path, capsys: Any, kind: str) -> None:
+@pytest.fixture(scope="module")
+def before(run: Path) -> dict[str, Any]:
+    return treadline("replay", run / "log.mcap", "--out", run / "before")
+
+
+@pytest.mark.parametrize("kind", ["bag", "db3"])
+def test_a_copy_is_replayed_to_the_same_heading(run: Path, before: dict[str, Any], tmp_path: Path, kind: str) -> None:
     copy = tmp_path / f"copy.{kind}"
     assert main(["record", str(run), "--out", str(copy)]) == 0
-    before = replayed(run / "log.mcap", tmp_path / "before", capsys)
-    after = replayed(copy, tmp_path / "after", capsys)
+    after = treadline("replay", copy, "--out", tmp_path / "after")
     keys = ("frames", "accepted", "rms_difference_deg", "rms_error_deg")
     assert [after[key] for key in keys] == [before[key] for key in keys]
-    assert (tmp_path / "after" / "series.csv").read_bytes() == (tmp_path / "before" / "series.csv").read_bytes()
+    assert (tmp_path / "after" / "series.csv").read_bytes() == (run / "before" / "series.csv").read_bytes()
 
 
 @pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
@@ -64,7 +70,7 @@ def test_a_copy_is_read_for_identification(run: Path, tmp_path: Path, kind: str)
 def test_the_recorder_leaves_a_record_for_identification(run: Path) -> None:
     record = read_record(run, ("left_m_s", "right_m_s"), ("heading_rad", "yaw_rate_rad_s"))
     assert record.dt_s == 0.25
-    assert len(record.u) >= 14
+    assert len(record.u) >= 8
     assert abs(record.y[-1, 0]) < abs(record.y[0, 0])
 
 

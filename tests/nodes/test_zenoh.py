@@ -82,6 +82,7 @@ wire.close()
 
 def test_nothing_is_lost_between_two_processes() -> None:
     wire = ZenohTransport("guard", endpoint=f"tcp/127.0.0.1:{PORT + 1}", listen=True)
+    wire.spare = 50
     samples: list[ImuSample] = []
     frames: list[Any] = []
     wire.subscribe(on.IMU, samples.append)

@@ -101,6 +101,7 @@ import sys, time
 from treadline.nodes import channels as on
 from treadline.nodes.ros1 import Ros1Transport
 wire = Ros1Transport("sink")
+wire.spare = 50
 came = {on.IMU: [], on.CAMERA: []}
 for channel, kept in came.items():
     wire.subscribe(channel, lambda signal, kept=kept: kept.append(round(100 * signal.t_s)))

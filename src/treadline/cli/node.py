@@ -10,8 +10,11 @@ from treadline.cli.answer import Answer
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig
     from treadline.nodes.wire import WireTransport
+    from treadline.ports import Plant
     from treadline.scenario import Scenario
 
+RECORDER_SPARE = 100
+"""A recorder wants every picture, however late."""
 TransportName = Literal["inproc", "ros1", "zenoh"]
 
 
@@ -61,6 +64,7 @@ def node(
     settings, config = told(scenario, controller)
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
+    wire.spare = RECORDER_SPARE if name == "recorder" else 1
     try:
         made = node_of(name, config, plant=lambda: _plant(settings, seed), out=out)
         if isinstance(made, PlantNode):
@@ -114,7 +118,7 @@ def stopping() -> Event:
     return stop
 
 
-def _plant(settings: "Scenario", seed: int):  # noqa: ANN202 - a plant, whose module is heavy
+def _plant(settings: "Scenario", seed: int) -> "Plant":
     from treadline.sim import open_plant
     from treadline.sim.faults import faulty
 

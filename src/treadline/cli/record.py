@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import TransportName, stopping, told, wired
+from treadline.cli.node import RECORDER_SPARE, TransportName, stopping, told, wired
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -45,6 +45,7 @@ def record(
         raise SettingsError("--transport inproc: nodes of one process are recorded by treadline nodes --out")
     _, config = told(scenario, None)
     wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
+    wire.spare = RECORDER_SPARE
     try:
         count = _listened(wire, out, duration, images=images)
     finally:

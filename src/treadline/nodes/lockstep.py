@@ -25,7 +25,8 @@ class LockStep:
         heading = HeadingNode(blocks.estimator, config)
         camera, seat = CameraNode(blocks.detector, config), SeatNode(blocks.leveller, config)
         # The guard takes each reading before anybody acts on it, and speaks after all others.
-        for node in (self._plant, self.guard, camera, heading, seat, driver, *beside):
+        listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]
+        for node in listeners:
             node.listen(self.transport)
         self.nodes: list[Node] = [*beside, camera, seat, driver, heading, self.guard]
         self._tick = 0

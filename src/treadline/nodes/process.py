@@ -1,8 +1,7 @@
 """One node in a process of its own: its clock, its signs of life, and what it does when nobody speaks to it.
 
 Time is the plant's where it is simulated (``/clock``), else the wall's. A simulated plant waits until the guard is ready, keeps
-to the pace it is told, and lets the guard fall behind by no more than a few ticks: a busy machine slows the simulation, not the
-chair's reactions.
+to the pace it is told, and lets no node fall far behind: a busy machine slows the simulation, not the chair's reactions.
 """
 
 import math
@@ -26,8 +25,10 @@ PATIENCE_S = 60.0
 """For whatever a node cannot do without."""
 LAG_S = 0.05
 """How far the guard may be behind a simulated plant."""
+BEHIND_S = 0.35
+"""How far any other node may be, by its last sign of life."""
 STUCK_S = 0.5
-"""How long a simulated plant waits for a guard that is behind; then it goes on, and brakes."""
+"""How long a simulated plant waits for a node that is behind; then it goes on without it."""
 OTHER_CLOCK_S = 10.0
 """A first stamp so far from the clock is of another one."""
 POLL_S = 0.005
@@ -178,48 +179,54 @@ def run_plant(
     """
     turning = Turning(node, transport, patience_s=math.inf)
     transport.announce(on.CLOCK)
-    ready = Flag()
-    states = {"guard": "not heard"}
-
-    def hear(told: object) -> None:
-        if isinstance(told, Beat) and told.node == "guard":
-            states["guard"] = told.state
-            if told.state == "ready":
-                ready.set()
-
-    transport.subscribe(on.DIAGNOSTICS, hear)
+    others = _Others(node)
+    transport.subscribe(on.DIAGNOSTICS, others.hear)
     node.start()
     began = time.monotonic()
-    while not ready.is_set() and not stop.is_set():
+    while others.guard != "ready" and not stop.is_set():
         transport.deliver(POLL_S)
         turning.beat(time.monotonic())
         if time.monotonic() - began > patience_s:
-            raise TreadlineError(
-                f"plant: the guard is not ready after {patience_s:.0f} s: {states['guard']}; start the missing nodes"
-            )
-    return _paced(node, transport, turning, stop, pace, duration_s)
-
-
-def _paced(node: PlantNode, transport: WireTransport, turning: Turning, stop: Flag, pace: float, duration_s: float) -> float:
+            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {others.guard}; start the missing nodes")
     due = time.monotonic()
     tick, t_s = 0, 0.0
-    alone = False
     while not stop.is_set() and t_s < duration_s:
         t_s = tick * TICK_S
         node.tick(t_s)
         transport.publish(on.CLOCK, Clock(t_s=t_s))
         due = max(due + TICK_S / pace, time.monotonic() - TICK_S)
-        waited = time.monotonic()
-        while True:
-            now = time.monotonic()
+        waits_from = time.monotonic()
+        while (now := time.monotonic()) < due or others.keep_waiting(t_s, now - waits_from):
             turning.beat(now)
-            behind = t_s - node.commanded_s > LAG_S
-            if not behind:
-                alone = False
-            elif now - waited > STUCK_S:
-                alone = True
-            if now >= due and (not behind or alone):
-                break
             transport.deliver(min(POLL_S, max(due - now, 0.001)))
         tick += 1
     return t_s
+
+
+class _Others:
+    """How far the other nodes have come."""
+
+    def __init__(self, node: PlantNode) -> None:
+        self._node = node
+        self._t_s: dict[str, float] = {}
+        self._given_up: set[str] = set()
+        self.guard = "not heard"
+        """What the guard says of itself."""
+
+    def hear(self, told: object) -> None:
+        """Take a sign of life."""
+        if not isinstance(told, Beat) or told.node in ("plant", "recorder"):
+            return
+        self._t_s[told.node] = told.t_s
+        self._given_up.discard(told.node)
+        if told.node == "guard":
+            self.guard = told.state
+
+    def keep_waiting(self, t_s: float, waited_s: float) -> bool:
+        """Say whether somebody is too far behind; who stays there is given up."""
+        behind = {name for name, then_s in self._t_s.items() if t_s - then_s > BEHIND_S}
+        if t_s - self._node.commanded_s > LAG_S:
+            behind.add("guard")
+        if waited_s > STUCK_S:
+            self._given_up |= behind
+        return bool(behind - self._given_up)

@@ -80,24 +80,24 @@ def _raw(kind: str) -> Any:
     except ImportError:
         raise TreadlineError(f"ROS 1 has no {package} here: apt-get install python3-{package.replace('_', '-')}") from None
 
-    class Raw(real):  # type: ignore[misc] - a class that only ROS knows
-        """Bytes under a real type's name and checksum."""
+    return type(name, (real,), {"__slots__": ("data",), "_has_header": False, **_RAW})
 
-        __slots__ = ("data",)
 
-        def __init__(self, data: bytes = b"") -> None:
-            self.data = data
+def _keep(message: Any, data: bytes = b"") -> None:
+    message.data = data
 
-        def serialize(self, buff: BytesIO) -> None:
-            buff.write(self.data)
 
-        def deserialize(self, data: bytes) -> "Raw":
-            self.data = data
-            return self
+def _write(message: Any, buffer: BytesIO) -> None:
+    buffer.write(message.data)
 
-    # rospy sets stamps and sequence numbers in messages that have a header; ours are written.
-    Raw._has_header = False  # noqa: SLF001 - genpy's own attribute
-    return Raw
+
+def _read(message: Any, data: bytes) -> Any:
+    message.data = data
+    return message
+
+
+_RAW = {"__init__": _keep, "serialize": _write, "deserialize": _read}
+"""Without a header in rospy's eyes: it would set stamps and sequence numbers, and ours are written."""
 
 
 def _bytes_of(message: Any) -> bytes:

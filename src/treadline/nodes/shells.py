@@ -101,7 +101,7 @@ class CameraNode:
         """Take frames, or what a camera has measured by itself, and whatever tells where down is."""
         self._say = transport.publish
         transport.subscribe(on.IMU, self._tilt)
-        transport.subscribe(on.TRACKS, self._gate.admits)
+        transport.subscribe(on.TRACKS, self._roll)
         transport.subscribe(on.CAMERA, self._look)
         transport.subscribe(on.CAMERA_QUALITY, self._judge)
         transport.subscribe(on.CAMERA_HEADING, self._pass)
@@ -122,6 +122,9 @@ class CameraNode:
     def _tilt(self, sample: ImuSample) -> None:
         if self._gate.admits(sample):
             self._gravity_B = rotation_of(sample.orientation).T @ DOWN_W
+
+    def _roll(self, reading: TrackReading) -> None:
+        self._gate.admits(reading)
 
     def _look(self, frame: RgbdFrame) -> None:
         quality = quality_of(frame)

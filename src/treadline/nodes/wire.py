@@ -39,7 +39,8 @@ class Inbox:
             self._waiting.append((topic, data))
             if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
                 self._skip[topic] += 1
-                self.lost[topic] += self._depths[topic] > 1
+                if self._depths[topic] > 1:
+                    self.lost[topic] += 1
             self._counts[topic] += 1
             self._come.notify()
 
@@ -74,6 +75,8 @@ class WireTransport:
         self._takers: dict[str, list[_Taker]] = {}
         self._announced: set[str] = set()
         self.inbox = Inbox()
+        self.spare = 1
+        """How many times a channel's depth may wait."""
 
     def announce(self, channel: str) -> None:
         """Advertise the topics of a channel."""
@@ -98,9 +101,10 @@ class WireTransport:
                 continue
             first = topic.name not in self._takers
             self._takers.setdefault(topic.name, []).append(_Taker(channel, decoder, take))
-            self.inbox.expect(topic.name, spec.depth)
+            depth = self.spare * spec.depth
+            self.inbox.expect(topic.name, depth)
             if first:
-                self._receive(topic.name, topic.kind, spec.depth)
+                self._receive(topic.name, topic.kind, depth)
 
     def deliver(self, timeout_s: float) -> int:
         """Hand out what has come, up to a batch; wait for the first at most that long."""
