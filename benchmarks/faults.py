@@ -64,9 +64,9 @@ class Leg:
 
 
 LEGS = (
-    Leg("up", "floor", 0, 5.0, ("align", "approach", "mount", "traction")),
+    Leg("up", "floor", 0, 15.0, ("align", "approach", "mount", "traction")),
     Leg("up", "flight", 3, 0.0, ("climb", "crest", "land")),
-    Leg("down", "landing", 0, 5.0, ("align", "approach", "edge")),
+    Leg("down", "landing", 0, 15.0, ("align", "approach", "edge")),
     Leg("down", "flight", 7, 0.0, ("descend", "leave")),
 )
 
@@ -205,6 +205,7 @@ class Outcome:
     margin_deg: float
     roll_back_m: float
     heading_deg: float
+    """The largest after the fault, above the one at it."""
     pitch_rate_deg_s: float
     seat_deg: float
     faulty: tuple[str, ...] = field(default=())
@@ -265,7 +266,8 @@ class Disturbed:
         return Outcome(**{**seen.__dict__, "faulty": tuple(wrong)})
 
     def _seen(self, ride: Traverse, scenario: Scenario) -> Outcome:
-        told = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1e-6]
+        # A sample that was left out is told with the time of the one before.
+        told = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1.5 * TICK_S]
         held_s = next((t_s for t_s, name in told if name == "hold"), math.nan)
         after = slice(round(self.at_s / TICK_S), None)
         trace = {name: column[after] for name, column in ride.trace.columns.items()}
@@ -289,7 +291,7 @@ class Disturbed:
             turn_deg=float(np.ptp(heading)) / DEG if rests else math.nan,
             margin_deg=float(trace["stability_margin_rad"][rest].min()) / DEG if rests else math.nan,
             roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
-            heading_deg=float(np.abs(trace["heading_rad"]).max()) / DEG,
+            heading_deg=float(np.abs(trace["heading_rad"]).max() - abs(trace["heading_rad"][0])) / DEG,
             pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
             seat_deg=float(np.abs(trace["seat_pitch_rad"]).max()) / DEG,
             toml=scenario_toml(scenario, f"{self.name}: {ride.verdict}, {ride.cause}"),

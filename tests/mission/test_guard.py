@@ -512,6 +512,8 @@ def test_a_clock_that_leaps_holds(leap_s: float, cause: str | None) -> None:
     admitted = drive.guard.admit(imu(drive.t_s + leap_s))
     assert drive.guard.holding == cause
     assert admitted is (leap_s == 0.9)
+    # Told by the mission's clock, not by the one that leapt.
+    assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)] * (cause is not None)
 
 
 def test_a_clock_that_is_ahead_hides_no_silence() -> None:

@@ -487,6 +487,17 @@ def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
         assert watch.cause == f"pitch {sign * 90:.0f}°"
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
+    """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
+    watch = SeatWatch(GuardConfig(seat_rad=0.25, seat_s=1.0))
+    watch.feel(0.0, 0.5 * sign)
+    watch.feel(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
+    assert watch.cause is None
+    watch.feel(0.25, 0.54 * sign)
+    assert watch.cause == f"seat is {sign * 30.9:.1f}° off level for 0.2 s"
+
+
 def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     """Test: 0.25 rad allowed for a second; on the limit, beyond, shrinking by less and by more than 2° a time. Expected result: a
     cause a second after the last shrinking."""

@@ -9,7 +9,8 @@ from treadline.mission.guard.config import GuardConfig
 LASTING_S = 0.05
 """A shock is over by then, a fall is not."""
 BETTER_RAD = 2.0 * DEG
-"""A seat that comes nearer by this within its time is being levelled."""
+"""A seat that comes nearer by this within its time is being levelled; one that leaves by this more follows the chair: over a crest
+that is 11° in a second, and nobody may wait for it."""
 ROUNDING_S = 1e-6
 
 
@@ -63,7 +64,7 @@ class SeatWatch:
             self._since = None
         elif self._since is None or error < self._since[1] - BETTER_RAD:
             self._since = (t_s, error)
-        elif t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
+        elif error > self._since[1] + BETTER_RAD or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
             self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
 
     def forget(self) -> None:

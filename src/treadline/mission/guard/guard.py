@@ -133,8 +133,9 @@ class Guard:
     # Readings
 
     def _is_new(self, kind: str, t_s: float) -> bool:
-        new = self._stamps.admit(kind, t_s, t_s if self._t_s is None else self._t_s)
-        self._latch.hold(self._now(t_s), self._stamps.leap)
+        now_s = t_s if self._t_s is None else self._t_s
+        new = self._stamps.admit(kind, t_s, now_s)
+        self._latch.hold(self._now(now_s), self._stamps.leap)  # not by the clock that leapt
         return new
 
     def _is_good(self, signal: Reading | FrameQuality) -> bool:
