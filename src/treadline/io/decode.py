@@ -389,4 +389,6 @@ BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/stair/map/detail": (JOINTS, _stair_map),
     "/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan),
 }
-"""Topics that only nodes speak to each other on."""
+"""Topics that only nodes speak to each other on, and cameras that look for themselves."""
+LOOKED = ("/camera/quality", "/stair/map/detail")
+"""What such a camera saw."""

@@ -16,17 +16,20 @@ from typing import Any
 import numpy as np
 
 from treadline.errors import ImageError, LogFormatError
-from treadline.io.decode import EVENTS, HEADINGS, OURS, CdrReader, calibration, imu, picture
+from treadline.io.decode import BETWEEN, EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
 from treadline.io.log_frames import Calibrate, Frames, as_logged
 from treadline.io.mcap_read import BROKEN
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
 from treadline.signals import (
+    ArmReading,
     Event,
+    FrameQuality,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
     RgbdFrame,
     SeatReading,
+    StairMap,
     TrackReading,
 )
 
@@ -37,7 +40,17 @@ SILENCE_S = 60.0
 EVENTS_MAX = 20
 """Of one kind on one topic; the rest is only counted."""
 
-Sensor = RgbdFrame | ImuSample | SeatReading | TrackReading | HeadingMeasurement | OperatorInput
+Sensor = (
+    RgbdFrame
+    | ImuSample
+    | SeatReading
+    | TrackReading
+    | ArmReading
+    | HeadingMeasurement
+    | StairMap
+    | FrameQuality
+    | OperatorInput
+)
 
 
 class SensorLog:
@@ -116,7 +129,9 @@ class SensorLog:
 
     def _wants(self, name: str) -> bool:
         ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
-        return name in self._roles or ours
+        # A camera that looks for itself leaves no images, but what it saw.
+        looked = name in LOOKED and self.found[name].kind == BETWEEN[name][0] and self.topics.depth is None
+        return name in self._roles or ours or looked
 
     def _decoded(self, role: str, name: str, r: CdrReader, logged_ns: int) -> Any | None:
         match role:
@@ -136,7 +151,8 @@ class SensorLog:
                 if self.topics.accel is not None:
                     signal = replace(signal, linear_acceleration_m_s2=self._force)
             case _:
-                signal = OURS[name if role == "" else HEADINGS][1](r)
+                read = BETWEEN[name] if name in LOOKED else OURS[name if role == "" else HEADINGS]
+                signal = read[1](r)
         if not isinstance(signal, Sensor):
             return signal
         return signal if self._in_order(name, signal.t_s, logged_ns) and self._finite(name, signal) else None
