@@ -5,10 +5,14 @@ import pytest
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import mission_config
 from treadline.mission.config import build_blocks, guard_config
+from treadline.mission.guard import GuardConfig
 from treadline.nodes import channels as on
+from treadline.nodes.inproc import InProcess
 from treadline.nodes.lockstep import LockStep
-from treadline.nodes.words import GuardState
+from treadline.nodes.shells import GuardNode
+from treadline.nodes.words import Drive, GuardState
 from treadline.scenario import Scenario
+from treadline.signals import TrackCommand
 from treadline.sim import open_plant
 
 KILLED_S, WITHIN_S = 1.0, 0.8
@@ -58,3 +62,21 @@ def test_without_a_guard_the_plant_brakes_by_itself() -> None:
         pass
     assert [truth.left_m_s for truth in truths] == [0.0] * len(truths)
     assert truths
+
+
+def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
+    transport = InProcess()
+    guard = GuardNode(GuardConfig(needs_heading=False, watches_motion=False), gauge_m=0.5)
+    guard.listen(transport)
+    commands: list[TrackCommand] = []
+    transport.subscribe(on.TRACKS_CMD, commands.append)
+    for k in range(10):
+        transport.publish(on.TWIST, Drive(speed_m_s=0.2, turn_rad_s=0.1))
+        guard.tick(0.01 * k)
+    assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.175, 0.225))
+    transport.publish(on.TWIST, Drive(speed_m_s=5.0, turn_rad_s=0.0))
+    guard.tick(0.1)
+    assert commands[-1].left_m_s <= 1.0
+    transport.publish(on.TWIST, Drive(speed_m_s=float("nan"), turn_rad_s=0.0))
+    guard.tick(0.11)
+    assert commands[-1].brake

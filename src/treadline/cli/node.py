@@ -32,6 +32,7 @@ def node(
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
     patience: float = 60.0,
+    stick: bool = False,
     out: Path | None = None,
 ) -> Answer:
     """Run one node: plant, camera, heading, seat, driver, guard or recorder.
@@ -51,6 +52,7 @@ def node(
         endpoint: Where zenoh's nodes find each other; the guard listens there.
         domain: ROS 2's ROS_DOMAIN_ID.
         patience: Seconds to wait for what a node cannot do without.
+        stick: The guard takes /cmd_vel (geometry_msgs/Twist) instead of the driver's proposals.
         out: What the recorder writes: a run folder, or a file that ends in .mcap, .bag or .db3.
     """
     from treadline.errors import SettingsError
@@ -66,7 +68,7 @@ def node(
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
     wire.spare = RECORDER_SPARE if name == "recorder" else 1
     try:
-        made = node_of(name, config, plant=lambda: _plant(settings, seed), out=out)
+        made = node_of(name, config, plant=lambda: _plant(settings, seed), out=out, stick=stick)
         if isinstance(made, PlantNode):
             t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])

@@ -30,10 +30,18 @@ def mount_of(config: MissionConfig) -> PinholeCamera:
     return config.chair.camera_at(240, rear=config.direction == "down")
 
 
-def node_of(name: str, config: MissionConfig, *, plant: Callable[[], Plant] | None = None, out: Path | None = None) -> Node:
+def node_of(
+    name: str,
+    config: MissionConfig,
+    *,
+    plant: Callable[[], Plant] | None = None,
+    out: Path | None = None,
+    stick: bool = False,
+) -> Node:
     """Return a node by its name.
 
     Args:
+        stick: Whether the guard takes ``/cmd_vel`` instead of the driver's proposals.
         plant: Makes the chair; only the plant node asks.
         out: Where the recorder writes.
 
@@ -48,7 +56,8 @@ def node_of(name: str, config: MissionConfig, *, plant: Callable[[], Plant] | No
     limits: GuardConfig = guard_config(config, blocks.driver.period_s)
     match name:
         case "guard":
-            return GuardNode(limits, tuple(other for other in DRIVING if other != "guard"))
+            awaited = tuple(other for other in DRIVING if other != "guard" and not (stick and other == "driver"))
+            return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
         case "camera":
             node = CameraNode(blocks.detector, limits)
             node.warm(mount_of(config))

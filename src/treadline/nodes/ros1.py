@@ -119,8 +119,8 @@ def _modules() -> tuple[Any, Any]:
             importlib.invalidate_caches()
     try:
         return _import()
-    except ImportError as error:
-        raise TreadlineError(f"--transport ros1 needs {error.name or 'rospy'}, which is not installed: {INSTALL}") from None
+    except ImportError:
+        raise TreadlineError(f"--transport ros1 needs rospy, which is not installed: {INSTALL}") from None
 
 
 def _import() -> tuple[Any, Any]:

@@ -16,7 +16,7 @@ from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
 from treadline.mission.rates import TICK_S
 from treadline.nodes import channels as on
-from treadline.nodes.words import Beat, GuardState
+from treadline.nodes.words import Beat, Drive, GuardState
 from treadline.perception.quality import quality_of
 from treadline.ports import Plant, Transport, TruthPlant
 from treadline.signals import (
@@ -277,14 +277,16 @@ class GuardNode:
 
     Args:
         awaited: Nodes without which the chair does not start; until each has spoken the belts are braked.
+        gauge_m: Between the tracks, where a person's stick or another planner drives (``/cmd_vel``); else the driver drives.
     """
 
     name = "guard"
     says = (on.TRACKS_CMD, on.SEAT_CMD, on.ARM_CMD, on.GUARD)
     needs = ()
 
-    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = ()) -> None:
+    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None) -> None:
         self._guard = Guard(config)
+        self._gauge_m = gauge_m
         self._missing = set(awaited)
         self._estimate: HeadingEstimate | None = None
         self._plan: Plan | None = None
@@ -306,7 +308,10 @@ class GuardNode:
             transport.subscribe(channel, self._guard.notice)
         transport.subscribe(on.PLAN, self._follow)
         transport.subscribe(on.ESTIMATE, self._know)
-        transport.subscribe(on.TRACKS_PROPOSED, self._propose)
+        if self._gauge_m is None:
+            transport.subscribe(on.TRACKS_PROPOSED, self._propose)
+        else:
+            transport.subscribe(on.TWIST, self._steer)
         transport.subscribe(on.SEAT_PROPOSED, self._level)
         transport.subscribe(on.DIAGNOSTICS, self._hear)
 
@@ -351,6 +356,11 @@ class GuardNode:
 
     def _propose(self, command: TrackCommand) -> None:
         self._guard.propose(command)
+
+    def _steer(self, drive: Drive) -> None:
+        half_m_s = 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
+        speed = drive.speed_m_s
+        self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
 
     def _level(self, command: SeatCommand) -> None:
         self._say(on.SEAT_CMD, self._guard.pass_seat(command))
