@@ -166,7 +166,7 @@ def test_stamps_of_another_clock_are_told_in_one_line(roscore: dict[str, str]) -
 def test_what_was_recorded_through_ros_is_replayed(roscore: dict[str, str], tmp_path: Path) -> None:
     bag = tmp_path / "run.bag"
     options = ["--transport", "ros1", "--pace", "0.5", "--duration", "3", "--out", str(bag)]
-    done = subprocess.run([*TREADLINE, "nodes", str(TESTS / "short.toml"), *options], env=roscore, check=False, timeout=120)
+    done = subprocess.run([*TREADLINE, "nodes", str(TESTS / "short.toml"), *options], env=roscore, check=False, timeout=240)
     assert done.returncode == 0
     info = subprocess.run(["rosbag", "info", str(bag)], capture_output=True, text=True, check=True).stdout
     assert "sensor_msgs/Image" in info

@@ -103,7 +103,8 @@ class KillTest(unittest.TestCase):
         victim = sys.argv[2] if len(sys.argv) > 2 else "controller"
         graph = Graph(truth=("/truth", JointState), commands=("/tracks/cmd", JointState), guard=("/guard/state", DiagnosticArray))
         graph.until(lambda: graph.t_s >= 2.0, "two seconds of climbing")
-        assert not braked(graph.came["commands"][-1][1])
+        causes = [s.message for _, m in graph.came["guard"] for s in m.status if s.level == 2]
+        assert not braked(graph.came["commands"][-1][1]), causes
         master = rosgraph.Master("/test")
         _, _, pid = ServerProxy(master.lookupNode(f"/{victim}")).getPid("/test")
         os.kill(pid, signal.SIGKILL)

@@ -19,8 +19,10 @@ from treadline.nodes.words import Beat, Clock
 
 BEAT_S = 0.2
 """Between two signs of life."""
-SILENT_S = 0.3
+SILENT_S = 0.6
 """Of a simulated clock, after which the guard counts by itself: whoever stopped it must not stop the guard."""
+SLEPT_S = 0.1
+"""A guard that was kept from running for so long cannot tell who was silent meanwhile."""
 PATIENCE_S = 60.0
 """For whatever a node cannot do without."""
 LAG_S = 0.05
@@ -46,9 +48,10 @@ class Turning:
         self._patience_s = patience_s
         self._t_s = 0.0
         self._clock_at: float | None = None
+        self._last_s = 0.0
         self._beat_at = -math.inf
         self._heard: set[str] = set()
-        self._began = time.monotonic()
+        self._began = self._turned_at = time.monotonic()
         transport.announce(on.DIAGNOSTICS)
         for channel in node.says:
             transport.announce(channel)
@@ -74,11 +77,16 @@ class Turning:
     def _turn(self) -> None:
         """Tick where no message does it, and give a sign of life."""
         now = time.monotonic()
+        slept, self._turned_at = now - self._turned_at > SLEPT_S, now
         if not self._sim:
             t_s = math.floor(time.time() / TICK_S) * TICK_S
             if t_s > self._t_s:
                 self._tick(t_s)
-        elif isinstance(self._node, GuardNode) and self._clock_at is not None and now - self._clock_at > SILENT_S:
+        elif not isinstance(self._node, GuardNode) or self._clock_at is None:
+            pass
+        elif slept and self._t_s <= self._last_s:
+            self._clock_at = now - SLEPT_S
+        elif now - self._clock_at > SILENT_S:
             t_s = self._last_s + math.floor((now - self._clock_at) / TICK_S) * TICK_S
             if t_s > self._t_s:
                 self._tick(t_s)
