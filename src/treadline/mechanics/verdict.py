@@ -21,6 +21,8 @@ SEAT_RESERVE_RAD = 3.0 * DEG
 """Range the seat keeps beyond the slope: the chair rocks over nosings."""
 SIDES = ("uphill", "downhill", "left", "right")
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
+LANDING_SPARE_M = 0.60
+"""Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +61,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_unstable(margins, loading, shift),
         _too_steep_for_the_seat(seat_range[1], slope),
         _too_wide_a_gap(stair, chair.tracks),
+        _too_short_a_landing(stair, chair.tracks),
         _beside_the_flight(scenario, chair.tracks),
     )
     return CheckReport(
@@ -164,8 +167,20 @@ def _widest_spacing(stair: Stair, neighbours: int) -> int:
 
     Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last.
     """
-    there = [index for index in range(-1, stair.steps + 1) if index not in stair.missing_steps]
-    return max(later - index for index, later in zip(there, there[neighbours:], strict=False))
+    widest = 0
+    for first in range(0, stair.flights * stair.steps, stair.steps):
+        missing = {index - first for index in stair.missing_steps if first <= index < first + stair.steps}
+        there = [index for index in range(-1, stair.steps + 1) if index not in missing]
+        widest = max(widest, *(later - index for index, later in zip(there, there[neighbours:], strict=False)))
+    return widest
+
+
+def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
+    """Say how deep a landing must be on which the chair has left one flight whole, and sees the next, before it enters it."""
+    needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
+    if stair.flights == 1 or stair.between_m >= needed_m:
+        return None
+    return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
 
 
 def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:

@@ -33,7 +33,7 @@ class AscentConfig:
     cruise_m_s: float = 0.2
     flights: int | None = None
     """To climb; None goes on as long as another flight is seen from the one before."""
-    look_m: float = 1.2
+    look_m: float = 2.5
     """To drive on over a landing to see the next flight: from far away no more than its first step is in view."""
     slow_m_s: float = 0.1
     """Onto the stair and off it."""
@@ -141,7 +141,8 @@ class Ascent:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if estimate is not None and where.map_count:
-                return self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+                self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+                return self._climb(t_s, estimate)
             return self._plan(t_s, 0.0, turn_m_s=0.0)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")

@@ -27,7 +27,9 @@ class DescentConfig:
     cruise_m_s: float = 0.2
     flights: int | None = None
     """To go down; None goes on as long as another flight is seen from the one before."""
-    look_m: float = 1.2
+    lower: float = 0.6
+    """Of a rise below the belts: a nosing that is no edge of what the chair stands on."""
+    look_m: float = 2.5
     """To back on over a landing to see the next flight: from far away its edge hides it."""
     slow_m_s: float = 0.1
     askew_rad: float = 4.0 * DEG
@@ -120,13 +122,20 @@ class Descent:
             return self._plan(t_s, 0.0, turn_m_s=0.0)
         if not self._level.is_square(estimate, t_s):
             return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
-        where, chair = self._where, self._config.chair
-        refusal = refusal_of(chair, self._config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+        config, where = self._config, self._where
+        chair = config.chair
+        refusal = refusal_of(chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
         if refusal is not None:
             return self._begin(t_s, "refused", refusal)
         edge = where.top_ahead_m()
         if edge is None or edge > -self._pivot_m:
             self._hold = "square to the flight, and its edge is not behind the chair"
+            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        below_m = -(where.top_above_m() or 0.0)
+        if below_m > config.lower * where.rise_m:
+            self._hold = (
+                f"the highest nosing in view is {below_m:.2f} m below the belts: the edge is nearer, hidden under the camera"
+            )
             return self._plan(t_s, 0.0, turn_m_s=0.0)
         belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
         self._edge = Edge(belief, -edge, where.slope_rad)

@@ -126,6 +126,11 @@ class Whereabouts:
         ahead = self.ahead_m()
         return ahead[-1] if ahead else None
 
+    def top_above_m(self) -> float | None:
+        """Return how far the highest known nosing is above mid-track, level."""
+        known = [n.z_m for n in self._nosings if n.known]
+        return known[-1] - self._z_m if known else None
+
     def bottom_ahead_m(self) -> float | None:
         """Return how far the lowest known nosing is ahead of mid-track, along the belts; negative once the chair is above it."""
         ahead = self.ahead_m()
