@@ -23,6 +23,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
 from treadline.mission.guard import Guard
 from treadline.mission.loop import Blocks
+from treadline.mission.planner import Cruise
 from treadline.models import ControllerDesign
 from treadline.perception import DetectorConfig
 from treadline.settings import Settings, settings_of
@@ -72,18 +73,25 @@ class ReplaySettings:
     mission: MissionConfig
     controller_name: str
 
-    def blocks(self, detector: Any) -> Blocks:
-        """Return the mission's blocks; the detector is made by who wants to watch it."""
+    def blocks(self, detector: Any, *, shows_stair: bool = True) -> Blocks:
+        """Return the mission's blocks; the detector is made by who wants to watch it.
+
+        Args:
+            shows_stair: Whether the recording shows where nosings are; one with headings alone is driven as on an endless flight.
+        """
         values: Any = self.values
         driver = heading_driver(self.mission)
         estimator = values.estimator or ("kalman" if values.vision == "robust" else "offset")
         kalman: Any = HeadingFilter(applied(FilterConfig(), values.filter))
         guard = applied(guard_config(self.mission, driver.period_s), values.guard)
+        blocks = build_blocks(self.mission, driver)
         return replace(
-            build_blocks(self.mission, driver),
+            blocks,
             detector=detector,
+            planner=blocks.planner if shows_stair else Cruise(self.mission.climb_speed_m_s),
             estimator=kalman if estimator == "kalman" else OffsetEstimator(applied(AberrationRule(), values.offset)),
-            guard=Guard(guard),
+            # The past does not obey: belts and attitude are what was done then, not what is asked now.
+            guard=Guard(replace(guard, watches_motion=False, watches_slip=False)),
         )
 
     @property

@@ -134,7 +134,7 @@ def _play(
         if isinstance(signal, Event):
             sink(signal)
 
-    blocks = settings.blocks(detector)
+    blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
     plant = ReplayPlant(recording.signals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:

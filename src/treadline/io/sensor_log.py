@@ -93,6 +93,11 @@ class SensorLog:
         self._origin_ns = min(item.stamp_ns for item in used)
         self.duration_s = (max(item.last_ns for item in used) - min(item.first_ns for item in used)) / 1e9
 
+    @property
+    def shows_stair(self) -> bool:
+        """Whether it tells where nosings are: in images, or as a camera without images saw them."""
+        return self.topics.depth is not None or LOOKED[1] in self.found
+
     def signals(self, aside: Callable[[Any], None]) -> Iterator[Sensor]:
         """Yield what the sensors read, in time order from ``t_s = 0``.
 
