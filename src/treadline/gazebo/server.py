@@ -98,6 +98,7 @@ class GazeboServer:
             "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
             "GAZEBO_MODEL_PATH": "",
             "GAZEBO_MODEL_DATABASE_URI": "",
+            "ALSOFT_DRIVERS": "null",  # no sound, and no files of a sound server
             "GAZEBO_IP": "127.0.0.1",
             "GAZEBO_MASTER_URI": f"http://127.0.0.1:{free_port()}",
         }

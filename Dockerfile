@@ -1,0 +1,21 @@
+# treadline with Gazebo 11 and the tracked-vehicle plugin, for machines where ros/gazebo/environment.sh has no root or no chroot:
+#   docker build -t treadline . && docker run --rm -v "$PWD/out:/out" treadline reproduce --plant gazebo --out /out
+# bullseye is the last Debian with Gazebo 11.
+FROM python:3.11-bullseye
+
+RUN apt-get update \
+    && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends \
+        gazebo gazebo-common gazebo-plugin-base libgazebo-dev xvfb libgl1-mesa-dri g++ make cmake \
+    && apt-get clean && rm -rf /var/lib/apt/lists/*
+
+ENV TREADLINE_GAZEBO=/
+
+# The plugin alone first: it changes less often than the rest.
+COPY ros/gazebo /opt/treadline-source/ros/gazebo
+RUN /opt/treadline-source/ros/gazebo/environment.sh
+
+COPY pyproject.toml README.md LICENSE /opt/treadline-source/
+COPY src /opt/treadline-source/src
+RUN python -m pip install --no-cache-dir /opt/treadline-source
+
+ENTRYPOINT ["treadline"]
