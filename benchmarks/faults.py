@@ -6,9 +6,10 @@ scenario file of each violation. A run without a fault, of the same seed, tells 
 in its middle (``--place`` says where else). The camera is the one without images: what falsifies pixels alone (``false_edges``)
 is left out.
 
-H is asked where physics lets a chair hold: friction that is gone holds nothing, so what slips keeps a mean above the slope's
-tangent. The static margin under HOLD is judged on the flight and on the level. Where the chair pitches over crest and edge it
-stands on its arm's tip, and a dead arm lets it down by design: there the pitch rate is what counts.
+H is asked where physics lets a chair hold. Braked at once, it slides away from 1.03 of the slope's tangent (with one belt weaker
+than the other it also turns, and falls) and stands at 1.05: what slips here keeps a mean of 1.05 (both) and 1.08 (one). The
+static margin under HOLD is judged on the flight and on the level. Where the chair pitches over crest and edge it stands on its
+arm's tip, and a dead arm lets it down by design: there the pitch rate is what counts.
 """
 
 import argparse
@@ -128,9 +129,9 @@ CASES = (
     Case("11", "late_tick", 0.5, 3.0, still_s=0.8),
     Case("13", "track_stalled", 0.0, held_s=0.6, heading_deg=8.0),
     Case("13", "track_stalled", 1.0, held_s=0.6, heading_deg=8.0),
-    Case("14", "track_slip", 0.75, 6.0, ends=ANY, heading_deg=8.0),
-    Case("14", "track_slip", -0.75, 6.0, ends=ANY, heading_deg=8.0),
-    Case("14", "low_friction", 0.88, 6.0, ends=ANY),
+    Case("14", "track_slip", 0.85, 6.0, ends=ANY, heading_deg=8.0),
+    Case("14", "track_slip", -0.85, 6.0, ends=ANY, heading_deg=8.0),
+    Case("14", "low_friction", 0.90, 6.0, ends=ANY),
     Case("19", "seat_stuck", 0.0, 15.0, ends=ANY, seat_deg=10.0),
     Case("21", "operator_stop", 0.0, 3.0, held_s=HEARD_S, still_s=0.5),
     Case("21", "operator_stop", 1.0, 3.0, held_s=HEARD_S, still_s=0.5),

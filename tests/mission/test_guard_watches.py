@@ -227,6 +227,26 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
 
 
+def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
+    """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
+    its time, and where it was asked for. Expected result: a cause for its time alone."""
+    watch = BeltWatch(GuardConfig(mismatch_s=0.25))
+
+    def run(begin_s: float, *brakes: bool) -> str | None:
+        for k, on in enumerate(brakes):
+            watch.feel(TrackReading(t_s=begin_s + k / 16, left_m_s=0.0, right_m_s=0.0, brake_on=on))
+        return watch.cause
+
+    assert run(0.0, *[True] * 9) is None  # before anything is asked a chair stands braked
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0))
+    assert run(1.0, *[True] * 5, False, *[True] * 4) is None
+    assert run(2.0, *[True] * 5) is None
+    assert run(2.3125, True) == "the brake is on, and nobody asked for it: no power, or no orders arrive"
+    watch.forget()
+    watch.ask(TrackCommand.stop(0.0))
+    assert run(3.0, *[True] * 9) is None
+
+
 def test_readings_apart_by_the_gap_are_still_compared() -> None:
     """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
     watch = BeltWatch(GuardConfig(mismatch_s=0.0625))

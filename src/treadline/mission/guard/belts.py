@@ -23,11 +23,12 @@ class BeltWatch:
         self._t_s = -math.inf
         self._expected = [0.0, 0.0]
         self._since_s: list[float | None] = [None, None]
+        self._braked_s: float | None = None
         self.travel_m = 0.0
         """Of the chair by its belts, backwards negative."""
         self.speed_m_s = 0.0
         self.cause: str | None = None
-        """Which belt does not obey."""
+        """Which belt does not obey, or that the brake does not."""
 
     def ask(self, command: TrackCommand) -> None:
         """Note what the belts are told."""
@@ -42,8 +43,10 @@ class BeltWatch:
         if dt_s > GAP_S:
             self._expected = list(belts)
             self._since_s = [None, None]
+            self._braked_s = None
             return
         self.travel_m += dt_s * self.speed_m_s
+        self._note_brake(on=reading.brake_on)
         for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
             self._expected[side] = self._driven(self._expected[side], asked, dt_s)
             self._compare(side, belts[side])
@@ -52,6 +55,15 @@ class BeltWatch:
         """Take the next reading as it is."""
         self._t_s = -math.inf
         self.cause = None
+
+    def _note_brake(self, *, on: bool) -> None:
+        """Tell a brake that nobody asked for: power is cut, or orders do not arrive, even where the belts are to stand."""
+        if not on or self._asked.brake:
+            self._braked_s = None
+        elif self._braked_s is None:
+            self._braked_s = self._t_s
+        elif self._t_s - self._braked_s >= self._config.mismatch_s - ROUNDING_S:
+            self.cause = "the brake is on, and nobody asked for it: no power, or no orders arrive"
 
     def _driven(self, speed: float, asked: float, dt_s: float) -> float:
         if self._asked.brake:
