@@ -68,6 +68,7 @@ def sink(kind: str, seconds: float) -> None:
     """Count what comes, and how late."""
     delays: dict[str, list[float]] = {on.IMU: [], on.CAMERA: []}
     into = wire(kind, "sink", listen=True)
+    into.spare = 100  # a recorder's room: what is counted is the wire's loss, not the pictures that gave way to newer ones
     for channel, kept in delays.items():
         into.subscribe(channel, lambda signal, kept=kept: kept.append(1e3 * (time.time() - signal.t_s)))
     speaker = subprocess.Popen([sys.executable, __file__, kind, str(seconds), "source"])

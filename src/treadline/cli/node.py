@@ -1,8 +1,10 @@
 """``treadline node``: one node of the graph in a process of its own."""
 
+import os
 import signal
+import time
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Literal
 
 from treadline.cli.answer import Answer
@@ -13,6 +15,8 @@ if TYPE_CHECKING:
     from treadline.ports import Plant
     from treadline.scenario import Scenario
 
+STARTED_BY = "TREADLINE_STARTED_BY"
+"""Environment: the process that a node must not outlive."""
 RECORDER_SPARE = 100
 """A recorder wants every picture, however late."""
 TransportName = Literal["inproc", "ros1", "zenoh"]
@@ -113,11 +117,20 @@ def wired(
 
 
 def stopping() -> Event:
-    """Return a flag that Ctrl-C and a request to end set: nodes end between two messages."""
+    """Return a flag that Ctrl-C and a request to end set, and the loss of whoever started the graph: nodes end between messages."""
     stop = Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    started_by = os.environ.get(STARTED_BY)
+    if started_by is not None:
+        Thread(target=_follow, args=(int(started_by), stop), daemon=True).start()
     return stop
+
+
+def _follow(parent: int, stop: Event) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    stop.set()
 
 
 def _plant(settings: "Scenario", seed: int) -> "Plant":

@@ -1,6 +1,7 @@
 """``treadline nodes``: the whole graph, in one process or each node in its own."""
 
 import math
+import os
 import subprocess
 import sys
 import time
@@ -8,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import TransportName, stopping, told, wired
+from treadline.cli.node import STARTED_BY, TransportName, stopping, told, wired
 
 GONE_S = 4.0
 """After a node was lost, for the guard to hold and a bystander to see it."""
@@ -65,7 +66,8 @@ def nodes(
         for name in names:
             extra = ["--out", str(out)] if name == "recorder" else []
             command = [sys.executable, "-m", "treadline", "node", name, scenario, *options, *extra]
-            running[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 - our own command
+            environment = os.environ | {STARTED_BY: str(os.getpid())}
+            running[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own command
         sys.stderr.write("\n".join(_table({name: f"pid {process.pid}" for name, process in running.items()}, transport)) + "\n")
         ended = _supervise(running, wire, watch, stop)
     finally:
