@@ -11,7 +11,9 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
+from treadline.cli.reproduce import reproduce
 from treadline.errors import GazeboError, SettingsError
+from treadline.experiments.gazebo import compared
 from treadline.gazebo import Environment, GazeboPlant, find_environment, server
 from treadline.gazebo.world import world_sdf
 from treadline.mechanics.chair import read_chair
@@ -126,6 +128,28 @@ def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkey
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(GazeboError, match="no chroot on this system"):
         find_environment()
+
+
+def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    with pytest.raises(GazeboError, match="no Gazebo 11"):
+        reproduce(plant="gazebo", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(SettingsError, match="--plant is 'bullet'; allowed: mujoco, gazebo"):
+        reproduce(plant="bullet", out=tmp_path / "out")
+    with pytest.raises(SettingsError, match="--seeds is 9; from 1 to 5"):
+        reproduce(plant="gazebo", seeds=9, out=tmp_path / "out")
+
+
+def test_two_simulators_are_compared_row_by_row() -> None:
+    def figures(turns: list[float], straight: float) -> dict[str, list[dict[str, object]]]:
+        rows = [{"loop": "closed", "rms_heading_deg": straight}, {"loop": "open", "rms_heading_deg": 9.0}]
+        return {"table2": [{"rms_heading_deg": value} for value in turns], "fig09": rows}
+
+    found = compared(figures([3.0, 4.0], 0.2), figures([3.5, 3.2], 0.1))
+    assert found["table2_mean_deg"] == pytest.approx({"gazebo": 3.5, "mujoco": 3.35})
+    assert found["table2_largest_gap_deg"] == pytest.approx(0.8)
+    assert found["straight_closed_worst_rms_deg"] == {"gazebo": 0.2, "mujoco": 0.1}
 
 
 def test_frames_are_refused_before_anything_is_started(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Fig. 8, 9, 10 and Table II in Gazebo, as the paper ran them: excited, identified and driven there, and beside it in MuJoCo.
 
-Paper: Section VI, Fig. 8–10, Table II.
+Paper: Fig. 8, Fig. 9, Fig. 10, Table II.
 
 The camera tells what the stair detector would say of a frame (decision 0016) in both simulators, so that they differ in their
 contacts alone. One seed is one run of each row.
