@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from treadline.mechanics.staircase import TREAD_THICKNESS_M, Box, Staircase, build_staircase
 from treadline.scenario import Stair
@@ -112,3 +113,42 @@ def test_walls_stand_where_they_are_asked_for(walls: str, sides: list[float]) ->
     for box in found:
         assert abs(box.centre_W[1]) - box.half_m[1] == pytest.approx(1.0)  # flush with the flight
         assert span_z(box)[1] > staircase.steps[-1].z_m + 2.0
+
+
+@given(flights=st.integers(2, 4), steps=st.integers(2, 8), between_m=st.floats(0.5, 4.0))
+def test_each_flight_is_the_first_one_moved_over_a_landing(flights: int, steps: int, between_m: float) -> None:
+    staircase = build(flights=flights, steps=steps, between_m=between_m)
+    assert staircase.pitch_m == pytest.approx(math.hypot(0.16, 0.30), rel=1e-12)
+    first = np.array([(step.x_m, step.z_m) for step in staircase.flights[0]])
+    onward = np.array([(steps - 1) * 0.30 + between_m, steps * 0.16])
+    for k, flight in enumerate(staircase.flights):
+        np.testing.assert_allclose([(step.x_m, step.z_m) for step in flight], first + k * onward, atol=1e-9)
+    for lower, upper in pairwise(staircase.flights):
+        assert lower[-1].depth_m == pytest.approx(upper[0].x_m - lower[-1].x_m)
+    assert [box.index for box in treads(staircase) if box.kind == "landing"] == [(k + 1) * steps - 1 for k in range(flights)]
+
+
+def test_nothing_is_open_between_a_landing_and_the_next_flight() -> None:
+    boxes = treads(build(flights=2, steps=3, between_m=2.5))
+    assert span_x(boxes[2])[1] > span_x(boxes[3])[0]
+    assert span_z(boxes[3])[0] < span_z(boxes[2])[1]
+
+
+def test_walls_leave_the_landing_between_two_flights_free() -> None:
+    staircase = build(flights=2, steps=5, walls="left", between_m=2.0)
+    lower, upper = (span_x(box) for box in staircase.boxes() if box.kind == "wall")
+    assert lower == pytest.approx((0.0, 1.2))
+    assert upper == pytest.approx((3.2, 4.4))
+
+
+def test_of_several_flights_no_landing_can_be_missing() -> None:
+    assert build(flights=2, steps=5, missing_steps=[3, 5]).steps[5].missing
+    for index in (4, 9, 10):
+        with pytest.raises(ValidationError, match=f"names step {index} of 2 flights of 5 steps"):
+            Stair.model_validate({"flights": 2, "steps": 5, "missing_steps": [index]})
+
+
+@pytest.mark.parametrize(("key", "value"), [("flights", 0), ("flights", 21), ("between_m", 0.4), ("between_m", 20.5)])
+def test_flights_and_landings_have_limits(key: str, value: float) -> None:
+    with pytest.raises(ValidationError, match=key):
+        Stair.model_validate({key: value})
