@@ -59,6 +59,10 @@ class Truth:
     """Smallest static tipping margin of the whole, at this attitude, on the nosings, floors and tips that it touches now."""
     friction_use: float
     """Share of the friction circle needed to hold this heading on this slope; 1 slides."""
+    passenger_x_m: float
+    """Of the payload's centre of mass in W, level: what comfort is judged by."""
+    passenger_z_m: float
+    """The same, height."""
 
 
 @runtime_checkable

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.scores import Trace, score, settling_time
+from treadline.experiments.scores import Trace, comfort, score, settling_time
 from treadline.ports import Truth
 
 
@@ -31,6 +31,8 @@ def trace(heading_deg: np.ndarray, x_m: np.ndarray | None = None, y_m: np.ndarra
                 right_m_s=0.2,
                 stability_margin_rad=0.2,
                 friction_use=0.8,
+                passenger_x_m=float(x[k]),
+                passenger_z_m=0.0,
             )
             for k in range(count)
         ]
@@ -65,3 +67,14 @@ def test_lateral_drift_has_no_sign() -> None:
 
 def test_a_short_run_has_no_steady_part() -> None:
     assert score(trace(np.zeros(500))).steady_rms_heading_deg is None
+
+
+def test_comfort_is_the_acceleration_that_lasts() -> None:
+    # Test: half a second of 2 m/s² after standing, then steady. Expected result: 2 m/s², and a change of 2 m/s² within the
+    # window of 50 ms, 40 m/s³ at most, at its two ends.
+    t = np.arange(301) / 100
+    after = np.clip(t - 1.0, 0.0, 0.5)
+    x = after**2 + 1.0 * np.clip(t - 1.5, 0.0, None)
+    peak, jerk = comfort(x, np.zeros(301))
+    assert peak == pytest.approx(2.0, rel=1e-6)
+    assert 0.0 < jerk <= 40.0 + 1e-9

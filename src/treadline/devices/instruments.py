@@ -1,7 +1,6 @@
 """The chair's instruments: ``ChairState -> readings, Truth``, once a tick, whichever simulator moved the chair."""
 
 import math
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ from treadline.angles import DEG
 from treadline.devices.drives import TICK_S
 from treadline.devices.imu import IMUS, Imu
 from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.stability import centre_of_mass
+from treadline.mechanics.stability import centre_of_mass, payload_place
 from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
@@ -82,12 +81,14 @@ class Instruments:
         self._R_SW = staircase.R_WS.T
         self._nosings_W = staircase.nosings_W
         self._velocity_W = np.zeros(3)
-        self._reaches: deque[Float[np.ndarray, " 4"]] = deque(maxlen=SUPPORT_TICKS)
+        self._reaches = np.zeros((SUPPORT_TICKS, 4))
+        """What was touched of late, a ring."""
+        self._ticks = 0
 
     def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
         """Forget what came before."""
         self._velocity_W = velocity_W
-        self._reaches.clear()
+        self._ticks = 0
 
     def read(self, state: ChairState, grip: float = 1.0) -> tuple[list[Reading], Truth]:
         """Return what the sensors say at a tick, and the truth.
@@ -116,8 +117,11 @@ class Instruments:
 
     def _support_of(self, state: ChairState) -> Support:
         """Return what the chair stands on: what it touched of late, and nosings under its belts that it rocks onto in a moment."""
-        self._reaches.append(state.reach_m)
-        front, rear, left, right = (float(most) for most in np.max(self._reaches, axis=0))
+        if self._ticks == 0:
+            self._reaches[:] = state.reach_m
+        self._reaches[self._ticks % SUPPORT_TICKS] = state.reach_m
+        self._ticks += 1
+        front, rear, left, right = self._reaches.max(axis=0).tolist()
         x, z = ((self._nosings_W - state.p_WB) @ state.R_WB[:, [0, 2]]).T
         under = x[(np.abs(z) < ROCKING_M) & (np.abs(x) < 0.5 * self._chair.tracks.flat_run_m)]
         if under.size:
@@ -133,6 +137,7 @@ class Instruments:
         pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
         roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
         along, across = self._staircase.friction
+        passenger_W = state.p_WB + R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
@@ -152,4 +157,6 @@ class Instruments:
                 self._support_of(state),
             ).worst,
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
+            passenger_x_m=float(passenger_W[0]),
+            passenger_z_m=float(passenger_W[2]),
         )

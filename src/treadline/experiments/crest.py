@@ -13,6 +13,7 @@ import numpy as np
 from treadline.angles import DEG
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
+from treadline.experiments.scores import COMFORT_TICKS
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mission.rates import TICK_S
 from treadline.ports import Truth
@@ -33,8 +34,6 @@ STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
 LEVEL_RAD = 2.0 * DEG
 HEADING_GAIN_M_S_RAD = 0.3
 """Stands in for the heading controller: the belts' difference keeps the heading that the run began with."""
-COMFORT_TICKS = 5
-"""Acceleration is the mean over 50 ms: what a body follows (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

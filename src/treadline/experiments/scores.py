@@ -13,6 +13,9 @@ from treadline.angles import DEG, rms
 from treadline.ports import Truth
 
 SETTLED_RAD = 2.0 * DEG
+TICK_S = 0.01
+COMFORT_TICKS = 5
+"""Acceleration is a mean over 50 ms: what a body follows (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
 
@@ -65,6 +68,10 @@ class Scores:
     aligned_rms_heading_deg: float | None
     """From then on."""
     aligned_max_heading_deg: float | None
+    passenger_max_m_s2: float
+    """Largest acceleration of the passenger, level and upright together, as a mean over 50 ms."""
+    passenger_jerk_m_s3: float
+    """99th percentile of how fast that changes: it is a jolt that lasts, not one sample's noise."""
     phases: tuple[tuple[float, str], ...]
     """When each phase began."""
 
@@ -76,6 +83,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     seat = trace["seat_pitch_rad"]
     onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
+    peak, jerk = comfort(trace["passenger_x_m"], trace["passenger_z_m"])
     aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
         duration_s=float(t[-1]),
@@ -96,8 +104,21 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         aligned_s=aligned_s,
         aligned_rms_heading_deg=rms(aligned) / DEG if aligned.size else None,
         aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
+        passenger_max_m_s2=peak,
+        passenger_jerk_m_s3=jerk,
         phases=phases,
     )
+
+
+def comfort(x_m: Float[np.ndarray, " T"], z_m: Float[np.ndarray, " T"]) -> tuple[float, float]:
+    """Return a passenger's largest acceleration [m/s²] and the 99th percentile of its change [m/s³], as means over 50 ms."""
+    if len(x_m) < 2 * COMFORT_TICKS + 3:
+        return 0.0, 0.0
+    window_s = COMFORT_TICKS * TICK_S
+    velocity = np.diff(np.stack([x_m, z_m]), axis=1) / TICK_S
+    acceleration = (velocity[:, COMFORT_TICKS:] - velocity[:, :-COMFORT_TICKS]) / window_s
+    jerk = (acceleration[:, COMFORT_TICKS:] - acceleration[:, :-COMFORT_TICKS]) / window_s
+    return float(np.hypot(*acceleration).max()), float(np.percentile(np.hypot(*jerk), 99.0))
 
 
 def settling_time(

@@ -21,17 +21,22 @@ def payload_com(chair: ChairDescription, loading: Chair) -> Point:
     return (x, y, z)
 
 
+def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:
+    """Return the payload's centre of mass in B, the seat turned forward by an angle."""
+    c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
+    x, y, z = payload_com(chair, loading)
+    hx, hy, hz = chair.seat.hinge_m
+    return (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
+
+
 def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, arm_angle_rad: float | None = None) -> Point:
     """Return the centre of mass of chair and payload in B, the seat turned forward by an angle.
 
     Args:
         arm_angle_rad: Of the front section, where it is an arm; None where it rests.
     """
-    c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
     seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
-    x, y, z = payload_com(chair, loading)
-    hx, hy, hz = chair.seat.hinge_m
-    payload = (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
+    payload = payload_place(chair, loading, seat_angle_rad)
     chassis = chair.masses.chassis_com_m
     if chair.arm is not None:
         chassis_kg, chassis = _with_arm(chair, chair.arm, arm_angle_rad)

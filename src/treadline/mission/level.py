@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
+from treadline.mission.rates import TICK_S
 from treadline.signals import HeadingEstimate
 
 
@@ -20,7 +21,9 @@ class LevelConfig:
     square_s: float = 0.5
     """… once it has been for so long."""
     turn_gain_per_s: float = 1.5
-    turn_rad_s: float = 20.0 * DEG
+    turn_rad_s: float = 15.0 * DEG
+    turn_m_s2: float = 0.12
+    """How fast the belts are set apart: a turn that begins at once breaks loose with a jolt of 4 m/s² where friction is high."""
     skid: float = 1.4
     """Belt speed over what rolling without skidding would need: one track drags the other."""
     keep_m_s_rad: float = 1.5
@@ -39,6 +42,7 @@ class LevelSteering:
         self._square_since_s: float | None = None
         self._looked_since_s: float | None = None
         self._swept_rad = 0.0
+        self._half_m_s = 0.0
         self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]
 
     def towards(self, estimate: HeadingEstimate, target_rad: float = 0.0) -> float:
@@ -84,4 +88,8 @@ class LevelSteering:
         return self._half(math.copysign(0.5 * config.turn_rad_s, self._legs[0] - self._swept_rad))
 
     def _half(self, rate_rad_s: float) -> float:
-        return 0.5 * self._config.gauge_m * self._config.skid * rate_rad_s
+        """Return half the belts' difference for a rate of turn; called at each tick of a turn."""
+        wanted = 0.5 * self._config.gauge_m * self._config.skid * rate_rad_s
+        change = self._config.turn_m_s2 * TICK_S
+        self._half_m_s = min(max(wanted, self._half_m_s - change), self._half_m_s + change)
+        return self._half_m_s
