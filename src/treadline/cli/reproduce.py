@@ -1,12 +1,8 @@
 """``treadline reproduce``: the whole paper."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from treadline.cli.answer import Answer
-
-if TYPE_CHECKING:
-    from treadline.experiments.plan import Plan
 
 
 def reproduce(
@@ -47,7 +43,12 @@ def reproduce(
         raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")
     plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
     if plant == "gazebo":
-        return _in_gazebo(plan, out, workers or default_workers())
+        from treadline.experiments import gazebo
+
+        with Progress("reproduce", gazebo.job_count(plan)) as progress:
+            values = gazebo.reproduce_in_gazebo(plan, out, workers=workers or default_workers(), done=progress.done)
+        place = f"done in {values['wall_s']:.0f} s; results: {out / 'results.json'}"
+        return Answer(values=values, summary=[*gazebo.summary(values), place])
     with Progress("reproduce", job_count(plan)) as progress:
         results = reproduce_paper(plan, out, workers=workers or default_workers(), done=progress.done)
     path = write_report(out)
@@ -55,13 +56,3 @@ def reproduce(
         values=results,
         summary=[f"done in {results['wall_s']:.0f} s; results: {out / 'results.json'}", f"report: {path}"],
     )
-
-
-def _in_gazebo(plan: "Plan", out: Path, workers: int) -> Answer:
-    from treadline.cli.progress import Progress
-    from treadline.experiments.gazebo import job_count, reproduce_in_gazebo, summary
-
-    with Progress("reproduce", job_count(plan)) as progress:
-        values = reproduce_in_gazebo(plan, out, workers=workers, done=progress.done)
-    place = f"done in {values['wall_s']:.0f} s; results: {out / 'results.json'}"
-    return Answer(values=values, summary=[*summary(values), place])
