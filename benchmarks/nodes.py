@@ -128,8 +128,9 @@ def tell(what: str, delays_ms: list[float]) -> None:
 if __name__ == "__main__":
     transport = sys.argv[1] if len(sys.argv) > 1 else "zenoh"
     length_s = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
-    if sys.argv[3:] == ["source"]:
-        source(transport, length_s)
-    else:
-        sink(transport, length_s)
-        graph(transport, min(length_s, 60.0))
+    roles = {"source": source, "sink": sink, "graph": graph}
+    if len(sys.argv) > 3:
+        roles[sys.argv[3]](transport, length_s)
+    else:  # a process is one node of ROS 1, and no more
+        for role in ("sink", "graph"):
+            subprocess.run([sys.executable, __file__, transport, str(length_s), role], check=True)

@@ -149,7 +149,7 @@ def test_lifecycle_nodes_make_a_graph_whose_guard_holds_for_one_that_is_deactiva
     for node in nodes.values():
         assert node.on_activate(None) == "SUCCESS"
     try:
-        wait(lambda: times[-1] > 1.0)
+        wait(lambda: times[-1] > 0.6)
         assert states[-1].holding is None
         assert nodes["driver"].on_deactivate(None) == "SUCCESS"
         wait(lambda: states[-1].holding is not None)
@@ -160,7 +160,7 @@ def test_lifecycle_nodes_make_a_graph_whose_guard_holds_for_one_that_is_deactiva
 
 
 def wait(done: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 180.0
     while not done():
         assert time.monotonic() < deadline
         time.sleep(0.02)

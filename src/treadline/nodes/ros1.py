@@ -44,7 +44,7 @@ class Ros1Transport(WireTransport):
 
     def _advertise(self, topic: str, kind: str, depth: int) -> None:
         message = _raw(kind)
-        publisher = self._rospy.Publisher(topic, message, queue_size=max(depth, 10), tcp_nodelay=True)
+        publisher = self._rospy.Publisher(topic, message, queue_size=max(depth, QUEUE), tcp_nodelay=True)
         self._publishers[topic] = publisher, message
 
     def _send(self, topic: str, data: bytes) -> None:
@@ -68,6 +68,8 @@ class Ros1Transport(WireTransport):
         return ["/msg/".join(kind.split("/")) for kind in kinds]
 
 
+QUEUE = 30
+"""Messages that rospy keeps for a listener that is late: three seconds of pictures. The listener's own queue says what counts."""
 BUFFER = 1 << 22
 """Bytes: two frames of VGA with depth; a smaller one reads an image in pieces, late."""
 
