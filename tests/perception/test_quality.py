@@ -21,7 +21,7 @@ def frame(seed: int = 0, level: float = 120.0, spread: float = 40.0, holes: floa
 
 
 def test_an_ordinary_frame_is_told_by_its_numbers() -> None:
-    """Test: mean 120 and deviation 40 of 255, two thirds of the depth lost. Expected result: those numbers, and the frame's time."""
+    """Test: mean 120 and deviation 40 of 255, two thirds of the depth lost. Expected result: those numbers, the frame's time."""
     quality = quality_of(frame(holes=2 / 3))
     assert quality.t_s == 1.5
     assert quality.brightness == pytest.approx(120 / 255, abs=0.01)

@@ -84,11 +84,11 @@ def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float)
     if slope_rad > rating.slope_deg * DEG + 1e-9:
         steep = f"the stair is {slope_rad / DEG:.1f}° steep"
         return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
-    steep = slope_rad > rating.steep_deg * DEG
-    most_kg = rating.steep_payload_kg if steep else rating.payload_kg
+    is_steep = slope_rad > rating.steep_deg * DEG
+    most_kg = rating.steep_payload_kg if is_steep else rating.payload_kg
     if payload_kg <= most_kg:
         return None
-    where = f" on flights above {rating.steep_deg:g}°" if steep else ""
+    where = f" on flights above {rating.steep_deg:g}°" if is_steep else ""
     return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {most_kg:g} kg{where}"
 
 

@@ -30,7 +30,7 @@ def quality_of(frame: RgbdFrame) -> FrameQuality:
     brightness, contrast = UNASKED if share >= ENOUGH else _light_of(frame, stride)
     return FrameQuality(
         t_s=frame.t_s,
-        fingerprint=zlib.crc32(np.ascontiguousarray(frame.depth_m)),
+        fingerprint=zlib.crc32(np.ascontiguousarray(frame.depth_m).data),
         brightness=brightness,
         contrast=contrast,
         valid_share=share,
