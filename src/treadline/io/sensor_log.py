@@ -41,15 +41,7 @@ EVENTS_MAX = 20
 """Of one kind on one topic; the rest is only counted."""
 
 Sensor = (
-    RgbdFrame
-    | ImuSample
-    | SeatReading
-    | TrackReading
-    | ArmReading
-    | HeadingMeasurement
-    | StairMap
-    | FrameQuality
-    | OperatorInput
+    RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | FrameQuality | OperatorInput
 )
 
 
