@@ -18,7 +18,7 @@ import math
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -264,7 +264,7 @@ class Disturbed:
             wrong.append(f"{min(gaps_m):.2f} m before what stands in the way, {CLEAR_M:g} wanted")
         if wrong:
             print(f"  {self.name}: {'; '.join(wrong)}  [{seen.verdict}: {seen.cause}]", file=sys.stderr, flush=True)
-        return Outcome(**{**seen.__dict__, "faulty": tuple(wrong)})
+        return replace(seen, faulty=tuple(wrong))
 
     def _seen(self, ride: Traverse, scenario: Scenario) -> Outcome:
         # A sample that was left out is told with the time of the one before.

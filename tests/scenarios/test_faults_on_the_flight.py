@@ -13,7 +13,9 @@ from treadline.angles import DEG
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
+from treadline.perception.quality import ENOUGH
 from treadline.scenario import Drive, Scenario, Sensors, Stair, Start
+from treadline.sim.faults.sensors import DEPTH_ENOUGH
 
 TICK_S = 0.01
 AT_S, AFTER_S = 4.0, 3.0
@@ -108,11 +110,19 @@ def test_1_a_camera_that_comes_back() -> None:
 @BOTH_WAYS
 @pytest.mark.parametrize("value", [0.02], ids=["dark"])
 def test_3_light_that_shows_nothing(value: float, direction: str) -> None:
-    """Test: 2 % of the light. Expected result: it is told, depth goes on, heading within 3°."""
+    """Test: 2 % of the light. Expected result: depth is enough, nobody asks for colours; heading within 3°."""
     run = ride(fault("camera_dark", value), direction=direction)
-    assert told(run, "vision_dim") - AT_S <= 0.3
     assert run.verdict == "time_up", run.cause
     assert worst_heading_deg(run) <= 3.0
+
+
+def test_3_light_that_shows_nothing_where_depth_is_scarce() -> None:
+    """Test: 2 % of the light, and 65 % of the depth missing. Expected result: it is told; with 80 % missing as a lost camera."""
+    assert DEPTH_ENOUGH == ENOUGH
+    run = ride(fault("camera_dark", 0.02), fault("depth_holes", 0.65))
+    assert told(run, "vision_dim") - AT_S <= 0.3
+    assert run.verdict == "time_up", run.cause
+    stands_still(ride(fault("camera_dark", 0.02, for_s=10.0), fault("depth_holes", 0.8, for_s=10.0)), within_s=3.5)
 
 
 def test_3_light_that_blinds_depth_as_well() -> None:

@@ -1,0 +1,111 @@
+"""What fails beside the flight's middle: at the foot, over crest and edge; the rows of docs/decisions/0014, in physical terms.
+
+``benchmarks/faults.py`` has each fault in each phase. The camera is the one without images.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import Traverse, traverse
+from treadline.faults import Fault, Process
+from treadline.scenario import Drive, Scenario, Sensors, Stair, Start
+
+TICK_S = 0.01
+FOREVER_S = 1000.0
+CREST_S, EDGE_S = 16.0, 16.0
+"""In the middle of the pitch, from four steps below the crest and from the landing."""
+PITCH_RATE = 20.0 * DEG
+SEAT = 10.0 * DEG
+
+
+def fault(kind: str, value: float = 0.0, *, at_s: float, for_s: float = FOREVER_S) -> Fault:
+    return Fault.model_validate({"kind": kind, "value": value, "at_s": at_s, "for_s": for_s})
+
+
+@cache
+def ride(*faults: Fault, place: str, direction: str = "up", step: int = 3, until_s: float = 30.0) -> Traverse:
+    """Drive on eight steps of 28° until the end, or until two seconds after a hold."""
+    scenario = Scenario(
+        stair=Stair(steps=8, landing_m=3.0),
+        start=Start.model_validate({"place": place, "step": step}),
+        drive=Drive.model_validate({"direction": direction, "duration_s": until_s}),
+        sensors=Sensors(camera="statistical"),
+        fault=faults,
+    )
+    return traverse(scenario, controller=shipped_controller(scenario.chair.model), seed=0, after_hold_s=2.0)
+
+
+def phase_at(run: Traverse, t_s: float) -> str:
+    return [phase for begin_s, phase in run.scores.phases if begin_s <= t_s][-1]
+
+
+def stands_still(run: Traverse) -> None:
+    """Check rule H but its margin, which crest and edge lend from the arm's tip: still half a second after the hold."""
+    held_s = next(event.t_s for event in run.events if event.name == "hold")
+    rest = slice(round((held_s + 0.5) / TICK_S), None)
+    assert len(run.trace["t_s"][rest]) > 100
+    assert float(np.ptp(run.trace["x_m"][rest])) <= 0.020
+    assert float(np.ptp(run.trace["heading_rad"][rest])) <= 2.0 * DEG
+    assert float(run.trace["stability_margin_rad"][rest].min()) > 0.0
+
+
+def test_15_friction_too_low_to_climb() -> None:
+    """Test: friction of 1.03 of the slope's tangent from the beginning. Expected result: refused at the foot after the traction
+    test, backed off to the floor, never slid by more than 50 mm."""
+    run = ride(fault("low_friction", 0.88, at_s=0.0), place="floor", until_s=40.0)
+    assert run.verdict == "refused", run.cause
+    assert run.cause is not None
+    assert "friction" in run.cause
+    backed_s = next(t_s for t_s, phase in run.scores.phases if phase == "back_off")
+    forth = run.trace["x_m"][: round(backed_s / TICK_S)]
+    assert float((np.maximum.accumulate(forth) - forth).max()) <= 0.050
+    assert abs(float(run.trace["pitch_rad"][-1])) < 2.0 * DEG
+
+
+def test_19_a_seat_that_does_not_follow_over_the_crest() -> None:
+    """Test: the seat's actuator is dead from before the crest on. Expected result: HOLD, seat within 10°."""
+    run = ride(fault("seat_stuck", at_s=1.0), place="flight")
+    assert run.verdict == "held", run.cause
+    assert run.cause is not None
+    assert "seat" in run.cause
+    assert float(np.abs(run.trace["seat_pitch_rad"]).max()) <= SEAT
+    stands_still(run)
+
+
+def test_22_a_dead_controller() -> None:
+    """Test: nothing is proposed any more. Expected result: HOLD, still within 0.8 s of the third missed period."""
+    run = ride(fault("process_killed", Process.CONTROLLER, at_s=1.0), place="flight", until_s=6.0)
+    assert run.verdict == "held", run.cause
+    held_s = next(event.t_s for event in run.events if event.name == "hold")
+    assert held_s - 1.0 <= 0.8
+    stands_still(run)
+
+
+@pytest.mark.parametrize(
+    ("place", "direction", "at_s", "phase"), [("flight", "up", CREST_S, "crest"), ("landing", "down", EDGE_S, "edge")]
+)
+def test_18_a_dead_arm_while_the_chair_pitches(place: str, direction: str, at_s: float, phase: str) -> None:
+    """Test: the arm's motor dies half-way. Expected result: let down at 20 °/s at most, upright, heading within 6°."""
+    run = ride(fault("arm_lost", at_s=at_s), place=place, direction=direction)
+    assert phase_at(run, at_s) == phase
+    assert run.verdict in ("held", "arrived", "time_up"), run.cause
+    assert float(np.abs(run.trace["pitch_rate_rad_s"]).max()) <= PITCH_RATE
+    assert float(np.abs(run.trace["heading_rad"]).max()) <= 6.0 * DEG
+
+
+@pytest.mark.parametrize(
+    ("place", "direction", "at_s", "phase"), [("flight", "up", CREST_S, "crest"), ("landing", "down", EDGE_S, "edge")]
+)
+@pytest.mark.parametrize("kind", ["operator_stop", "imu_lost"])
+def test_9_21_a_hold_while_the_chair_pitches(kind: str, place: str, direction: str, at_s: float, phase: str) -> None:
+    """Test: stop is pressed, or the IMU falls silent, half-way. Expected result: HOLD at once; the arm stands, and the chair with
+    it."""
+    run = ride(fault(kind, at_s=at_s), place=place, direction=direction)
+    assert phase_at(run, at_s) == phase
+    assert run.verdict == "held", run.cause
+    assert next(event.t_s for event in run.events if event.name == "hold") - at_s <= 0.12
+    stands_still(run)
