@@ -16,7 +16,7 @@ from treadline.angles import DEG
 from treadline.control.arm import PRESS_SHARE, SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
 from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
 
-Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done"]
+Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
 LATER_M = 0.03
 """Of the centre of mass past the nosing before the lead; as much further before the next try, if the chair did not follow."""
@@ -56,6 +56,8 @@ class CrestConfig(Loading):
     behind_rad: float = 2.0 * DEG
     """A lead never runs further ahead of the pitch."""
     level_rad: float = 0.7 * DEG
+    patience_s: float = 8.0
+    """For a tip that carries: a motor that is dead, or a landing that is not there, gets no further."""
     stow_rad_s: float = 12.0 * DEG
 
 
@@ -88,6 +90,7 @@ class Crest:
         self._ahead_m = nosing_ahead_m
         self._t_s: float | None = None
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
+        self._waited_s = 0.0
         self._lead_from_m = LATER_M
         self._lead_rad = 0.0
         self._lead_rad_s = 0.0
@@ -105,6 +108,8 @@ class Crest:
         self._ahead_m -= speed * dt_s
         pitch = pitch_of(imu)
         self._tip.step(pitch, arm, dt_s)
+        waits = self._stage in ("reach", "carry") and self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD
+        self._waited_s = self._waited_s + dt_s if waits else 0.0
         self._sequence(pitch, arm)
         belts, rate = self._act(pitch, arm, speed, dt_s)
         return CrestCommand(
@@ -123,6 +128,8 @@ class Crest:
         config = self._config
         beyond = self._com_beyond(pitch)
         match self._stage:
+            case "reach" | "carry" if self._waited_s > config.patience_s:
+                self._stage = "barred"
             case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.arm_m:
                 self._stage = "slow"
             case "slow" if self._past_m > config.reach_from_m:
@@ -160,6 +167,8 @@ class Crest:
                 return 0.0, -config.reach_rad_s
             case "carry":
                 return self._carry(pitch, arm, speed, dt_s)
+            case "barred":
+                return 0.0, 0.0
             case "lead":
                 return config.lead_m_s, self._lead(pitch, arm, speed, dt_s)
             case _:

@@ -260,6 +260,8 @@ class Ascent:
                 return self._plan(t_s, command.speed_m_s, arm=command.arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
+            case "barred":
+                phase, self._hold = "crest", "the front section does not carry: the chair stands before the crest"
             case _:
                 phase = "crest"
         if phase != self._phase:
