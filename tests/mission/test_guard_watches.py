@@ -141,13 +141,21 @@ def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, val
 
 
 def test_a_camera_lives_on_its_least_share_of_depth() -> None:
-    """Test: shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
+    """Test: in the dark, shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
     watch = SightWatch(GuardConfig(alive_least=0.125, valid_least=0.5))
     for k, (share, alive) in enumerate(((0.125, True), (0.0625, False), (0.75, True))):
-        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=share))
+        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.0, contrast=0.0, valid_share=share))
         assert watch.is_alive is alive
-    watch.frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.5, contrast=0.1, valid_share=0.75))
+    watch.frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.0, contrast=0.0, valid_share=0.75))
     assert not watch.is_alive
+
+
+def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
+    """Test: no depth at all, but colours; then the same frame again. Expected result: alive; then not."""
+    watch = SightWatch(GuardConfig())
+    for k, alive in ((0, True), (1, True), (1, False)):
+        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=0.0))
+        assert watch.is_alive is alive
 
 
 def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:

@@ -45,6 +45,11 @@ def test_a_single_depth_makes_another_fingerprint() -> None:
     assert quality_of(replace(first, depth_m=changed)).fingerprint != quality_of(first).fingerprint
 
 
+def test_frames_without_depth_are_told_apart_by_their_colours() -> None:
+    """Test: two frames without any depth and with other colours. Expected result: two fingerprints, for the camera lives."""
+    assert quality_of(frame(seed=1, holes=1.1)).fingerprint != quality_of(frame(seed=2, holes=1.1)).fingerprint
+
+
 def test_colours_are_not_looked_at_where_depth_is_enough() -> None:
     """Test: a black image with nearly all of its depth. Expected result: what stands for colours nobody asked for."""
     quality = quality_of(frame(level=0.0, spread=0.0))

@@ -60,6 +60,9 @@ class Scores:
     seat_rms_deg: float
     seat_max_deg: float
     max_pitch_rate_deg_s: float
+    """As a mean over 50 ms: what a body follows."""
+    max_pitch_jolt_deg_s: float
+    """Of a single sample: a chair that rocks over steps uneven by 2 mm turns by tenths of a degree, but at once."""
     min_stability_margin_deg: float
     max_friction_use: float
     """Largest share of the friction circle that holding the heading took; 1 slides."""
@@ -98,7 +101,8 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         climbed_m=float(x[-1] - x[0]),
         seat_rms_deg=rms(seat) / DEG,
         seat_max_deg=float(np.abs(seat).max()) / DEG,
-        max_pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
+        max_pitch_rate_deg_s=float(np.abs(lasting(trace["pitch_rate_rad_s"])).max()) / DEG,
+        max_pitch_jolt_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
         min_stability_margin_deg=float(trace["stability_margin_rad"].min()) / DEG,
         max_friction_use=float(trace["friction_use"].max()),
         aligned_s=aligned_s,
@@ -108,6 +112,13 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         passenger_jerk_m_s3=jerk,
         phases=phases,
     )
+
+
+def lasting(rate: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:
+    """Return the running mean over 50 ms."""
+    if len(rate) < COMFORT_TICKS:
+        return rate
+    return np.convolve(rate, np.full(COMFORT_TICKS, 1.0 / COMFORT_TICKS), "valid")
 
 
 def comfort(x_m: Float[np.ndarray, " T"], z_m: Float[np.ndarray, " T"]) -> tuple[float, float]:

@@ -27,10 +27,15 @@ def quality_of(frame: RgbdFrame) -> FrameQuality:
     stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
     depths = frame.depth_m[::stride, ::stride]
     share = float(np.mean(np.isfinite(depths) & (depths > 0.0))) if depths.size else 0.0
-    brightness, contrast = UNASKED if share >= ENOUGH else _light_of(frame, stride)
+    fingerprint = zlib.crc32(np.ascontiguousarray(frame.depth_m).data)
+    brightness, contrast = UNASKED
+    if share < ENOUGH:
+        brightness, contrast = _light_of(frame, stride)
+        # Depth images without a depth are all alike; the colours still tell a living camera.
+        fingerprint = zlib.crc32(np.ascontiguousarray(frame.rgb).data, fingerprint)
     return FrameQuality(
         t_s=frame.t_s,
-        fingerprint=zlib.crc32(np.ascontiguousarray(frame.depth_m).data),
+        fingerprint=fingerprint,
         brightness=brightness,
         contrast=contrast,
         valid_share=share,

@@ -26,7 +26,8 @@ class SightWatch:
         before, self._fingerprint = self._fingerprint, quality.fingerprint
         frozen = quality.fingerprint == before
         self.refused = self._fault(quality, frozen=frozen)
-        self.is_alive = not frozen and quality.valid_share >= self._config.alive_least
+        # Across a landing and out into a wide room there is no depth at all, but something to see.
+        self.is_alive = not frozen and (quality.valid_share >= self._config.alive_least or not self.is_dark)
         self._blind = bool(self.refused)
         return not self._blind
 
