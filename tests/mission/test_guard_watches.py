@@ -1,6 +1,7 @@
 """Each watch of the guard alone, on its very limits: numbers are sums of powers of two, so that "equal" means equal."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -310,14 +311,15 @@ def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
-    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; while it turns none at all."""
-    config = GuardConfig(slip=0.25, slip_turn_rad=0.0625)
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; while it turns, or is far from square, none at all."""
+    config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
     assert slipping(config, (*lost, 8), turn_rad=0.125).cause is not None
     assert slipping(config, (*lost, 12), turn_rad=0.140625).slip == 0.0
     assert slipping(config, (*lost, 12), turn_rad=-0.140625).slip == 0.0
+    assert slipping(replace(config, turning_rad=0.0625), (*lost, 8), turn_rad=0.125).cause is None
 
 
 def test_a_chair_rolls_back_beyond_its_limit() -> None:

@@ -85,7 +85,7 @@ class BeltWatch:
             self.cause = f"{name} track {fault}: {speed:.2f} m/s where {expected:.2f} is expected"
 
 
-MATCH_M = 0.12
+MATCH_M = 0.14
 """Between a nosing and where it was expected: less than half of the shortest pitch."""
 MATCH_S = 0.35
 """Between two maps whose nosings are compared."""
