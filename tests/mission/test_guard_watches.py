@@ -311,7 +311,7 @@ def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
-    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; while it turns, or is far from square, none at all."""
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or is askew."""
     config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
