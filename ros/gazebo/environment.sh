@@ -67,7 +67,7 @@ sources() {
 }
 
 if [ "$cache" = / ]; then
-    root=/ log=/tmp/treadline-gazebo.txt
+    root=/ log=$(mktemp)
     [ -e /usr/bin/gzserver ] || fail "TREADLINE_GAZEBO is /, and this system has no gzserver"
 else
     [ "$(id -u)" = 0 ] || fail "Gazebo's environment needs root; run it as root, or take the Dockerfile" 77

@@ -56,12 +56,6 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
     assert_refused(run(verb, latin, *rest), "UTF-8")
 
 
-def test_a_climb_from_the_floor_is_for_a_later_version(run, tmp_path: Path) -> None:
-    path = tmp_path / "floor.toml"
-    path.write_text('[start]\nplace = "floor"\n')
-    assert_refused(run("climb", path, "--out", tmp_path / "run"), "start.place", "flight")
-
-
 @pytest.mark.parametrize(
     ("verb", "arguments", "word"),
     [

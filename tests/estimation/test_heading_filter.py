@@ -266,7 +266,8 @@ def test_a_gyro_that_jumps_while_vision_goes_on_is_found_out_and_overruled(jump_
     rate = jump_deg * DEG / over_s
     climb = Climb(1, seconds=20.0, belts=True, imu=lambda t, felt: felt + (rate if within(t, 10.03, over_s) else 0.0))
     jumped = np.abs(climb.errors_deg())
-    assert jumped.max() > 0.5 * jump_deg
+    # The belts cannot have turned the chair so fast: it is left out, and hazard 7 allows 5°.
+    assert jumped.max() < 5.0
     # Three frames make a disagreement; hazard 7 asks for 0.5 s.
     assert climb.found_s(10.0) <= 10.03 + over_s + 0.4
     # A second of frames that agree, after a jump of up to 0.3 s and with one frame of tolerance: one of 0.3°, four sigma of it.

@@ -56,7 +56,7 @@ def test_the_same_seed_gives_the_same_bytes(excited: tuple[Path, Excited]) -> No
 
 
 def test_bad_settings_leave_no_folder(tmp_path: Path) -> None:
-    floor = SCENARIO.model_copy(update={"start": SCENARIO.start.model_copy(update={"place": "floor"})})
-    with pytest.raises(SettingsError, match=r"start\.place"):
-        recorded_excitation(tmp_path / "run", floor, samples=20, period_s=0.05, seed=1)
+    throne = SCENARIO.model_copy(update={"chair": SCENARIO.chair.model_copy(update={"model": "throne"})})
+    with pytest.raises(SettingsError, match=r"chair\.model"):
+        recorded_excitation(tmp_path / "run", throne, samples=20, period_s=0.05, seed=1)
     assert not list(tmp_path.iterdir())

@@ -41,7 +41,10 @@ def assert_refused_only_for(report: CheckReport, *words: str) -> str:
 @pytest.mark.parametrize("chair", [path.stem for path in CHAIRS.glob("*.toml")])
 @pytest.mark.parametrize("scenario", list(shipped_scenarios()))
 def test_every_shipped_chair_may_climb_every_shipped_scenario(scenario: str, chair: str) -> None:
-    report = check(read_scenario(scenario), read_chair(chair))
+    asked = read_scenario(scenario)
+    if chair == "rescue":  # 50 kg are not for a robot of 20
+        asked = asked.model_copy(update={"chair": asked.chair.model_copy(update={"payload_kg": 3.0})})
+    report = check(asked, read_chair(chair))
     assert (report.verdict, report.reasons, report.proposed_seat_shift_m) == ("go", [], None)
 
 
@@ -81,14 +84,16 @@ def test_a_slippery_stair_is_refused_with_the_slope_it_would_do() -> None:
 
 def test_a_start_too_far_askew_is_refused_with_the_heading_it_would_hold() -> None:
     keys = {"slope_deg": 30, "width_m": 2.4}
-    report = judge(stair=keys, start={"heading_deg": 45})
+    report = judge(stair=keys, start={"place": "flight", "heading_deg": 45})
     reason = assert_refused_only_for(report, "at a heading of 45° the chair slides", "start squarer than 32°")
     assert "(friction use 1.05)" in reason
-    assert judge(stair=keys, start={"heading_deg": 32}).verdict == "go"
+    assert judge(stair=keys, start={"place": "flight", "heading_deg": 32}).verdict == "go"
+    # On the floor it turns first.
+    assert judge(stair=keys, start={"heading_deg": 45}).verdict == "go"
 
 
 @given(
-    payload=st.floats(0.0, 200.0),
+    payload=st.floats(0.0, 90.0),
     ahead=st.floats(-0.4, 0.4),
     higher=st.floats(0.0, 0.4),
     shift=st.floats(*SEAT_SHIFT_M),
@@ -122,16 +127,16 @@ def test_a_payload_behind_the_hinge_is_refused_with_a_shift_uphill() -> None:
 
 def test_no_shift_is_proposed_that_a_scenario_cannot_hold() -> None:
     # Two centimetres more uphill would do, but the seat stands at its limit already.
-    loading = {"payload_offset_m": [-0.30, 0.0, 0.0], "seat_shift_m": SEAT_SHIFT_M[1]}
+    loading = {"payload_offset_m": [-0.33, 0.0, 0.0], "seat_shift_m": SEAT_SHIFT_M[1]}
     report = judge(stair={"slope_deg": 28}, chair=loading)
     assert_refused_only_for(report, "the tipping margin downhill is", "take less payload, or sit lower")
-    nearer = judge(stair={"slope_deg": 28}, chair=loading | {"payload_offset_m": [-0.28, 0.0, 0.0]})
+    nearer = judge(stair={"slope_deg": 28}, chair=loading | {"payload_offset_m": [-0.30, 0.0, 0.0]})
     assert nearer.verdict == "go"
 
 
 def test_a_payload_far_aside_is_refused_where_no_shift_helps() -> None:
     for aside, side, other in ((0.5, "left", "right"), (-0.5, "right", "left")):
-        report = judge(stair={"slope_deg": 28}, chair={"payload_offset_m": [0.0, aside, 0.0], "payload_kg": 150})
+        report = judge(stair={"slope_deg": 28}, chair={"payload_offset_m": [0.0, aside, 0.0], "payload_kg": 90})
         assert_refused_only_for(report, f"the tipping margin {side} is", f"move the payload to the {other}")
         assert report.proposed_seat_shift_m is None
 
@@ -175,11 +180,12 @@ def test_a_missing_step_costs_margin_even_where_the_track_spans_it() -> None:
     assert holed.stability_margin_deg["downhill"] < whole.stability_margin_deg["downhill"] - 5.0
 
 
-@pytest.mark.parametrize("place", ["flight", "landing"])
-def test_a_start_beside_the_flight_is_refused(place: str) -> None:
+def test_a_start_beside_the_flight_is_refused() -> None:
     # 1.2 m of flight: a chair 0.75 m wide may stand 0.225 m off its middle.
-    assert judge(start={"place": place, "lateral_m": -0.22}).verdict == "go"
-    report = judge(start={"place": place, "lateral_m": -0.26})
+    assert judge(start={"place": "flight", "lateral_m": -0.22}).verdict == "go"
+    # A landing is a room.
+    assert judge(start={"place": "landing", "lateral_m": -0.26}).verdict == "go"
+    report = judge(start={"place": "flight", "lateral_m": -0.26})
     assert_refused_only_for(report, "0.04 m beside the flight, which is 1.2 m wide", "start nearer its middle")
 
 
@@ -229,5 +235,5 @@ def test_any_scenario_gets_a_verdict_whose_reasons_have_number_and_remedy(
 
 def test_an_unknown_chair_lists_the_shipped_ones() -> None:
     for model in ("throne", "../chairs/wheelchair", ""):
-        with pytest.raises(SettingsError, match=r"^chair\.model: no shipped chair .*\(shipped: wheelchair"):
+        with pytest.raises(SettingsError, match=r"^chair\.model: no shipped chair .*\(shipped: rescue, wheelchair"):
             read_chair(model)

@@ -176,7 +176,7 @@ def test_a_faster_belt_turns_an_open_loop_chair_further_and_further(
 ) -> None:
     side = math.copysign(1.0, mismatch)
     # The chair goes to the side it turns to: 6 m in three minutes.
-    plant = flight(slope_deg, steps=160, belt_mismatch=mismatch, lateral_m=-4.5 * side)
+    plant = flight(slope_deg, steps=160, belt_mismatch=mismatch, lateral_m=-4.5 * side, model="wheelchair-fixed")
     heading_deg = np.array([side * sample.heading_rad / DEG for sample in each_second(plant, CLIMB, 180)])
     # Wheels would turn by 0.2 · 0.02/0.65 rad/s, 21° a minute. Belts have to drag themselves around across the nosings,
     # which takes most of it; the steeper, the more. Figures were measured; a fifth is left for another machine's chatter.

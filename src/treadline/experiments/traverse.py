@@ -3,6 +3,7 @@
 This is where the two worlds meet: the mission gets the plant's sensors, the scores get the plant's truth.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -81,7 +82,7 @@ class _Ending:
         half_run_m = 0.5 * chair.tracks.flat_run_m
         flight_m = (stair.steps - 1) * pitch_m
         # Along S, from the first nosing of a flight to that of the next: over the landing x grows by its share.
-        further_m = flight_m + stair.between_m * np.cos(self._slope_rad) + stair.rise_m * np.sin(self._slope_rad)
+        further_m = flight_m + stair.between_m * math.cos(self._slope_rad) + stair.rise_m * math.sin(self._slope_rad)
         self._last_x_m = flight_m + (stair.flights - 1) * further_m
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
         self._end_x_m = flight_m - half_run_m
