@@ -132,7 +132,6 @@ def test_below_the_quiet_rate_the_loop_is_alone() -> None:
 
 
 @pytest.mark.parametrize(("stroke", "sign"), [(SEAT.stroke_m[1], 1.0), (SEAT.stroke_m[0], -1.0)])
-@pytest.mark.xfail(reason="the lead is added after the leveller's own stop at the end of the stroke")
 def test_no_rate_is_asked_beyond_an_end_of_the_stroke(stroke: float, sign: float) -> None:
     leveller = PitchLeveller(CONFIG)
     for k in range(50):
