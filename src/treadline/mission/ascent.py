@@ -11,15 +11,11 @@ from treadline.angles import DEG
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
-from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.whereabouts import Whereabouts
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal
+from treadline.signals import ArmCommand, HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
-ON_THE_FLIGHT_RAD = 10.0 * DEG
-"""Pitch from which a chair that wakes up stands on a flight."""
-LEVEL_RAD = 2.0 * DEG
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing any more."""
 
@@ -70,52 +66,27 @@ class AscentConfig:
     traction: TractionConfig = field(default_factory=TractionConfig)
 
 
-class Ascent:
+class Ascent(Traversal):
     """Planner of one traversal up."""
 
+    DIRECTION = "up"
+    ROLLING = frozenset({"mount", "climb", "approach"})
+
     def __init__(self, config: AscentConfig) -> None:
+        super().__init__(config.chair, config.flights)
         self._config = config
-        tracks = config.chair.tracks
-        self._pivot_m = 0.5 * tracks.flat_run_m
-        self._where = Whereabouts()
-        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
-        self._phase: Phase = "search"
-        self._cause = "woken up"
-        self._hold: str | None = None
         self._crest: Crest | None = None
         self._is_climbing = True
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
-        self._flights_done = 0
         self._traction: TractionTest | None = None
         self._refusal = ""
-        self._from_m = 0.0
-        """Travel at which the phase began."""
-        self._imu: ImuSample | None = None
-        self._tracks: TrackReading | None = None
-        self._arm: ArmReading | None = None
-        self._turned_rad = 0.0
 
     def feel(self, signal: Felt) -> None:
         """Take one signal."""
-        match signal:
-            case ImuSample():
-                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
-                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
-                self._imu = signal
-                self._where.feel(signal)
-                if self._traction is not None:
-                    self._traction.feel(signal)
-            case TrackReading():
-                self._tracks = signal
-                self._where.feel(signal)
-                if self._traction is not None:
-                    self._traction.feel(signal)
-            case StairMap():
-                if signal.direction == "up":
-                    self._where.feel(signal)
-            case ArmReading():
-                self._arm = signal
+        super().feel(signal)
+        if self._traction is not None and isinstance(signal, ImuSample | TrackReading):
+            self._traction.feel(signal)
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Return what to do now."""
@@ -148,11 +119,7 @@ class Ascent:
             return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
             return self._look_on(t_s, estimate)
-        turned, self._turned_rad = self._turned_rad, 0.0
-        turn = self._level.sweep(t_s, turned)
-        if turn is None:
-            self._hold = "no stair in view, to neither side"
-        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+        return self._sweep(t_s, "no stair in view, to neither side")
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is None:
@@ -271,24 +238,12 @@ class Ascent:
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:
-                return self._go_on(t_s)
+                self._crest, self._is_climbing = None, True
+                return self._begin_next(t_s)
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
             )
         return self._plan(t_s, command.speed_m_s, turn_m_s=self._level.keep(estimate), arm=command.arm, needs_stair=False)
-
-    @property
-    def _goes_on(self) -> bool:
-        wanted = self._config.flights
-        return self._where.shows_another if wanted is None else self._flights_done + 1 < wanted
-
-    def _go_on(self, t_s: float) -> Plan:
-        """Begin anew with the flight across the landing."""
-        seen = "seen" if self._where.shows_another else "not yet seen"
-        self._where, self._crest, self._is_climbing = Whereabouts(), None, True
-        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
-        self._flights_done += 1
-        return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1} {seen}")
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Drive on over a landing until the next flight is in view."""
@@ -321,30 +276,3 @@ class Ascent:
             lacking = 0.0 if right is None else -max(config.wall_m - right, 0.0)
         # To the right, away from a wall at the left, is a negative heading.
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
-
-    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
-        """Enter a phase; for this one tick the belts go on as they are, or stand."""
-        self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
-        return self._plan(t_s, self._where.speed_m_s if phase in ("mount", "climb", "approach") else 0.0, turn_m_s=0.0)
-
-    def _plan(
-        self,
-        t_s: float,
-        speed_m_s: float,
-        *,
-        turn_m_s: float | None = None,
-        heading_rad: float = 0.0,
-        arm: ArmCommand | None = None,
-        needs_stair: bool = True,
-    ) -> Plan:
-        return Plan(
-            t_s=t_s,
-            phase=self._phase,
-            speed_m_s=speed_m_s,
-            turn_m_s=turn_m_s,
-            heading_rad=heading_rad,
-            arm=arm,
-            needs_stair=needs_stair,
-            cause=self._cause,
-            hold=self._hold,
-        )

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.ascent import LEVEL_RAD, ON_THE_FLIGHT_RAD
 from treadline.mission.entry import refusal_of
-from treadline.mission.level import LevelConfig, LevelSteering
-from treadline.mission.planner import Felt
-from treadline.mission.whereabouts import Whereabouts
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal
+from treadline.signals import HeadingEstimate, Plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,41 +40,16 @@ class DescentConfig:
     """Of the front pulley past the last nosing when the chair, its front section too, has left the stair."""
 
 
-class Descent:
+class Descent(Traversal):
     """Planner of one traversal down."""
 
-    def __init__(self, config: DescentConfig) -> None:
-        self._config = config
-        tracks = config.chair.tracks
-        self._pivot_m = 0.5 * tracks.flat_run_m
-        self._where = Whereabouts()
-        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
-        self._phase: Phase = "search"
-        self._cause = "woken up"
-        self._hold: str | None = None
-        self._edge: Edge | None = None
-        self._flights_done = 0
-        self._imu: ImuSample | None = None
-        self._tracks: TrackReading | None = None
-        self._arm: ArmReading | None = None
-        self._turned_rad = 0.0
+    DIRECTION = "down"
+    ROLLING = frozenset({"descend"})
 
-    def feel(self, signal: Felt) -> None:
-        """Take one signal."""
-        match signal:
-            case ImuSample():
-                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
-                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
-                self._imu = signal
-                self._where.feel(signal)
-            case TrackReading():
-                self._tracks = signal
-                self._where.feel(signal)
-            case StairMap():
-                if signal.direction == "down":
-                    self._where.feel(signal)
-            case ArmReading():
-                self._arm = signal
+    def __init__(self, config: DescentConfig) -> None:
+        super().__init__(config.chair, config.flights)
+        self._config = config
+        self._edge: Edge | None = None
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Return what to do now."""
@@ -111,11 +83,7 @@ class Descent:
             return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
             return self._look_on(t_s, estimate)
-        turned, self._turned_rad = self._turned_rad, 0.0
-        turn = self._level.sweep(t_s, turned)
-        if turn is None:
-            self._hold = "no stair in view behind, to neither side"
-        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+        return self._sweep(t_s, "no stair in view behind, to neither side")
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is None:
@@ -191,26 +159,14 @@ class Descent:
             self._phase, self._cause = "leave", f"rear pulley at the last nosing, {seen}"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
-                return self._go_on(t_s)
+                self._edge = None
+                return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), needs_stair=False)
         return self._plan(t_s, speed, needs_stair=not slow)
-
-    @property
-    def _goes_on(self) -> bool:
-        wanted = self._config.flights
-        return self._where.shows_another if wanted is None else self._flights_done + 1 < wanted
-
-    def _go_on(self, t_s: float) -> Plan:
-        """Begin anew with the flight across the landing."""
-        seen = "seen" if self._where.shows_another else "not yet seen"
-        self._where, self._edge = Whereabouts(), None
-        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
-        self._flights_done += 1
-        return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1} on the way down {seen}")
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Back on over a landing until the next flight is in view."""
@@ -219,28 +175,3 @@ class Descent:
             self._hold = f"no flight in view behind within {-where.travel_m:.1f} m on the landing"
             return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
-
-    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
-        """Enter a phase; for this one tick the belts go on as they are, or stand."""
-        self._phase, self._cause = phase, cause
-        return self._plan(t_s, self._where.speed_m_s if phase == "descend" else 0.0, turn_m_s=0.0)
-
-    def _plan(
-        self,
-        t_s: float,
-        speed_m_s: float,
-        *,
-        turn_m_s: float | None = None,
-        arm: ArmCommand | None = None,
-        needs_stair: bool = True,
-    ) -> Plan:
-        return Plan(
-            t_s=t_s,
-            phase=self._phase,
-            speed_m_s=speed_m_s,
-            turn_m_s=turn_m_s,
-            arm=arm,
-            needs_stair=needs_stair,
-            cause=self._cause,
-            hold=self._hold,
-        )

@@ -1,0 +1,109 @@
+"""What a way up and a way down have in common: what is felt, the search, the next flight, the plan.
+
+``ascent`` and ``descent`` add the phases of their own; see docs/decisions/0019.
+"""
+
+from typing import ClassVar, Literal
+
+from treadline.angles import DEG
+from treadline.mechanics.chair import ChairDescription
+from treadline.mission.level import LevelConfig, LevelSteering
+from treadline.mission.planner import Felt
+from treadline.mission.whereabouts import Whereabouts
+from treadline.signals import ArmCommand, ArmReading, ImuSample, Phase, Plan, StairMap, TrackReading
+
+ON_THE_FLIGHT_RAD = 10.0 * DEG
+"""Pitch from which a chair that wakes up stands on a flight."""
+LEVEL_RAD = 2.0 * DEG
+
+
+class Traversal:
+    """Senses, phase and plan of one traversal."""
+
+    DIRECTION: ClassVar[Literal["up", "down"]]
+    """Of the flights that the camera sees; maps of others are not for this planner."""
+    ROLLING: ClassVar[frozenset[Phase]]
+    """Phases that begin without a stop."""
+
+    def __init__(self, chair: ChairDescription, flights: int | None) -> None:
+        tracks = chair.tracks
+        self._gauge_m = tracks.gauge_m
+        self._flights = flights
+        self._pivot_m = 0.5 * tracks.flat_run_m
+        self._where = Whereabouts()
+        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
+        self._phase: Phase = "search"
+        self._cause = "woken up"
+        self._hold: str | None = None
+        self._flights_done = 0
+        self._from_m = 0.0
+        """Travel at which the phase began."""
+        self._imu: ImuSample | None = None
+        self._tracks: TrackReading | None = None
+        self._arm: ArmReading | None = None
+        self._turned_rad = 0.0
+
+    def feel(self, signal: Felt) -> None:
+        """Take one signal."""
+        match signal:
+            case ImuSample():
+                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
+                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
+                self._imu = signal
+                self._where.feel(signal)
+            case TrackReading():
+                self._tracks = signal
+                self._where.feel(signal)
+            case StairMap():
+                if signal.direction == self.DIRECTION:
+                    self._where.feel(signal)
+            case ArmReading():
+                self._arm = signal
+
+    def _sweep(self, t_s: float, nowhere: str) -> Plan:
+        """Turn to either side to find the stair; hold if it is nowhere."""
+        turned, self._turned_rad = self._turned_rad, 0.0
+        turn = self._level.sweep(t_s, turned)
+        if turn is None:
+            self._hold = nowhere
+        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether another flight follows the landing."""
+        return self._where.shows_another if self._flights is None else self._flights_done + 1 < self._flights
+
+    def _begin_next(self, t_s: float, on_the_way: str = "") -> Plan:
+        """Begin anew with the flight across the landing."""
+        seen = "seen" if self._where.shows_another else "not yet seen"
+        self._where = Whereabouts()
+        self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
+        self._flights_done += 1
+        return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
+
+    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
+        """Enter a phase; for this one tick the belts go on as they are, or stand."""
+        self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
+        return self._plan(t_s, self._where.speed_m_s if phase in self.ROLLING else 0.0, turn_m_s=0.0)
+
+    def _plan(
+        self,
+        t_s: float,
+        speed_m_s: float,
+        *,
+        turn_m_s: float | None = None,
+        heading_rad: float = 0.0,
+        arm: ArmCommand | None = None,
+        needs_stair: bool = True,
+    ) -> Plan:
+        return Plan(
+            t_s=t_s,
+            phase=self._phase,
+            speed_m_s=speed_m_s,
+            turn_m_s=turn_m_s,
+            heading_rad=heading_rad,
+            arm=arm,
+            needs_stair=needs_stair,
+            cause=self._cause,
+            hold=self._hold,
+        )
