@@ -18,21 +18,14 @@ from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotati
 from treadline.devices import kernels as drives
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
-from treadline.devices.statistical import StatisticalCamera
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import (
-    ArmCommand,
-    FrameQuality,
-    Reading,
-    SeatCommand,
-    TrackCommand,
-)
+from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import kernels
-from treadline.sim.camera import Camera
+from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.native import contact_layout, contact_list, load_library
@@ -54,9 +47,9 @@ class MujocoPlant:
         self._scenario = scenario
         self._chair = chair
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
-        self._vision_rng = streams[3]
         way = 1 if scenario.drive.direction == "up" else -1
-        self._around = Surroundings(self.staircase, chair, self._camera(streams[4]), way)
+        eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
+        self._around = Surroundings(self.staircase, chair, eye, way)
         apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
         self._instruments = Instruments(scenario, chair, self.staircase, apart, self._look)
         self._drives = Drives(scenario, chair)
@@ -148,13 +141,6 @@ class MujocoPlant:
 
     def close(self) -> None:
         """Nothing is held open."""
-
-    def _camera(self, rng: np.random.Generator) -> Camera | StatisticalCamera:
-        sensors, stair, vision = self._scenario.sensors, self._scenario.stair, self._scenario.control.vision
-        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
-        if vision == "truth" or sensors.camera == "statistical":
-            return StatisticalCamera(self.staircase, calibration, self._vision_rng, exact=vision == "truth")
-        return Camera(self.staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=rng)
 
     def _build_physics(self) -> None:
         load_library()
@@ -319,13 +305,7 @@ class MujocoPlant:
         self._truth.append(truth)
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
-        t_s, R_WB, p_WB = state.t_s, state.R_WB, state.p_WB
-        eye = self._around.eye
-        if isinstance(eye, StatisticalCamera):
-            arrived = FrameQuality(t_s=t_s, fingerprint=round(t_s / TICK_S), brightness=0.5, contrast=0.2, valid_share=1.0)
-            return [arrived, *(self._around.told(seen, R_WB, p_WB) for seen in eye.look(t_s, R_WB, p_WB))]
-        camera = eye.calibration
-        return [eye.frame(t_s, R_WB @ camera.R_BC, p_WB + R_WB @ np.array(camera.mount_m))]
+        return [self._around.told(seen, state.R_WB, state.p_WB) for seen in look(self._around.eye, state)]
 
 
 def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:

@@ -11,16 +11,14 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_z
-from treadline.devices.statistical import StatisticalCamera
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import Reading, StairMap
 from treadline.sim.camera.camera import Camera
+from treadline.sim.camera.eye import Eye
 from treadline.sim.camera.solids import Shadow, Solid, beam
 from treadline.sim.camera.truth import SWEPT_HEIGHT_M
 from treadline.sim.faults.damage import Damage
-
-Eye = Camera | StatisticalCamera
 
 BOX_M = (0.25, 0.6, 0.5)
 """Depth, width and height of the obstacle: a suitcase. It reaches both belts; between them the chair has no body here."""
