@@ -1,10 +1,15 @@
 """The plant in Gazebo keeps the promises of the port, and climbs. Needs the environment: ``make test-gazebo`` runs these."""
 
+import json
 import math
 import os
 import socket
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -218,6 +223,39 @@ def test_nothing_is_left_behind(started: Opened) -> None:
     assert folder.is_dir()
     plant.close()
     assert not folder.exists()
+
+
+FRAMES = """
+[stair]
+steps = 14
+[start]
+place = "flight"
+step = 4
+heading_deg = 10
+[sensors]
+camera = "kinect1"
+"""
+
+
+def treadline(*words: object) -> dict[str, Any]:
+    """Run a command as a user does: compiled code is then read back, not compiled again under the shape checker."""
+    command = [sys.executable, "-m", "treadline", *map(str, words), "--json"]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def test_a_bag_recorded_in_gazebo_is_replayed_to_the_heading_of_then(tmp_path: Path) -> None:
+    (tmp_path / "frames.toml").write_text(FRAMES)
+    bag = tmp_path / "drive.bag"
+    driven = treadline("nodes", tmp_path / "frames.toml", "--plant", "gazebo", "--duration", "4", "--out", bag)
+    assert driven["verdict"] == "time_up"
+    assert abs(driven["final_heading_deg"]) < 4.0
+    for kind in ("db3", "mcap"):
+        treadline("record", bag, "--out", bag.with_suffix(f".{kind}"))
+    for kind in ("bag", "db3", "mcap"):
+        again = treadline("replay", bag.with_suffix(f".{kind}"), "--out", tmp_path / kind)
+        assert again["sees"] == "images"
+        assert again["accepted"] > 30
+        assert again["rms_difference_deg"] < 1e-9
 
 
 @pytest.mark.parametrize("heading_deg", [30.0, -30.0])

@@ -11,7 +11,9 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
+from treadline.angles import rotation_of
 from treadline.cli.reproduce import reproduce
+from treadline.devices.instruments import ChairState
 from treadline.errors import GazeboError, SettingsError
 from treadline.experiments.gazebo import compared
 from treadline.gazebo import Environment, GazeboPlant, find_environment, server
@@ -19,6 +21,8 @@ from treadline.gazebo.world import world_sdf
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Control, Scenario, Sensors, Start
+from treadline.signals import RgbdFrame
+from treadline.sim import open_plant as open_mujoco
 
 SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
 
@@ -152,7 +156,26 @@ def test_two_simulators_are_compared_row_by_row() -> None:
     assert found["straight_closed_worst_rms_deg"] == {"gazebo": 0.2, "mujoco": 0.1}
 
 
-def test_frames_are_refused_before_anything_is_started(tmp_path: Path) -> None:
-    scenario = Scenario(sensors=Sensors(camera="kinect1"))
-    with pytest.raises(SettingsError, match="renders no frames"):
-        GazeboPlant(scenario, 0, read_chair("wheelchair"), Environment(root=tmp_path))
+def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(tmp_path: Path) -> None:
+    scenario = Scenario(start=Start(place="flight", step=4), sensors=Sensors(camera="kinect1"))
+    other, chair = open_mujoco(scenario, 3), read_chair("wheelchair")
+    other.start()
+    there = ChairState(
+        tick=0,
+        p_WB=other._data.qpos[:3].copy(),
+        R_WB=rotation_of(other._data.qpos[3:7]),
+        velocity_W=np.zeros(3),
+        rate_B=np.zeros(3),
+        seat_rad=0.0,
+        stroke_m=0.0,
+        belts_m_s=np.zeros(2),
+        brake_on=True,
+        arm_rad=0.0,
+        arm_torque_n_m=0.0,
+        reach_m=np.zeros(4),
+    )
+    plant = GazeboPlant(scenario, 3, chair, Environment(root=tmp_path))
+    (ours,) = [reading for reading in plant._instruments.read(there)[0] if isinstance(reading, RgbdFrame)]
+    (theirs,) = [reading for reading in other.read() if isinstance(reading, RgbdFrame)]
+    np.testing.assert_array_equal(ours.depth_m, theirs.depth_m)
+    np.testing.assert_array_equal(ours.rgb, theirs.rgb)

@@ -12,7 +12,7 @@ import rclpy
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.lifecycle.node import LifecycleState
 
-from treadline.cli.node import told
+from treadline.cli.node import simulated, told
 from treadline.errors import TreadlineError
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.process import Turning, run_plant
@@ -25,7 +25,14 @@ class TreadlineNode(LifecycleNode):
 
     def __init__(self, name: str = "guard") -> None:
         super().__init__(name)
-        for key, value in (("scenario", "default"), ("controller", ""), ("seed", 0), ("pace", 1.0), ("out", "")):
+        for key, value in (
+            ("scenario", "default"),
+            ("controller", ""),
+            ("plant", "mujoco"),
+            ("seed", 0),
+            ("pace", 1.0),
+            ("out", ""),
+        ):
             self.declare_parameter(key, value)
         self._stop = Event()
         self._thread: Thread | None = None
@@ -85,11 +92,7 @@ class TreadlineNode(LifecycleNode):
             self.get_logger().error(str(error))
 
     def _plant(self) -> Any:
-        from treadline.sim import open_plant
-        from treadline.sim.faults import faulty
-
-        seed = self._told("seed")
-        return faulty(open_plant(self._settings, seed), self._settings, seed)
+        return simulated(self._settings, self._told("seed"), self._told("plant"))
 
     def _told(self, key: str) -> Any:
         return self.get_parameter(key).value

@@ -20,6 +20,7 @@ STARTED_BY = "TREADLINE_STARTED_BY"
 RECORDER_SPARE = 100
 """A recorder wants every picture, however late."""
 TransportName = Literal["inproc", "ros1", "zenoh"]
+PlantName = Literal["mujoco", "gazebo"]
 
 
 def node(
@@ -29,6 +30,7 @@ def node(
     *remappings: str,
     transport: TransportName = "zenoh",
     controller: Path | None = None,
+    plant: PlantName = "mujoco",
     seed: int = 0,
     clock: Literal["sim", "wall"] = "sim",
     pace: float = 1.0,
@@ -49,6 +51,7 @@ def node(
         remappings: ROS 1's own, as /camera/color/image_raw:=/camera; behind a lone --.
         transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS.
         controller: A file that treadline tune wrote; the shipped one when left out.
+        plant: Which simulator the plant node is.
         seed: Of the simulated plant.
         clock: sim where a plant speaks on /clock, wall where drivers stamp with the machine's.
         pace: Simulated seconds a second, of the plant.
@@ -72,7 +75,7 @@ def node(
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
     wire.spare = RECORDER_SPARE if name == "recorder" else 1
     try:
-        made = node_of(name, config, plant=lambda: _plant(settings, seed), out=out, stick=stick)
+        made = node_of(name, config, plant=lambda: simulated(settings, seed, plant), out=out, stick=stick)
         if isinstance(made, PlantNode):
             t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
@@ -133,8 +136,14 @@ def _follow(parent: int, stop: Event) -> None:
     stop.set()
 
 
-def _plant(settings: "Scenario", seed: int) -> "Plant":
-    from treadline.sim import open_plant
+def simulated(settings: "Scenario", seed: int, plant: PlantName) -> "Plant":
+    """Return a scenario's chair in a simulator, with the faults that the scenario has."""
     from treadline.sim.faults import faulty
+
+    if plant == "gazebo":
+        from treadline.gazebo import open_gazebo
+
+        return faulty(open_gazebo(settings, seed), settings, seed)
+    from treadline.sim import open_plant
 
     return faulty(open_plant(settings, seed), settings, seed)

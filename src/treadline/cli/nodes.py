@@ -5,11 +5,12 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import STARTED_BY, TransportName, stopping, told, wired
+from treadline.cli.node import STARTED_BY, PlantName, TransportName, simulated, stopping, told, wired
 
 GONE_S = 4.0
 """After a node was lost, for the guard to hold and a bystander to see it."""
@@ -23,6 +24,7 @@ def nodes(
     *,
     transport: TransportName = "inproc",
     controller: Path | None = None,
+    plant: PlantName = "mujoco",
     seed: int = 0,
     pace: float = 1.0,
     duration: float | None = None,
@@ -39,20 +41,21 @@ def nodes(
         scenario: A scenario file, or the name of a shipped one.
         transport: inproc runs all nodes in this process, tick by tick; ros1 and zenoh start a process for each.
         controller: A file that treadline tune wrote; the shipped one when left out.
+        plant: Which simulator moves the chair.
         seed: Of the simulated plant.
         pace: Simulated seconds a second; less where the machine is busy.
         duration: Simulated seconds after which it ends; the scenario's when left out.
         endpoint: Where zenoh's nodes find each other.
         domain: ROS 2's ROS_DOMAIN_ID.
-        without: plant leaves the plant to somebody else: Gazebo, or a chair's own drivers.
+        without: plant leaves the plant to somebody else: a chair's own drivers.
         out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
     """
     settings, config = told(scenario, controller)
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":
-        return _in_one_process(settings, config, seed, seconds, out)
+        return _in_one_process(config, lambda: simulated(settings, seed, plant), seconds, out)
     wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
-    options = ["--transport", transport, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
+    options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
     options += [] if controller is None else ["--controller", str(controller)]
     from treadline.nodes.assembly import DRIVING
@@ -184,18 +187,16 @@ class _Watch:
         self.over = self.over or (self._held_s is not None and self._t_s - self._held_s > self.AFTER_S)
 
 
-def _in_one_process(settings: Any, config: Any, seed: int, seconds: float, out: Path | None) -> Answer:
+def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None) -> Answer:
     from treadline.cli.progress import SimulatedTime
     from treadline.mission.config import build_blocks, guard_config
     from treadline.nodes.assembly import DRIVING
     from treadline.nodes.lockstep import LockStep
     from treadline.nodes.recorder import RecorderNode
-    from treadline.sim import open_plant
-    from treadline.sim.faults import faulty
 
     blocks = build_blocks(config)
     limits = guard_config(config, blocks.driver.period_s)
-    plant = faulty(open_plant(settings, seed), settings, seed)
+    plant = plant_of()
     recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
     graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,))
     watch = _Watch(seconds)

@@ -1,9 +1,11 @@
 """The chair in Gazebo 11: a ``TruthPlant`` with the drives, sensors and seeds of the MuJoCo plant, on other contacts.
 
-Mission time runs in ticks of 10 ms, ten steps of ODE each. The bodies move in gzserver; drives and sensors are ours.
+Mission time runs in ticks of 10 ms, ten steps of ODE each. The bodies move in gzserver; drives and sensors are ours, and so are
+frames: drawn from where Gazebo has the chair, by what draws them for MuJoCo.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +14,6 @@ from treadline.angles import DEG, rotation_of
 from treadline.devices import kernels
 from treadline.devices.drives import TICK_S, Drives
 from treadline.devices.instruments import ChairState, Instruments, Streams
-from treadline.devices.statistical import StatisticalCamera
 from treadline.errors import SettingsError, SimulationDiverged
 from treadline.gazebo import server
 from treadline.gazebo.environment import PLUGIN, Environment, find_environment
@@ -21,7 +22,8 @@ from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, FrameQuality, Reading, SeatCommand, TrackCommand
+from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.sim.camera.eye import look, open_eye
 
 STEPS = 10
 """Of 1 ms in a tick."""
@@ -38,9 +40,9 @@ class GazeboPlant:
         streams = np.random.default_rng(seed).spawn(6)  # as the other simulator's: a seed means the same noise
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
-        self._eye = self._camera(streams[3])
+        eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
-        self._instruments = Instruments(scenario, chair, self.staircase, apart, self._look)
+        self._instruments = Instruments(scenario, chair, self.staircase, apart, partial(look, eye))
         self._drives = Drives(scenario, chair)
         self._server: server.GazeboServer | None = None
         self._tick = 0
@@ -112,16 +114,6 @@ class GazeboPlant:
     def _world(self, port: int) -> str:
         return world_sdf(self._scenario, self.staircase, self._chair, plugin=f"/{PLUGIN}", port=port)
 
-    def _camera(self, rng: np.random.Generator) -> StatisticalCamera:
-        sensors, vision = self._scenario.sensors, self._scenario.control.vision
-        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
-        if vision == "truth" or sensors.camera == "statistical":
-            return StatisticalCamera(self.staircase, calibration, rng, exact=vision == "truth")
-        raise SettingsError(
-            f"sensors.camera = '{sensors.camera}': the Gazebo plant renders no frames; "
-            'take camera = "statistical" or control.vision = "truth"'
-        )
-
     def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
         if self._server is None:
             raise SettingsError("the Gazebo plant was not started; call start() first")
@@ -170,10 +162,6 @@ class GazeboPlant:
             self._readings.extend(readings)
             self._truth.append(truth)
         self._pending.clear()
-
-    def _look(self, state: ChairState) -> Sequence[Reading]:
-        arrived = FrameQuality(t_s=state.t_s, fingerprint=state.tick, brightness=0.5, contrast=0.2, valid_share=1.0)
-        return [arrived, *self._eye.look(state.t_s, state.R_WB, state.p_WB)]
 
 
 def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
