@@ -33,7 +33,7 @@ class Air(WireTransport):
         for topic, _, data in encoded(channel, signal, ros1=False):
             self.inbox.put(topic, data)
 
-    def _advertise(self, topic: str, kind: str, depth: int) -> None:
+    def _advertise(self, topic: str, kind: str, channel: on.Channel) -> None:
         pass
 
     def _send(self, topic: str, data: bytes) -> None:

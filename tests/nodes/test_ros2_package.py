@@ -105,6 +105,7 @@ def stub(bus: Bus) -> dict[str, ModuleType]:  # noqa: C901 - classes, each with 
     qos.QoSProfile = SimpleNamespace  # type: ignore[attr-defined]
     qos.HistoryPolicy = SimpleNamespace(KEEP_LAST=1)  # type: ignore[attr-defined]
     qos.ReliabilityPolicy = SimpleNamespace(RELIABLE=1)  # type: ignore[attr-defined]
+    qos.DurabilityPolicy = SimpleNamespace(TRANSIENT_LOCAL=1, VOLATILE=2)  # type: ignore[attr-defined]
     modules = {module.__name__: module for module in (rclpy, lifecycle, node, qos)}
     for channel in on.CHANNELS.values():
         for topic in channel.topics:

@@ -102,7 +102,7 @@ def test_nothing_is_lost_between_two_processes() -> None:
 def test_the_graph_drives_and_the_guard_holds_when_a_node_is_killed(start: Any, bystander: Any) -> None:
     endpoint = f"tcp/127.0.0.1:{PORT + 2}"
     graph = start("zenoh", "--pace", "0.5", "--endpoint", endpoint)
-    seen = bystander(ZenohTransport("bystander", endpoint=endpoint), on.TRACKS_CMD, on.TRUTH)
+    seen = bystander(ZenohTransport("bystander", endpoint=endpoint), on.TRACKS_CMD, on.TRUTH, on.ODOM)
     seen.until(lambda: seen.t_s >= 2.5)
     graph.kill("driver")
     killed_s = seen.t_s
@@ -113,6 +113,9 @@ def test_the_graph_drives_and_the_guard_holds_when_a_node_is_killed(start: Any, 
     result = graph.result()
     assert held_s - killed_s <= 0.8
     assert result["verdict"] == "held"
+    truths = [truth for _, truth in seen.heard[on.TRUTH]]
+    climbed_m = truths[-1].passenger_z_m - truths[0].passenger_z_m
+    assert seen.heard[on.ODOM][-1][1].p_OB[2] == pytest.approx(climbed_m, abs=0.1)
     headings = [truth.heading_rad for _, truth in seen.heard[on.TRUTH]]
     assert abs(headings[-1]) < 0.6 * abs(headings[0])  # it has steered until then
 

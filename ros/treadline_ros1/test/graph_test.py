@@ -14,8 +14,10 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
+from tf2_msgs.msg import TFMessage
 
 PACKAGE = "treadline_ros1"
 WALL_S = 100.0
@@ -62,6 +64,9 @@ class ClimbTest(unittest.TestCase):
             info=("/camera/color/camera_info", CameraInfo),
             heading=("/stair/heading", PoseWithCovarianceStamped),
             told=("/diagnostics", DiagnosticArray),
+            odometry=("/odom", Odometry),
+            moving=("/tf", TFMessage),
+            fixed=("/tf_static", TFMessage),
         )
         graph.until(lambda: graph.t_s >= 8.0, "eight seconds of climbing")
         truth = [dict(zip(message.name, message.position, strict=False)) for _, message in graph.came["truth"]]
@@ -74,6 +79,11 @@ class ClimbTest(unittest.TestCase):
         self._check_messages(graph)
 
     def _check_messages(self, graph):
+        _, place = graph.came["odometry"][-1]
+        assert (place.header.frame_id, place.child_frame_id) == ("odom", "base_link")
+        assert place.pose.pose.position.z > 0.15
+        frames = {t.child_frame_id: t.header.frame_id for name in ("moving", "fixed") for t in graph.came[name][-1][1].transforms}
+        assert frames == {"base_link": "odom", "chair": "base_link", "imu": "base_link", "camera": "base_link"}
         _, image = graph.came["color"][-1]
         assert (image.encoding, image.header.frame_id, len(image.data)) == ("rgb8", "camera", image.height * image.step)
         _, depth = graph.came["depth"][-1]

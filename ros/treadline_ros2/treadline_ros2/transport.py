@@ -3,8 +3,9 @@
 import importlib
 from typing import Any
 
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from treadline.nodes.channels import Channel
 from treadline.nodes.wire import WireTransport
 from treadline.signals import PinholeCamera
 
@@ -27,8 +28,9 @@ class RclpyTransport(WireTransport):
         self._publishers.clear()
         self._subscriptions.clear()
 
-    def _advertise(self, topic: str, kind: str, depth: int) -> None:
-        self._publishers[topic] = self._node.create_publisher(_message(kind), topic, _quality(depth))
+    def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
+        quality = _quality(channel.depth, kept=channel.kept)
+        self._publishers[topic] = self._node.create_publisher(_message(kind), topic, quality)
 
     def _send(self, topic: str, data: bytes) -> None:
         self._publishers[topic].publish(data)
@@ -45,8 +47,13 @@ class RclpyTransport(WireTransport):
         return [info.topic_type for info in self._node.get_publishers_info_by_topic(topic)]
 
 
-def _quality(depth: int) -> QoSProfile:
-    return QoSProfile(depth=max(depth, 10), history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE)
+def _quality(depth: int, *, kept: bool = False) -> QoSProfile:
+    return QoSProfile(
+        depth=max(depth, 10),
+        history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if kept else DurabilityPolicy.VOLATILE,
+    )
 
 
 def _message(kind: str) -> Any:

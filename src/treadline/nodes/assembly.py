@@ -63,7 +63,7 @@ def node_of(
             node.warm(mount_of(config))
             return node
         case "heading":
-            return HeadingNode(blocks.estimator, limits)
+            return HeadingNode(blocks.estimator, limits, mount_of(config))
         case "seat":
             return SeatNode(blocks.leveller, limits)
         case "driver":

@@ -27,9 +27,11 @@ GUARD = "/guard/state"
 DIAGNOSTICS = "/diagnostics"
 TRUTH = "/truth"
 TWIST = "/cmd_vel"
+ODOM, MOUNTS = "/odom", "/tf_static"
 
 JOINTS, POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
 STATUS, IMAGE = "diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/Image"
+FRAMES = "tf2_msgs/msg/TFMessage"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,8 @@ class Channel:
     depth: int
     """How many messages may wait: a picture or a command is of use while it is new, what a filter integrates comes whole."""
     reliability: Literal["reliable", "best_effort"] = "reliable"
+    kept: bool = False
+    """Whether who comes later still gets the last message: ROS 1's latch, ROS 2's transient local."""
 
 
 def _one(name: str, kind: str, depth: int) -> Channel:
@@ -98,6 +102,11 @@ CHANNELS: dict[str, Channel] = {
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
     TRUTH: _one(TRUTH, JOINTS, 10),
     TWIST: _one(TWIST, "geometry_msgs/msg/Twist", 1),
+    ODOM: Channel(
+        topics=(Topic(name=ODOM, kind="nav_msgs/msg/Odometry"), Topic(name="/tf", kind=FRAMES, read=False)),
+        depth=10,
+    ),
+    MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }
 SENSORS = (IMU, TRACKS, SEAT, ARM, OPERATOR, CAMERA)
 """What stamps are compared on with the clock."""

@@ -4,6 +4,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import quaternion_of
 from treadline.errors import ImageError
 from treadline.estimation import HeadingHealth
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
@@ -13,11 +17,13 @@ from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.topics import Topics
 from treadline.nodes import channels as on
-from treadline.nodes.words import Beat, Clock, Drive, GuardState
+from treadline.nodes.words import Beat, Clock, Drive, GuardState, Mounts, Odometry
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
 """Hardware id of a sign of life."""
+BASE = "base_link"
+"""The chair's frame B, as its URDF calls it."""
 MILLIMETRE = 0.001
 """One count of a depth image of 16 bits, as drivers of depth cameras have it."""
 
@@ -42,6 +48,10 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
         case GuardState():
             told = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
             return [status_message(channel, signal.t_s, told, {}, "guard", writer)]
+        case Odometry():
+            return [_odometry_message(channel, signal, writer), _frames_message("/tf", signal.t_s, [_moved(signal)], writer)]
+        case Mounts():
+            return [_frames_message(channel, signal.t_s, _sensors(signal.camera), writer)]
         case HeadingHealth():
             return [_health_message(channel, signal, writer)]
         case _:
@@ -100,6 +110,56 @@ class Decoder:
         )
 
 
+Placed = tuple[str, str, tuple[float, ...], Float[np.ndarray, " 4"]]
+"""Parent, child, the child's place in the parent and its quaternion (w, x, y, z)."""
+
+
+def _moved(odometry: Odometry) -> Placed:
+    return "odom", BASE, tuple(odometry.p_OB.tolist()), odometry.orientation
+
+
+def _sensors(camera: PinholeCamera) -> list[Placed]:
+    """Return where on the chair the frames are that messages name; an IMU is read in the chair's axes."""
+    here, level = (0.0, 0.0, 0.0), np.array([1.0, 0.0, 0.0, 0.0])
+    optical = (BASE, "camera", camera.mount_m, quaternion_of(camera.R_BC))
+    return [(BASE, "chair", here, level), (BASE, "imu", here, level), optical]
+
+
+def _frames_message(topic: str, t_s: float, placed: list[Placed], writer: Writer) -> Message:
+    w = writer()
+    w.uint32(len(placed))
+    for parent, child, place, (qw, *q) in placed:
+        w.stamp(t_s, parent)
+        w.string(child)
+        w.doubles(*place, *q, qw)
+    return topic, on.FRAMES, w.message()
+
+
+def _odometry_message(topic: str, odometry: Odometry, writer: Writer) -> Message:
+    """Write covariances as zeros: not known."""
+    w = writer()
+    w.stamp(odometry.t_s, "odom")
+    w.string(BASE)
+    qw, *q = odometry.orientation.tolist()
+    unknown = [0.0] * 36
+    w.doubles(*odometry.p_OB.tolist(), *q, qw, *unknown)
+    w.doubles(odometry.speed_m_s, 0.0, 0.0, *odometry.angular_velocity_rad_s.tolist(), *unknown)
+    return topic, on.CHANNELS[on.ODOM].topics[0].kind, w.message()
+
+
+def _odometry(r: CdrReader) -> Odometry:
+    t_s, _ = r.stamp()
+    r.string()
+    values = np.array(r.doubles(7 + 36 + 6 + 36))
+    return Odometry(
+        t_s=t_s,
+        p_OB=values[:3],
+        orientation=values[[6, 3, 4, 5]],
+        speed_m_s=float(values[43]),
+        angular_velocity_rad_s=values[46:49],
+    )
+
+
 def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Message:
     names = ("since_s", "disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
     numbers = {name: getattr(health, name) for name in names}
@@ -146,6 +206,7 @@ _KNOWN = {name: read for name, (_, read) in (OURS | BETWEEN).items()}
 _READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
     on.CLOCK: {on.CLOCK: lambda r: Clock(t_s=r.time())},
     on.TWIST: {on.TWIST: _drive},
+    on.ODOM: {on.ODOM: _odometry},
     on.DIAGNOSTICS: {on.DIAGNOSTICS: _diagnosis},
     on.GUARD: {on.GUARD: _guard_state},
     on.HEALTH: {on.HEALTH: _health},

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import TreadlineError
+from treadline.nodes.channels import Channel
 from treadline.nodes.wire import WireTransport
 from treadline.signals import PinholeCamera
 
 DEBIAN = Path("/usr/lib/python3/dist-packages")
 """Debian's packages; appended, never before a venv's own: its numpy is older."""
 INSTALL = (
-    "apt-get install ros-core python3-rospy python3-sensor-msgs python3-geometry-msgs python3-diagnostic-msgs, "
+    "apt-get install ros-core python3-rospy python3-sensor-msgs python3-nav-msgs python3-tf2-msgs "
+    "python3-geometry-msgs python3-diagnostic-msgs, "
     "or source /opt/ros/noetic/setup.bash"
 )
 
@@ -42,9 +44,10 @@ class Ros1Transport(WireTransport):
         """Leave."""
         self._rospy.signal_shutdown("done")
 
-    def _advertise(self, topic: str, kind: str, depth: int) -> None:
+    def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
         message = _raw(kind)
-        publisher = self._rospy.Publisher(topic, message, queue_size=max(depth, QUEUE), tcp_nodelay=True)
+        room = max(channel.depth, QUEUE)
+        publisher = self._rospy.Publisher(topic, message, queue_size=room, latch=channel.kept, tcp_nodelay=True)
         self._publishers[topic] = publisher, message
 
     def _send(self, topic: str, data: bytes) -> None:

@@ -16,7 +16,8 @@ from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
 from treadline.mission.rates import TICK_S
 from treadline.nodes import channels as on
-from treadline.nodes.words import Beat, Drive, GuardState
+from treadline.nodes.odometry import DeadReckoning
+from treadline.nodes.words import Beat, Drive, GuardState, Mounts
 from treadline.perception.quality import quality_of
 from treadline.ports import Plant, Transport, TruthPlant
 from treadline.signals import (
@@ -42,6 +43,10 @@ COMMAND_TIMEOUT_S = 0.3
 """The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
 TRUTH_TICKS = 10
 """A simulator tells people and tests how it is ten times a second; no node listens."""
+ODOM_TICKS = 5
+"""Between two places told: 20 Hz."""
+MOUNTS_S = 1.0
+"""Between two times that it is said where the sensors sit: a transport may not keep it for those who come later."""
 PLAN_TIMEOUT_S = 0.1
 """An arm's rate is for the moment: without a newer plan it stands."""
 
@@ -149,27 +154,37 @@ class CameraNode:
 
 
 class HeadingNode:
-    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``."""
+    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``; for others also ``Odometry, Mounts``.
+
+    Args:
+        mount: The camera in use, on the chair; None says nothing of where sensors sit.
+    """
 
     name = "heading"
-    says = (on.ESTIMATE, on.HEALTH)
+    says = (on.ESTIMATE, on.HEALTH, on.ODOM, on.MOUNTS)
     needs = ((on.IMU,),)
 
-    def __init__(self, estimator: Estimator, config: GuardConfig) -> None:
+    def __init__(self, estimator: Estimator, config: GuardConfig, mount: PinholeCamera | None = None) -> None:
         self._estimator = estimator
         self._gate = Gate(config)
+        self._reckoning = DeadReckoning()
+        self._mount = mount
+        self._mounts_s = -MOUNTS_S
         self._told: tuple[object, ...] | None = None
 
     def listen(self, transport: Transport) -> None:
         """Take what moves the heading, and what shows it."""
         self._say = transport.publish
-        transport.subscribe(on.IMU, self._feel)
-        transport.subscribe(on.TRACKS, self._feel)
+        transport.subscribe(on.IMU, self._turn)
+        transport.subscribe(on.TRACKS, self._roll)
         transport.subscribe(on.MEASURED, self._step)
 
     def tick(self, t_s: float) -> None:
-        """Say how the filter is, where that is new."""
+        """Say how the filter is, where that is new, and now and then where the sensors sit."""
         self._gate.tick(t_s)
+        if self._mount is not None and t_s - self._mounts_s >= MOUNTS_S:
+            self._mounts_s = t_s
+            self._say(on.MOUNTS, Mounts(t_s=t_s, camera=self._mount))
         health = self._estimator.health
         if health is None:
             return
@@ -178,9 +193,18 @@ class HeadingNode:
             self._told = told
             self._say(on.HEALTH, health)
 
-    def _feel(self, reading: ImuSample | TrackReading) -> None:
-        if self._gate.admits(reading):
-            self._step(reading)
+    def _turn(self, sample: ImuSample) -> None:
+        if self._gate.admits(sample):
+            self._reckoning.feel(sample)
+            self._step(sample)
+
+    def _roll(self, reading: TrackReading) -> None:
+        if not self._gate.admits(reading):
+            return
+        self._step(reading)
+        odometry = self._reckoning.step(reading)
+        if odometry is not None and round(reading.t_s / TICK_S) % ODOM_TICKS == 0:
+            self._say(on.ODOM, odometry)
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Condition
 from typing import Any, NamedTuple
 
-from treadline.nodes.channels import CHANNELS
+from treadline.nodes.channels import CHANNELS, Channel
 from treadline.nodes.codec import Decoder, encoded
 from treadline.signals import PinholeCamera
 
@@ -84,7 +84,7 @@ class WireTransport:
             return
         self._announced.add(channel)
         for topic in CHANNELS[channel].topics:
-            self._advertise(topic.name, topic.kind, CHANNELS[channel].depth)
+            self._advertise(topic.name, topic.kind, CHANNELS[channel])
 
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal."""
@@ -135,7 +135,7 @@ class WireTransport:
     def close(self) -> None:
         """Leave."""
 
-    def _advertise(self, topic: str, kind: str, depth: int) -> None:
+    def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
         raise NotImplementedError
 
     def _send(self, topic: str, data: bytes) -> None:

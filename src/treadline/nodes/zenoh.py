@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 from treadline.errors import TreadlineError
+from treadline.nodes.channels import Channel
 from treadline.nodes.wire import WireTransport
 from treadline.signals import PinholeCamera
 
@@ -19,6 +20,8 @@ ENDPOINT = "tcp/127.0.0.1:7447"
 ATTACHMENT = struct.Struct("<qqB16s")
 GID_BYTES = 16
 LIVELINESS = "@ros2_lv"
+TRANSIENT_LOCAL = 1
+"""As rmw counts durabilities; who comes later hears it anyway, for it is said again."""
 
 
 class ZenohTransport(WireTransport):
@@ -82,23 +85,23 @@ class ZenohTransport(WireTransport):
         key = "/".join((LIVELINESS, str(self._domain), self._zid, "0", str(entity), what, *names, *about))
         return self._session.liveliness().declare_token(key)
 
-    def _about(self, topic: str, kind: str, depth: int) -> tuple[str, ...]:
+    def _about(self, topic: str, kind: str, depth: int, *, kept: bool = False) -> tuple[str, ...]:
         package, _, name = kind.split("/")
         # Quality of service as rmw_zenoh writes it: reliability, durability, history and depth, what is default left out.
         return (
             topic.replace("/", "%"),
             f"{package}::msg::dds_::{name}_",
             self._store.hash_rihs01(kind),
-            f"::,{depth}:,:,:,,",
+            f":{TRANSIENT_LOCAL if kept else ''}:,{depth}:,:,:,,",
         )
 
-    def _advertise(self, topic: str, kind: str, depth: int) -> None:
-        express = depth == 1 or not topic.startswith("/camera")
+    def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
+        express = channel.depth == 1 or not topic.startswith("/camera")
         publisher = self._session.declare_publisher(
             self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.BLOCK, express=express
         )
         self._publishers[topic] = publisher, os.urandom(GID_BYTES), itertools.count(1)
-        self._kept.append(self._token(next(self._ids), "MP", self._about(topic, kind, depth)))
+        self._kept.append(self._token(next(self._ids), "MP", self._about(topic, kind, channel.depth, kept=channel.kept)))
 
     def _send(self, topic: str, data: bytes) -> None:
         publisher, gid, numbers = self._publishers[topic]
