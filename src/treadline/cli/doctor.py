@@ -18,6 +18,7 @@ PARTS = (
 EXTRAS = (
     ("pyarrow", "pyarrow", "identify on Parquet, long CSV files three times faster", "pip install treadline[parquet]"),
     ("rosbags", "rosbags", "identify on ROS 1 bags and bags without definitions", "pip install treadline[ros]"),
+    ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install treadline[ros]"),
     ("control", "control", "models as control.StateSpace", "pip install treadline[control]"),
 )
 """What the rest does without: missing, they are no fault."""
@@ -27,7 +28,7 @@ def doctor() -> Answer:
     """Say what is installed, what is missing, what each missing part would enable and how to get it."""
     parts = [_part(*row) for row in PARTS]
     missing = [part for part in parts if not part["installed"]]
-    parts += [_part(*row) for row in EXTRAS]
+    parts += [*(_part(*row) for row in EXTRAS), _rospy(), _gazebo()]
     lines = [f"treadline {__version__} on Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     for part in parts:
         state = part["version"] if part["installed"] else f"missing; {part['remedy']}"
@@ -42,10 +43,40 @@ def doctor() -> Answer:
 
 def _part(name: str, module: str, enables: str, remedy: str) -> dict[str, object]:
     installed = util.find_spec(module) is not None
+    return _told(name, metadata.version(name) if installed else None, enables, remedy)
+
+
+def _rospy() -> dict[str, object]:
+    """Look where the transport looks: on the path, then among Debian's packages."""
+    version, remedy = None, ""
+    try:
+        from treadline.nodes.ros1 import DEBIAN, INSTALL
+
+        version, remedy = "here" if util.find_spec("rospy") or (DEBIAN / "rospy").is_dir() else None, INSTALL
+    except ImportError as error:
+        remedy = str(error)
+    return _told("rospy", version, "nodes on ROS 1: --transport ros1", remedy)
+
+
+def _gazebo() -> dict[str, object]:
+    from treadline.errors import GazeboError
+
+    version, remedy = None, ""
+    try:
+        from treadline.gazebo import find_environment
+
+        find_environment()
+        version = "11"
+    except (GazeboError, ImportError) as error:
+        remedy = str(error)
+    return _told("Gazebo", version, "a second simulator: --plant gazebo", remedy)
+
+
+def _told(name: str, version: str | None, enables: str, remedy: str) -> dict[str, object]:
     return {
         "name": name,
-        "installed": installed,
-        "version": metadata.version(name) if installed else None,
+        "installed": version is not None,
+        "version": version,
         "enables": enables,
-        "remedy": None if installed else remedy,
+        "remedy": remedy if version is None else None,
     }
