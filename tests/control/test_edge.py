@@ -170,7 +170,7 @@ def test_the_front_pulley_does_not_leave_the_landing_before_the_arm_is_up() -> N
     chair = Chassis().lifted()
     chair.until("leave", tip_n=40.0)
     chair.behind_m -= 0.3
-    chair.edge._behind_m -= 0.3
+    chair.edge._ahead_m += 0.3
     assert chair.angle_rad < -45.0 * DEG
     assert chair.run(0.1).speed_m_s == 0.0
     chair.run(4.0)

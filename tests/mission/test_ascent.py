@@ -167,6 +167,9 @@ def test_where_there_is_no_stair_it_looks_to_both_sides_and_then_holds() -> None
     assert all(plan.speed_m_s == 0.0 and not plan.needs_stair for plan in world.plans)
     assert world.plans[-1].hold == "no stair in view, to neither side"
     assert world.plans[-1].turn_m_s == 0.0
+    # A person has re-armed: it looks again, and what was said is not said any more.
+    assert world.tick().hold is None
+    assert world.tick().turn_m_s != 0.0
 
 
 def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
@@ -332,6 +335,9 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
     assert world.plans[-1].hold is not None
     assert world.plans[-1].hold.startswith("a step is missing: 0.68 m from nosing to nosing")
     assert world.plans[-1].speed_m_s == 0.0
+    # It was not missing: somebody's bag lay on it. A person takes it away and re-arms.
+    world.spoil = lambda seen: seen
+    assert world.run("crest").hold is None
 
 
 def test_the_belts_do_not_steer_in_the_test() -> None:

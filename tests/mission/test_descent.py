@@ -202,6 +202,7 @@ def test_an_edge_under_the_chair_holds_it() -> None:
         assert world.t_s < 5.0
     assert world.plans[-1].hold == "square to the flight, and its edge is not behind the chair"
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    assert world.tick().hold is not None  # it stands there still: to re-arm alone does not help
 
 
 def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(edge: type[Script]) -> None:

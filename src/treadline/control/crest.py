@@ -8,13 +8,13 @@ climb; slow down and lay the arm in line with the belts; stand still and reach d
 arm keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import PRESS_SHARE, SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
-from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
+from treadline.control.arm import PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
+from treadline.control.sequencer import PitchCommand, Sequencer
+from treadline.signals import ArmReading
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
@@ -61,34 +61,22 @@ class CrestConfig(Loading):
     stow_rad_s: float = 12.0 * DEG
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CrestCommand:
-    """What the crest asks of belts and arm."""
-
-    t_s: float
-    stage: Stage
-    speed_m_s: float
-    """Of both belts."""
-    arm: ArmCommand
-    tip_n: float
-    """Load on the arm's tip, as the torque tells it."""
+CrestCommand = PitchCommand[Stage]
+"""What the crest asks of belts and arm."""
 
 
-class Crest:
+class Crest(Sequencer[Stage]):
     """Sequencer of one crossing.
 
     Args:
         nosing_ahead_m: Of the last nosing ahead of mid-track along the belts, at the first step; from the stair map.
     """
 
+    UNTOUCHED = frozenset({"climb", "slow"})
+
     def __init__(self, config: CrestConfig, nosing_ahead_m: float) -> None:
+        super().__init__(config, "climb", nosing_ahead_m)
         self._config = config
-        self._geometry = geometry_of(config.chair)
-        self._tip = Tip(config)
-        self._rate = ArmRate(arm_of(config.chair))
-        self._stage: Stage = "climb"
-        self._ahead_m = nosing_ahead_m
-        self._t_s: float | None = None
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
         self._waited_s = 0.0
         self._lead_from_m = LATER_M
@@ -97,35 +85,12 @@ class Crest:
 
     def nosing_seen(self, ahead_m: float) -> None:
         """Take a better place of the last nosing, as long as no contact tells it."""
-        if self._stage in ("climb", "slow"):
-            self._ahead_m = ahead_m
+        self._see(ahead_m)
 
-    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> CrestCommand:
-        """Answer one tick's readings."""
-        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
-        self._t_s = imu.t_s
-        speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
-        self._ahead_m -= speed * dt_s
-        pitch = pitch_of(imu)
-        self._tip.step(pitch, arm, dt_s)
+    def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+        config = self._config
         waits = self._stage in ("reach", "carry") and self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD
         self._waited_s = self._waited_s + dt_s if waits else 0.0
-        self._sequence(pitch, arm)
-        belts, rate = self._act(pitch, arm, speed, dt_s)
-        return CrestCommand(
-            t_s=imu.t_s,
-            stage=self._stage,
-            speed_m_s=belts,
-            arm=ArmCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
-            tip_n=self._tip.load_n,
-        )
-
-    @property
-    def _past_m(self) -> float:
-        return self._geometry.pivot_m - self._ahead_m
-
-    def _sequence(self, pitch: float, arm: ArmReading) -> None:
-        config = self._config
         beyond = self._com_beyond(pitch)
         match self._stage:
             case "reach" | "carry" if self._waited_s > config.patience_s:
@@ -155,7 +120,6 @@ class Crest:
                 pass
 
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
-        """Return belt speed and arm rate."""
         config = self._config
         match self._stage:
             case "climb":
@@ -195,17 +159,3 @@ class Crest:
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
         trim = config.trim_per_s * (self._lead_rad - pitch)
         return per_pitch * (trim - self._lead_rad_s) + per_metre * speed
-
-    def _refine(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
-        """Let the arm's angle tell where the nosing is: belts on it, tip on the landing."""
-        if pitch > SMALL_RAD and self._tip.load_n > UNLOADED_N:
-            seen = self._geometry.pivot_m - self._geometry.past(pitch, arm.angle_rad)
-            self._ahead_m += (seen - self._ahead_m) * (1.0 - math.exp(-dt_s / 0.2))
-
-    @property
-    def _rest_rad(self) -> float:
-        return self._config.chair.tracks.approach_angle_deg * DEG
-
-    def _com_beyond(self, pitch: float) -> float:
-        """Return how far the plumb line through the centre of mass is beyond the nosing, along the belts."""
-        return plumb(self._config, pitch) - self._ahead_m

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
-from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
+from treadline.control.arm import UNLOADED_N, Loading, arm_of, plumb
+from treadline.control.sequencer import PitchCommand, Sequencer
+from treadline.signals import ArmReading
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
@@ -68,20 +69,11 @@ class EdgeConfig(Loading):
     stow_rad_s: float = 25.0 * DEG
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EdgeCommand:
-    """What the edge asks of belts and arm."""
-
-    t_s: float
-    stage: Stage
-    speed_m_s: float
-    """Of both belts; negative backs down."""
-    arm: ArmCommand
-    tip_n: float
-    """Load on the arm's tip, as the torque tells it."""
+EdgeCommand = PitchCommand[Stage]
+"""What the edge asks of belts and arm."""
 
 
-class Edge:
+class Edge(Sequencer[Stage]):
     """Sequencer of one way down over the edge, facing up.
 
     Args:
@@ -89,49 +81,27 @@ class Edge:
         slope_rad: Of the flight; from the stair map.
     """
 
+    UNTOUCHED = frozenset({"approach"})
+
     def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
+        super().__init__(config, "approach", -nosing_behind_m)
         self._config = config
-        self._geometry = geometry_of(config.chair)
-        self._tip = Tip(config)
         arm = arm_of(config.chair)
-        self._rate = ArmRate(arm)
         self._max_rate_rad_s = arm.max_rate_deg_s * DEG
         self._lowest_rad = arm.range_deg[0] * DEG
         self._slope_rad = slope_rad
-        self._stage: Stage = "approach"
-        self._behind_m = nosing_behind_m
         self._press_from_m = config.early_m - plumb(config, slope_rad)
-        self._t_s: float | None = None
         self._level_rad = 0.0
         self._lead_rad = self._lead_rad_s = 0.0
         self._highest_rad = self._waited_s = 0.0
 
     def nosing_seen(self, behind_m: float) -> None:
         """Take a better place of the nosing, as long as no contact tells it."""
-        if self._stage == "approach":
-            self._behind_m = behind_m
-
-    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> EdgeCommand:
-        """Answer one tick's readings."""
-        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
-        self._t_s = imu.t_s
-        speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
-        self._behind_m += speed * dt_s
-        pitch = pitch_of(imu)
-        self._tip.step(pitch, arm, dt_s)
-        self._sequence(pitch, arm)
-        belts, rate = self._act(pitch, arm, speed, dt_s)
-        return EdgeCommand(
-            t_s=imu.t_s,
-            stage=self._stage,
-            speed_m_s=belts,
-            arm=ArmCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
-            tip_n=self._tip.load_n,
-        )
+        self._see(-behind_m)
 
     @property
-    def _past_m(self) -> float:
-        return self._geometry.pivot_m + self._behind_m
+    def _behind_m(self) -> float:
+        return -self._ahead_m
 
     @property
     def _lifted_rad(self) -> float:
@@ -143,7 +113,8 @@ class Edge:
         self._lead_rad, self._lead_rad_s = pitch, 0.0
         self._highest_rad, self._waited_s = pitch, 0.0
 
-    def _sequence(self, pitch: float, arm: ArmReading) -> None:
+    def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+        del dt_s
         config = self._config
         match self._stage:
             case "approach" if self._behind_m < self._press_from_m:
@@ -159,7 +130,7 @@ class Edge:
                 self._begin("lift", pitch)
             case "lower" if pitch < self._level_rad + LIFTED_RAD:
                 self._stage = "barred"
-            case "settle" if plumb(config, self._slope_rad) + self._behind_m < -config.let_go_m:
+            case "settle" if self._com_beyond(self._slope_rad) < -config.let_go_m:
                 self._begin("leave", pitch)
             case "leave" if self._past_m < 0.0 and self._is_up(arm, self._rest_rad - STOWED_RAD):
                 self._stage = "done"
@@ -167,7 +138,6 @@ class Edge:
                 pass
 
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
-        """Return belt speed and arm rate."""
         config = self._config
         match self._stage:
             case "approach":
@@ -217,12 +187,6 @@ class Edge:
         trim = config.trim_per_s * (self._lead_rad - pitch)
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
-    def _refine(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
-        """Let the arm's angle tell where the nosing is: belts on it, tip on the landing."""
-        if pitch > SMALL_RAD and self._tip.load_n > UNLOADED_N:
-            seen = self._geometry.past(pitch, arm.angle_rad) - self._geometry.pivot_m
-            self._behind_m += (seen - self._behind_m) * (1.0 - math.exp(-dt_s / 0.2))
-
     def _watch(self, pitch: float, dt_s: float) -> None:
         """Count how long the pitch has not grown by a degree."""
         self._waited_s += dt_s
@@ -236,7 +200,3 @@ class Edge:
     def _stow(self, arm: ArmReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
         return min(2.0 * (self._rest_rad - arm.angle_rad), fastest)
-
-    @property
-    def _rest_rad(self) -> float:
-        return self._config.chair.tracks.approach_angle_deg * DEG

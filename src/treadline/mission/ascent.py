@@ -106,7 +106,7 @@ class Ascent(Traversal):
             case "back_off":
                 return self._back_off(t_s, estimate)
             case _:
-                return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+                return self._stand(t_s, needs_stair=False)
 
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         where = self._where
@@ -114,7 +114,7 @@ class Ascent(Traversal):
             if estimate is not None and where.map_count:
                 self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
                 return self._climb(t_s, estimate)
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
@@ -123,7 +123,7 @@ class Ascent(Traversal):
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is None:
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s)
         if self._level.is_square(estimate, t_s):
             where = self._where
             chair, payload_kg = self._config.chair, self._config.payload_kg
@@ -136,8 +136,8 @@ class Ascent(Traversal):
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if self._bar():
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if (missing := self._missing()) is not None:
+            return self._stand(t_s, missing)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
         ahead = where.ahead_m()
@@ -189,19 +189,18 @@ class Ascent(Traversal):
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
         return self._begin(t_s, "back_off", self._refusal)
 
-    def _bar(self) -> bool:
-        """Say whether a missing step is so near that the chair must stop, and why."""
+    def _missing(self) -> str | None:
+        """Return that a missing step is so near that the chair must stop, or None."""
         gap = self._where.gap_ahead_m()
         if gap is None or not 0.0 < gap[0] - self._pivot_m < self._config.gap_m:
-            return False
+            return None
         before_m, wide_m = gap[0] - self._pivot_m, gap[1] - gap[0]
-        self._hold = f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the front pulley"
-        return True
+        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the front pulley"
 
     def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if self._bar():
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if (missing := self._missing()) is not None:
+            return self._stand(t_s, missing)
         top = where.top_ahead_m()
         unseen = top is not None and top - self._pivot_m < config.unseen_end_m
         near = top is not None and top - self._pivot_m < config.crest_from_m
@@ -227,8 +226,6 @@ class Ascent(Traversal):
                 return self._plan(t_s, command.speed_m_s, arm=command.arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
-            case "barred":
-                phase, self._hold = "crest", "the front section does not carry: the chair stands before the crest"
             case _:
                 phase = "crest"
         if phase != self._phase:
@@ -243,14 +240,15 @@ class Ascent(Traversal):
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
             )
-        return self._plan(t_s, command.speed_m_s, turn_m_s=self._level.keep(estimate), arm=command.arm, needs_stair=False)
+        barred = "the front section does not carry: the chair stands before the crest" if command.stage == "barred" else None
+        turn = self._level.keep(estimate)
+        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Drive on over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if where.travel_m > config.look_m or where.pitch_rad > config.touched_rad:
-            self._hold = f"no flight in view within {where.travel_m:.1f} m on the landing"
-            return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+            return self._stand(t_s, f"no flight in view within {where.travel_m:.1f} m on the landing", needs_stair=False)
         return self._plan(t_s, config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
     @property

@@ -67,18 +67,18 @@ class Descent(Traversal):
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case _:
-                return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+                return self._stand(t_s, needs_stair=False)
 
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if not where.map_count:
-                return self._plan(t_s, 0.0, turn_m_s=0.0)
+                return self._stand(t_s)
             if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
                 return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
             if estimate is not None:
                 return self._begin(t_s, "descend", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
@@ -87,7 +87,7 @@ class Descent(Traversal):
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is None:
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s)
         if not self._level.is_square(estimate, t_s):
             return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
         config, where = self._config, self._where
@@ -97,14 +97,11 @@ class Descent(Traversal):
             return self._begin(t_s, "refused", refusal)
         edge = where.top_ahead_m()
         if edge is None or edge > -self._pivot_m:
-            self._hold = "square to the flight, and its edge is not behind the chair"
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s, "square to the flight, and its edge is not behind the chair")
         below_m = -(where.top_above_m() or 0.0)
         if below_m > config.lower * where.rise_m:
-            self._hold = (
-                f"the highest nosing in view is {below_m:.2f} m below the belts: the edge is nearer, hidden under the camera"
-            )
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            hidden = "the edge is nearer, hidden under the camera"
+            return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
         belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
         self._edge = Edge(belief, -edge, where.slope_rad)
         return self._begin(
@@ -113,20 +110,20 @@ class Descent(Traversal):
 
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
-        if self._phase == "approach" and self._bar():
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+            return self._stand(t_s)
+        if self._phase == "approach" and (missing := self._missing()) is not None:
+            return self._stand(t_s, missing)
         edge = self._where.top_ahead_m()
         if edge is not None:
             self._edge.nosing_seen(-edge)
         command = self._edge.step(self._imu, self._arm, self._tracks)
         if command.stage == "done":
             return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
-        if command.stage == "barred":
-            self._hold = "the arm could not let the chair down over the edge; it stands on the landing again"
         self._note(command)
         turn = self._level.keep(estimate)
-        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
+        lowered = "the arm could not let the chair down over the edge; it stands on the landing again"
+        barred = lowered if command.stage == "barred" else None
+        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
     def _note(self, command: EdgeCommand) -> None:
         if self._phase == "approach" and command.stage != "approach":
@@ -138,19 +135,18 @@ class Descent(Traversal):
             return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
         return self._plan(t_s, self._config.cruise_m_s)
 
-    def _bar(self) -> bool:
-        """Say whether a missing step is so near that the chair must stop, and why."""
+    def _missing(self) -> str | None:
+        """Return that a missing step is so near that the chair must stop, or None."""
         gap = self._where.gap_ahead_m()
         if gap is None or not 0.0 < -gap[1] - self._pivot_m < self._config.gap_m:
-            return False
+            return None
         before_m, wide_m = -gap[1] - self._pivot_m, gap[1] - gap[0]
-        self._hold = f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the rear pulley"
-        return True
+        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the rear pulley"
 
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if self._bar():
-            return self._plan(t_s, 0.0, turn_m_s=0.0)
+        if (missing := self._missing()) is not None:
+            return self._stand(t_s, missing)
         foot = where.bottom_ahead_m()
         before = math.inf if foot is None else -foot - self._pivot_m
         ends = where.bottom_ends
@@ -172,6 +168,5 @@ class Descent(Traversal):
         """Back on over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if -where.travel_m > config.look_m or where.pitch_rad > LEVEL_RAD:
-            self._hold = f"no flight in view behind within {-where.travel_m:.1f} m on the landing"
-            return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=False)
+            return self._stand(t_s, f"no flight in view behind within {-where.travel_m:.1f} m on the landing", needs_stair=False)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)

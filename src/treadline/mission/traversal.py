@@ -34,7 +34,6 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
         self._phase: Phase = "search"
         self._cause = "woken up"
-        self._hold: str | None = None
         self._flights_done = 0
         self._from_m = 0.0
         """Travel at which the phase began."""
@@ -64,9 +63,7 @@ class Traversal:
         """Turn to either side to find the stair; hold if it is nowhere."""
         turned, self._turned_rad = self._turned_rad, 0.0
         turn = self._level.sweep(t_s, turned)
-        if turn is None:
-            self._hold = nowhere
-        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False)
+        return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False, hold=nowhere if turn is None else None)
 
     @property
     def _goes_on(self) -> bool:
@@ -80,6 +77,10 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._flights_done += 1
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
+
+    def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> Plan:
+        """Let the belts stand."""
+        return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=needs_stair, hold=hold)
 
     def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
         """Enter a phase; for this one tick the belts go on as they are, or stand."""
@@ -95,7 +96,9 @@ class Traversal:
         heading_rad: float = 0.0,
         arm: ArmCommand | None = None,
         needs_stair: bool = True,
+        hold: str | None = None,
     ) -> Plan:
+        """Return what to do now; ``hold`` is said anew at each tick: after a person has re-armed it counts if it is still so."""
         return Plan(
             t_s=t_s,
             phase=self._phase,
@@ -105,5 +108,5 @@ class Traversal:
             arm=arm,
             needs_stair=needs_stair,
             cause=self._cause,
-            hold=self._hold,
+            hold=hold,
         )

@@ -1,0 +1,97 @@
+"""What crest and edge share: a clock, the place of the nosing, the load on the arm's tip, one command a tick.
+
+``ImuSample, ArmReading, TrackReading -> PitchCommand``. ``control/crest.py`` and ``control/edge.py`` add their stages.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Generic, TypeVar
+
+from treadline.angles import DEG
+from treadline.control.arm import SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
+from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
+
+StageT = TypeVar("StageT", bound=str)
+REFINE_S = 0.2
+"""In which the arm's angle corrects the nosing's place."""
+
+
+@dataclass(frozen=True, kw_only=True)  # with slots, an alias such as CrestCommand could not make one (Python 3.11)
+class PitchCommand(Generic[StageT]):
+    """What a crossing asks of belts and arm."""
+
+    t_s: float
+    stage: StageT
+    speed_m_s: float
+    """Of both belts; negative backs down."""
+    arm: ArmCommand
+    tip_n: float
+    """Load on the arm's tip, as the torque tells it."""
+
+
+class Sequencer(ABC, Generic[StageT]):
+    """One crossing of the landing's nosing, stage by stage.
+
+    Args:
+        nosing_ahead_m: Of that nosing ahead of mid-track along the belts, at the first step.
+    """
+
+    UNTOUCHED: ClassVar[frozenset[str]]
+    """Stages in which no contact tells where the nosing is."""
+
+    def __init__(self, loading: Loading, stage: StageT, nosing_ahead_m: float) -> None:
+        self._loading = loading
+        self._geometry = geometry_of(loading.chair)
+        self._tip = Tip(loading)
+        self._rate = ArmRate(arm_of(loading.chair))
+        self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
+        self._stage = stage
+        self._ahead_m = nosing_ahead_m
+        self._t_s: float | None = None
+
+    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> PitchCommand[StageT]:
+        """Answer one tick's readings."""
+        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
+        self._t_s = imu.t_s
+        speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
+        self._ahead_m -= speed * dt_s
+        pitch = pitch_of(imu)
+        self._tip.step(pitch, arm, dt_s)
+        self._sequence(pitch, arm, dt_s)
+        belts, rate = self._act(pitch, arm, speed, dt_s)
+        return PitchCommand(
+            t_s=imu.t_s,
+            stage=self._stage,
+            speed_m_s=belts,
+            arm=ArmCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
+            tip_n=self._tip.load_n,
+        )
+
+    @abstractmethod
+    def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+        """Enter the next stage where it is due."""
+
+    @abstractmethod
+    def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
+        """Return belt speed and arm rate."""
+
+    @property
+    def _past_m(self) -> float:
+        """Of the arm's axis beyond the nosing, along the belts."""
+        return self._geometry.pivot_m - self._ahead_m
+
+    def _com_beyond(self, pitch: float) -> float:
+        """Return how far the plumb line through the centre of mass is beyond the nosing, along the belts."""
+        return plumb(self._loading, pitch) - self._ahead_m
+
+    def _see(self, ahead_m: float) -> None:
+        """Take a better place of the nosing, as long as no contact tells it."""
+        if self._stage in self.UNTOUCHED:
+            self._ahead_m = ahead_m
+
+    def _refine(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+        """Let the arm's angle tell where the nosing is: belts on it, tip on the landing."""
+        if pitch > SMALL_RAD and self._tip.load_n > UNLOADED_N:
+            seen = self._geometry.pivot_m - self._geometry.past(pitch, arm.angle_rad)
+            self._ahead_m += (seen - self._ahead_m) * (1.0 - math.exp(-dt_s / REFINE_S))
