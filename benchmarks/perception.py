@@ -203,7 +203,9 @@ def stages_of(detector: StairDetector) -> dict[str, float]:
     return {str(name): float(value) for name, value in timings.items()} if isinstance(timings, dict) else {}
 
 
-HEADING_COLUMNS = "| | frames | accepted | RMSE | p95 | max | in declared 95 % | mean NEES | ms (median) |"
+HEADING_COLUMNS = (
+    "| | frames | accepted | of those with two nosings in view | RMSE | p95 | max | in declared 95 % | mean NEES | ms (median) |"
+)
 
 
 def heading_row(case: Case, seeds: range) -> str:
@@ -216,13 +218,16 @@ def heading_row(case: Case, seeds: range) -> str:
             errors.append(error / DEG)
             strains.append(error / look.sight.sigma_rad)
     if not seen:
-        return f"| {case.label} | 0 | | | | | | | |"
+        return f"| {case.label} | 0 | | | | | | | | |"
     spent_ms = np.median([look.spent_ms for look in seen])
     if not errors:
-        return f"| {case.label} | {len(seen)} | 0 % | | | | | | {spent_ms:.1f} |"
+        return f"| {case.label} | {len(seen)} | 0 % | | | | | | | {spent_ms:.1f} |"
     size, strain = np.abs(errors), np.array(strains)
+    # One alone is a doorstep, or the end of a shelf.
+    enough = [look.sight.accepted for look in seen if look.view.stair and np.count_nonzero(look.view.stair.nosing_in_view) >= 2]
+    of_enough = f"{100 * np.mean(enough):.0f} % of {len(enough)}" if enough else ""
     return (
-        f"| {case.label} | {len(seen)} | {100 * len(errors) / len(seen):.0f} % | {np.sqrt(np.mean(size**2)):.3f}° | "
+        f"| {case.label} | {len(seen)} | {100 * len(errors) / len(seen):.0f} % | {of_enough} | {np.sqrt(np.mean(size**2)):.3f}° | "
         f"{np.quantile(size, 0.95):.3f}° | {size.max():.3f}° | {100 * np.mean(np.abs(strain) < 1.96):.0f} % | "
         f"{np.mean(strain**2):.2f} | {spent_ms:.1f} |"
     )

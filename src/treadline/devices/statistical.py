@@ -36,7 +36,7 @@ RAYS = (12, 9)
 LEAST_WALL = 0.03
 """Share of the coarse image that a wall fills where it is surely seen."""
 LEAST_NOSINGS = 2
-LONGEST_RUN_M = 0.45
+LONGEST_RUN_M = 0.52
 """``perception.nosings.STEP_RUN_M``: to a detector, what is longer is no step."""
 HEADING_LIMIT_RAD = 45.0 * DEG
 END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)

@@ -20,17 +20,19 @@ from jaxtyping import Bool, Float, Int
 from treadline.angles import DEG
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
-from treadline.perception.unknowns.kernels import integrated_out
+from treadline.perception.unknowns.kernels import integrated_out, strays
 from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
-TURNS = TILTS = np.geomspace(0.003 * DEG, 2.0 * DEG, 7)
+TURNS = TILTS = np.geomspace(0.0003 * DEG, 2.0 * DEG, 9)
 """Irregularities thought possible of steps: about the vertical, and off level."""
-ONE_GUESS = slice(3, 4)
-"""For a first, rough turn."""
-WARPS_PX = np.geomspace(0.006, 0.1, 3)
+WARPS_PX = np.geomspace(0.0001, 0.1, 5)
 """Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
+ONE_GUESS, COARSE = slice(5, 6), slice(1, None, 3)
+"""Of these, for a first, rough turn, and to tell strays by."""
+STRAY, CORNER_STRAY = 0.003, 0.03
+"""How often a surface or a line is none of the stair's: what lies on a tread tilts it, and begins where a nosing might be."""
 SAME_STEP_M = 0.03
 """Between a nosing and the plane of its tread."""
 OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
@@ -87,6 +89,8 @@ class _Rows:
     """Number of the nosing it turns with; -1 for none."""
     step: Int[np.ndarray, " k"]
     """Number of the step it is of: a nosing's, or one of its own for a tread without one; -1 for gravity."""
+    stray: Float[np.ndarray, " k"]
+    """How likely it is beforehand to be of something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,6 +146,8 @@ def fit_edges(
         kept = _agreeing(angles, noise)
         chosen = np.concatenate([kept, [True]])[rows.group]
         chosen[rows.group < 0] = _agreeing_treads(rows)
+        if last:
+            chosen[chosen] = _of_the_stair(_only(rows, chosen))
         solution = _solved(_only(rows, chosen), slice(None) if last else ONE_GUESS)
         alpha, rho = solution.mean[-2:].tolist()
         edge = axes.edge + alpha * axes.ahead + rho * axes.down
@@ -154,7 +160,7 @@ def fit_edges(
         covariance=solution.covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
-        planes_against_lines_rad=_planes_against_lines(rows, solution),
+        planes_against_lines_rad=_planes_against_lines(_only(rows, chosen), solution),
     )
 
 
@@ -197,13 +203,14 @@ def _rows(
 ) -> _Rows:
     """Return the equations of all normals, gravity the last."""
     normals: list[Float[np.ndarray, " 3"]] = []
-    noise, tilts, group = [], [], []
+    noise, tilts, group, stray = [], [], [], []
 
-    def add(unit: Float[np.ndarray, " 3"], variance: float, *, tilting: bool, number: int) -> None:
+    def add(unit: Float[np.ndarray, " 3"], variance: float, *, tilting: bool, number: int, odd: float = STRAY) -> None:
         normals.append(unit)
         noise.append(variance)
         tilts.append(tilting)
         group.append(number)
+        stray.append(odd)
 
     for tread in treads:
         add(tread.unit, _variance(tread, axes.edge), tilting=True, number=-1)
@@ -211,8 +218,9 @@ def _rows(
         if nosing.riser is not None:
             add(nosing.riser.unit, _variance(nosing.riser, axes.edge), tilting=False, number=number)
         for line in nosing.lines:
-            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), tilting=True, number=number)
-    add(down, 0.0, tilting=False, number=-1)
+            odd = CORNER_STRAY if line.is_corner else STRAY
+            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), tilting=True, number=number, odd=odd)
+    add(down, 0.0, tilting=False, number=-1, odd=0.0)
     stacked = np.array(normals)
     value = -(stacked @ axes.edge)
     by = np.column_stack([stacked @ axes.ahead, stacked @ axes.down])
@@ -226,6 +234,7 @@ def _rows(
         tilts=np.array(tilts),
         group=np.array(group),
         step=np.array([*steps, *group[len(treads) :]]),
+        stray=np.array(stray),
     )
 
 
@@ -242,6 +251,7 @@ def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
         tilts=rows.tilts[chosen],
         group=rows.group[chosen],
         step=rows.step[chosen],
+        stray=rows.stray[chosen],
     )
 
 
@@ -270,25 +280,37 @@ def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
     return np.append(_agreeing(level, rows.noise[treads]), True)
 
 
+def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
+    """Return which rows the evidence keeps: the others fit better as anything between the outliers' limits."""
+    kept = np.ones(len(rows.value), dtype=np.bool_)
+    with np.errstate(divide="ignore"):
+        penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
+    strays(*_equations(rows), TURNS[COARSE], TILTS[COARSE], WARPS_PX[COARSE], penalty, kept)
+    return kept
+
+
 def _solved(rows: _Rows, grid: slice) -> _Solution:
     """Return the warp's terms, α and ρ with what is not known of stair and camera integrated out."""
-    turning = (rows.group >= 0).astype(float)
-    by = np.column_stack([rows.warp, rows.by])
-    covariance = np.empty((by.shape[1], by.shape[1]))
-    mean, spread = integrated_out(
-        by,
-        rows.value,
-        rows.noise,
-        turning * rows.by[:, 0],
-        np.where(rows.tilts, rows.by[:, 1], 0.0),
-        rows.step,
-        int(rows.step.max()) + 1,
-        TURNS[grid],
-        TILTS[grid],
-        WARPS_PX if grid == slice(None) else WARPS_PX[1:2],
-        covariance,
-    )
+    covariance = np.empty((TERMS + 2, TERMS + 2))
+    mean, spread = integrated_out(*_equations(rows), TURNS[grid], TILTS[grid], WARPS_PX, covariance)
     return _Solution(mean=mean, covariance=np.array([[spread[0], spread[2]], [spread[2], spread[1]]]), likeliest=covariance)
+
+
+def _equations(
+    rows: _Rows,
+) -> tuple[
+    Float[np.ndarray, "k n"],
+    Float[np.ndarray, " k"],
+    Float[np.ndarray, " k"],
+    Float[np.ndarray, " k"],
+    Float[np.ndarray, " k"],
+    Int[np.ndarray, " k"],
+    int,
+]:
+    """Return what the compiled part takes: coefficients, values, noise, and how each row turns and tilts with which step."""
+    turn_by = np.where(rows.group >= 0, rows.by[:, 0], 0.0)
+    tilt_by = np.where(rows.tilts, rows.by[:, 1], 0.0)
+    return np.column_stack([rows.warp, rows.by]), rows.value, rows.noise, turn_by, tilt_by, rows.step, int(rows.step.max()) + 1
 
 
 def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:

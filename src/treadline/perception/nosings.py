@@ -15,13 +15,14 @@ from treadline.perception.lines import Line, nosing_line
 from treadline.perception.planes import Blocks, Surface
 from treadline.signals import PinholeCamera
 
-STEP_RUN_M, STEP_RISE_M = (0.15, 0.45), (0.08, 0.25)
+STEP_RUN_M, STEP_RISE_M = (0.15, 0.52), (0.08, 0.25)
 SAME_RUN_M, SAME_RISE_M = 0.08, 0.07
 """Less than half of the smallest run and rise: within them, two findings are of one nosing."""
 LEAST_LEVER = 0.17
 """Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
-LEAST_WIDTH_M, WIDTH_M = 0.08, 0.30
-"""Across the flight, that two neighbours must have in common, and from side to side of all: cartons and books are narrower."""
+LEAST_WIDTH_M, WIDTH_M, ROW_WIDTH_M = 0.08, 0.30, 0.20
+"""Across the flight, that two neighbours must have in common, and from side to side of two and of more: cartons and books are
+narrower, and seldom three in a row."""
 PAIR_WIDTH_M = 0.5
 """That two nosings must have in common where no third is seen: two cartons may lie like steps."""
 SAME_LEVEL = 0.15
@@ -237,7 +238,8 @@ def _between(near: Nosing, far: Nosing, nosings: Sequence[Nosing]) -> bool:
 
 def _is_flight(row: Sequence[Nosing], levels: Float[np.ndarray, " t"]) -> bool:
     """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
-    if max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row) < WIDTH_M:
+    width_m = max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row)
+    if width_m < (WIDTH_M if len(row) == 2 else ROW_WIDTH_M):
         return False
     if len(row) == 2 and _common_width(row[0], row[1]) < (WIDTH_M if _goes_on(row[0], row[1], levels) else PAIR_WIDTH_M):
         return False

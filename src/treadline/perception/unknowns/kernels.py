@@ -11,8 +11,10 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-FLAT = 1e-8
-"""Prior precision of α and ρ: none to speak of."""
+SCEPTICISM = 0.2
+"""Power of its size by which each irregularity and warp is the likelier beforehand."""
+FLAT = 4.0
+"""Prior precision of α and ρ: half a radian, next to nothing."""
 
 
 @njit(cache=True)
@@ -38,7 +40,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
         for tilt in tilts:
             log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
             for warp in warps:
-                logs[at] = log + _solved(M, warp, L, x)
+                logs[at] = log + _solved(M, warp, L, x) + SCEPTICISM * math.log(turn * tilt * warp)
                 means[at] = x
                 # The last two unknowns' part of the inverse needs the last corner of L alone.
                 first, last = 1.0 / L[n - 2, n - 2], 1.0 / L[n - 1, n - 1]
@@ -63,6 +65,58 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
     inverse = np.linalg.inv(L)
     covariance[:] = inverse.T @ inverse
     return mean, spread
+
+
+@njit(cache=True)
+@no_type_check
+def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, penalty, kept):
+    """Clear ``kept`` of the rows that the evidence says belong to something else, one after the other, the plainest first.
+
+    Args:
+        penalty: What the log evidence loses by calling a row a stray; infinite for one that cannot be.
+    """
+    rows, size = value.size, by.shape[1] + 1
+    whole = noise.copy()
+    plain, turned, tilted = np.zeros((size, size)), np.zeros((steps, size)), np.zeros((steps, size))
+    own, M, L, x = np.zeros((steps, 3)), np.zeros((size, size)), np.zeros((size - 1, size - 1)), np.empty(size - 1)
+    for _ in range(rows // 3):
+        least, stray = 0.0, -1
+        for k in range(-1, rows):
+            if k >= 0 and (not kept[k] or not np.isfinite(penalty[k])):
+                continue
+            if k >= 0:
+                whole[k] = np.inf
+            plain[:], turned[:], tilted[:], own[:] = 0.0, 0.0, 0.0, 0.0
+            _gather(by, value, whole, turn_by, tilt_by, step, plain, turned, tilted, own)
+            log = _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x)
+            if k < 0:
+                least = log
+                continue
+            whole[k] = noise[k]
+            # What the row itself adds by its noise; a stray may be anywhere.
+            log += 0.5 * math.log(2.0 * math.pi * noise[k]) - penalty[k]
+            if log > least:
+                least, stray = log, k
+        if stray < 0:
+            break
+        kept[stray] = False
+        whole[stray] = np.inf
+
+
+@njit(cache=True)
+@no_type_check
+def _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x):
+    """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
+    logs = np.empty(turns.size * tilts.size * warps.size)
+    at = 0
+    for turn in turns:
+        for tilt in tilts:
+            log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
+            for warp in warps:
+                logs[at] = log + _solved(M, warp, L, x) + SCEPTICISM * math.log(turn * tilt * warp)
+                at += 1
+    best = logs.max()
+    return best + math.log(np.exp(logs - best).mean())
 
 
 @njit(cache=True)
