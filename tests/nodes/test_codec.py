@@ -151,3 +151,17 @@ def test_rosbags_reads_the_same_bytes(channel: str, signal: Any, *, ros1: bool) 
         message = store.deserialize_ros1(data, kind) if ros1 else store.deserialize_cdr(data, kind)
         again = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
         assert bytes(again)[4 * (not ros1) :] == data[4 * (not ros1) :]
+
+
+@pytest.mark.parametrize("ahead", [0, 1], ids=["colour ahead", "depth ahead"])
+def test_images_meet_though_one_topic_is_frames_ahead_of_the_other(ahead: int) -> None:
+    decoder = Decoder(on.CAMERA, ros1=True)
+    rgb = np.zeros((6, 8, 3), np.uint8)
+    sent = [encoded(on.CAMERA, RgbdFrame(t_s=0.1 * k, rgb=rgb + k, depth_m=DEPTH, camera=CAMERA), ros1=True) for k in range(6)]
+    topic, _, info = sent[0][2]
+    assert decoder.signal(topic, info) is None
+    order = [sent[k][ahead] for k in range(4)] + [sent[k][1 - ahead] for k in range(6)] + [sent[k][ahead] for k in (4, 5)]
+    came = [decoder.signal(topic, data) for topic, _, data in order]
+    frames = [frame for frame in came if frame is not None]
+    assert [round(10.0 * frame.t_s) for frame in frames] == [0, 1, 2, 3, 4, 5]
+    assert [int(frame.rgb[0, 0, 0]) for frame in frames] == [0, 1, 2, 3, 4, 5]

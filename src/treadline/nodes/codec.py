@@ -1,5 +1,6 @@
 """Signals as ROS messages and back, channel by channel: the same fields for ROS 1 and ROS 2."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -11,8 +12,8 @@ from treadline.angles import quaternion_of
 from treadline.errors import ImageError
 from treadline.estimation import HeadingHealth
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
-from treadline.io.decode import BETWEEN, HEADINGS, OURS, CdrReader, Ros1Reader, Status, calibration, picture, status
-from treadline.io.log_frames import Frames
+from treadline.io.decode import BETWEEN, HEADINGS, OURS, CdrReader, Picture, Ros1Reader, Status, calibration, picture, status
+from treadline.io.log_frames import PAIR_S, Frames
 from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.topics import Topics
@@ -24,6 +25,8 @@ NODE = "node"
 """Hardware id of a sign of life."""
 BASE = "base_link"
 """The chair's frame B, as its URDF calls it."""
+AHEAD = 8
+"""Images that wait for their partner, which is on its way by another connection."""
 MILLIMETRE = 0.001
 """One count of a depth image of 16 bits, as drivers of depth cameras have it."""
 
@@ -74,9 +77,10 @@ class Decoder:
         if channel == on.CAMERA:
             color, depth, info = (topic.name for topic in on.CHANNELS[channel].topics)
             frames = Frames(Topics(depth=depth, color=color, info=info), (0, 0), MILLIMETRE, self._mounted, lambda *_: None)
+            pairs = _Pairs(frames)
             self._readers = {
-                color: lambda r: frames.color(picture(r)),
-                depth: lambda r: frames.depth(picture(r)),
+                color: lambda r: pairs.color(picture(r)),
+                depth: lambda r: pairs.depth(picture(r)),
                 info: lambda r: frames.calibrate(calibration(r)[1]),
             }
 
@@ -158,6 +162,39 @@ def _odometry(r: CdrReader) -> Odometry:
         speed_m_s=float(values[43]),
         angular_velocity_rad_s=values[46:49],
     )
+
+
+class _Pairs:
+    """Colour and depth images of one time, whichever comes first: each topic travels by itself, and one may be frames ahead."""
+
+    def __init__(self, frames: Frames) -> None:
+        self._frames = frames
+        self._colors: deque[Picture] = deque(maxlen=AHEAD)
+        self._depths: deque[Picture] = deque(maxlen=AHEAD)
+
+    def color(self, image: Picture) -> RgbdFrame | None:
+        """Take a colour image; return the frame that it completes."""
+        depth = _met(image, self._colors, self._depths)
+        return None if depth is None else self._made(image, depth)
+
+    def depth(self, image: Picture) -> RgbdFrame | None:
+        """Take a depth image; return the frame that it completes."""
+        color = _met(image, self._depths, self._colors)
+        return None if color is None else self._made(color, image)
+
+    def _made(self, color: Picture, depth: Picture) -> RgbdFrame | None:
+        self._frames.color(color)
+        return self._frames.depth(depth)
+
+
+def _met(image: Picture, alike: deque[Picture], others: deque[Picture]) -> Picture | None:
+    """Return the other image of this time, which waits no longer; this one waits if there is none."""
+    for k, other in enumerate(others):
+        if abs(other.t_s - image.t_s) <= PAIR_S:
+            del others[k]
+            return other
+    alike.append(image)
+    return None
 
 
 def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Message:
