@@ -47,7 +47,9 @@ class FilterConfig:
     coast_s: float = 0.5
     """Without vision for longer, the source is the gyro."""
     vision_floor_rad: float = 0.1 * DEG
-    """No heading seen is better than this, whatever it declares: the mount alone is not."""
+    """No heading seen is better than this, whatever it declares: the mount alone is not …"""
+    lasting_rad: float = 0.07 * DEG
+    """… and this much of it is the same in all frames of a drive: mount, warp of the depth; no averaging takes it away."""
     memory_s: float = 1.0
     """How far back a late frame may lie, and how long vision carries the heading without a gyro."""
     gap_s: float = 0.05
@@ -129,7 +131,7 @@ class HeadingFilter:
             heading_rad=self._bank.heading,
             # Without a gyro the rate is nobody's to tell.
             heading_rate_rad_s=self._rate - self._bank.bias if self._t_s == self._imu_s else 0.0,
-            sigma_rad=math.sqrt(self._bank.variance + self._config.shake_rad**2),
+            sigma_rad=math.sqrt(self._bank.variance + self._config.shake_rad**2 + self._config.lasting_rad**2),
             source="vision" if fresh else "gyro",
         )
 
