@@ -25,11 +25,11 @@ from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
-TURNS = TILTS = np.geomspace(0.0003 * DEG, 2.0 * DEG, 9)
+TURNS = TILTS = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
 """Irregularities thought possible of steps: about the vertical, and off level."""
-WARPS_PX = np.geomspace(0.0001, 0.1, 5)
+WARPS_PX = np.geomspace(0.0003, 0.1, 4)
 """Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
-ONE_GUESS, COARSE = slice(5, 6), slice(1, None, 3)
+ONE_GUESS, COARSE = slice(4, 5), slice(None, None, 3)
 """Of these, for a first, rough turn, and to tell strays by."""
 STRAY, CORNER_STRAY = 0.003, 0.03
 """How often a surface or a line is none of the stair's: what lies on a tread tilts it, and begins where a nosing might be."""
