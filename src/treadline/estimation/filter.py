@@ -48,7 +48,7 @@ class FilterConfig:
     """Without vision for longer, the source is the gyro."""
     vision_floor_rad: float = 0.1 * DEG
     """No heading seen is better than this, whatever it declares: the mount alone is not …"""
-    lasting_rad: float = 0.07 * DEG
+    lasting_rad: float = 0.1 * DEG
     """… and this much of it is the same in all frames of a drive: mount, warp of the depth; no averaging takes it away."""
     memory_s: float = 1.0
     """How far back a late frame may lie, and how long vision carries the heading without a gyro."""

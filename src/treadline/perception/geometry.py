@@ -18,7 +18,7 @@ SAME_LEVEL_M = 0.03
 """Heights closer than this are one level."""
 ALIKE = 0.75
 """Share of the nosings seen that must be evenly apart."""
-SHAPE_SIGMA_M = 0.004
+SHAPE_SIGMA_M = 0.0055
 """Of a nosing's place: noise of the sensor and the stair's own irregularity."""
 
 
