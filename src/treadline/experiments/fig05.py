@@ -3,6 +3,7 @@
 Paper: Algorithm 1, Fig. 5, Eq. (1)-(4).
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,19 @@ from treadline.signals import ImuSample, RgbdFrame
 from treadline.sim import open_plant
 
 HEADING_DEG = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StagesJob:
+    """The figure's frame."""
+
+    name: str
+    figures: Path
+    seed: int
+
+    def run(self) -> dict[str, Any]:
+        """Look at it and return the figure's numbers."""
+        return see_stages(self.figures, self.seed)
 
 
 def see_stages(figures: Path, seed: int) -> dict[str, Any]:

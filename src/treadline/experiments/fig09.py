@@ -26,8 +26,23 @@ KEYS = (
 )
 
 
-def jobs(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
-    """Return one open and one closed run per slope."""
+def open_jobs(plan: Plan, runs: Path) -> list[RunJob]:
+    """Return one run per slope that nothing steers."""
+    return _jobs(plan, "open", None, runs)
+
+
+def closed_jobs(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
+    """Return one run per slope that the controller steers."""
+    return _jobs(plan, "closed", controller, runs)
+
+
+def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the figure's runs: each slope closed and open."""
+    ordered = sorted(results, key=lambda result: (result["slope_deg"], result["loop"]))
+    return [{key: result[key] for key in KEYS} for result in ordered]
+
+
+def _jobs(plan: Plan, loop: str, controller: ControllerDesign | None, runs: Path) -> list[RunJob]:
     return [
         RunJob(
             name=f"straight-{slope}-{loop}",
@@ -40,10 +55,4 @@ def jobs(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
             image_every=50 if loop == "closed" and slope == FIG10_SLOPE else 0,
         )
         for slope in plan.slopes_deg
-        for loop in ("closed", "open")
     ]
-
-
-def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the figure's runs."""
-    return [{key: result[key] for key in KEYS} for result in results]

@@ -125,7 +125,8 @@ def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
 
 
 def _drives(plan: Plan, controller: ControllerDesign, runs: Path, open_plant: Opener) -> list[RunJob]:
-    jobs = [*fig09.jobs(plan, controller, runs), *table2.jobs(plan, controller, runs, "climb-safe")]
+    straight = [*fig09.closed_jobs(plan, controller, runs), *fig09.open_jobs(plan, runs)]
+    jobs = [*straight, *table2.jobs(plan, controller, runs, "climb-safe")]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]
 
 

@@ -3,8 +3,10 @@
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from functools import partial
 from multiprocessing import active_children, get_context
+from types import TracebackType
 from typing import Protocol, TypeVar, runtime_checkable
 
 R_co = TypeVar("R_co", covariant=True)
@@ -23,28 +25,69 @@ class Job(Protocol[R_co]):
         """Do it."""
 
 
-def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
-    """Return the jobs' results in the jobs' order; ``done`` hears each name as it ends."""
-    if workers <= 1 or len(jobs) <= 1:
-        return list(_in_this_process(jobs, done))
-    # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
-    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn"), initializer=_die_quietly) as pool:
-        futures = {pool.submit(_run, job): job.name for job in jobs}
-        try:
-            for future in as_completed(futures):
-                future.result()
-                done(futures[future])
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
+class Pool:
+    """Workers that stay from one list of jobs to the next: to start one costs as much as to drive for ten seconds."""
+
+    def __init__(self, workers: int, done: Callable[[str], None]) -> None:
+        """Start nothing yet.
+
+        Args:
+            workers: Processes; one does the jobs in this process.
+            done: Hears the name of each job as it ends, in a thread of the pool's.
+        """
+        self._done = done
+        # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
+        spawn = get_context("spawn")
+        self._workers = (
+            ProcessPoolExecutor(max_workers=workers, mp_context=spawn, initializer=_die_quietly) if workers > 1 else None
+        )
+
+    def __enter__(self) -> "Pool":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._workers is None:
+            return
+        self._workers.shutdown(wait=error is None, cancel_futures=error is not None)
+        if error is not None:
             for worker in active_children():
                 worker.terminate()
-            raise
-        return [future.result() for future in futures]
+
+    def begin(self, jobs: Sequence[Job[R]]) -> Callable[[], list[R]]:
+        """Queue jobs behind those already begun; the answer waits for them and returns their results in the jobs' order."""
+        if self._workers is None:
+            return lambda: list(self._in_this_process(jobs))
+        futures = [self._workers.submit(_run, job) for job in jobs]
+        for job, future in zip(jobs, futures, strict=True):
+            future.add_done_callback(partial(self._tell, job.name))
+        return lambda: _results(futures)
+
+    def _in_this_process(self, jobs: Sequence[Job[R]]) -> Iterator[R]:
+        for job in jobs:
+            result = job.run()
+            self._done(job.name)
+            yield result
+
+    def _tell(self, name: str, future: Future[R]) -> None:
+        if not future.cancelled() and future.exception() is None:
+            self._done(name)
+
+
+def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
+    """Return the jobs' results in the jobs' order; ``done`` hears each name as it ends."""
+    with Pool(min(workers, len(jobs)), done) as pool:
+        return pool.begin(jobs)()
 
 
 def default_workers() -> int:
     """Return the number of cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def _results(futures: list[Future[R]]) -> list[R]:
+    for future in as_completed(futures):
+        future.result()  # the first that fails ends it all
+    return [future.result() for future in futures]
 
 
 def _die_quietly() -> None:
@@ -54,10 +97,3 @@ def _die_quietly() -> None:
 
 def _run(job: Job[R]) -> R:
     return job.run()
-
-
-def _in_this_process(jobs: Sequence[Job[R]], done: Callable[[str], None]) -> Iterator[R]:
-    for job in jobs:
-        result = job.run()
-        done(job.name)
-        yield result

@@ -1,6 +1,7 @@
 """The whole paper in one go: excite, identify, tune, climb, level, see; ``results.json`` holds every figure.
 
-Each phase is a list of jobs for the pool; what a phase hands to the next is data.
+Each phase is a list of jobs for the pool; what a phase hands to the next is data. What needs no controller is driven while the
+recordings from which it is learned are not all there.
 """
 
 import json
@@ -15,7 +16,7 @@ from treadline.experiments import fig05, fig08, fig09, fig11, literal, table1, t
 from treadline.experiments.fig08 import ExciteJob, Recording
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_SLOPE_DEG, GRAVITY_ERROR_DEG, Plan
-from treadline.experiments.pool import run_jobs
+from treadline.experiments.pool import Job, Pool
 from treadline.experiments.speed import physics_real_time_factor
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
@@ -29,7 +30,7 @@ FIT_SEED, FRESH_SEED = 0, 1
 def job_count(plan: Plan) -> int:
     """Return how many parts ``reproduce_paper`` will report as done."""
     placeholder = literal.paper_controller(0.2)
-    return len(_excitations(plan, Path())) + len(_drives(plan, placeholder, Path())) + 3
+    return len(_excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
 
 
 def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
@@ -42,15 +43,12 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
     runs, figures = out / "runs", out / "figures"
     figures.mkdir(parents=True, exist_ok=True)
 
-    recordings = run_jobs(_excitations(plan, runs), workers=workers, done=done)
-    controller, fig08_by_slope = learn(plan, recordings, out)
-    results = run_jobs(_drives(plan, controller, runs), workers=workers, done=done)
-    safe, sliding, straight, printed = _sorted_out(results)
-
-    seat = fig11.level_seat(runs / "seat-28", plan.seeds[0])
-    done("seat")
-    stages = fig05.see_stages(figures, plan.seeds[0])
-    done("stages")
+    with Pool(workers, done) as pool:
+        excited, steerless = pool.begin(_excitations(plan, runs)), pool.begin(_steerless(plan, out))
+        controller, fig08_by_slope = learn(plan, excited(), out)
+        driven = pool.begin(_drives(plan, controller, runs))
+        seat, stages, printed, *opened = steerless()
+        safe, sliding, closed = _sorted_out(driven())
     speed = {
         "physics_real_time_factor": physics_real_time_factor(),
         "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
@@ -64,11 +62,11 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
             "table1": table1.rows(),
             "fig05": stages,
             "fig08": fig08_by_slope[CONTROLLER_SLOPE_DEG] | {"slopes": list(fig08_by_slope.values())},
-            "fig09": fig09.rows(straight),
+            "fig09": fig09.rows([*closed, *opened]),
             "fig10": table2.fig10(safe),
             "table2": table2.rows(safe),
             "table2_roll_back_allowed": table2.rows(sliding),
-            "literal": literal.facts() | {"runs": printed},
+            "literal": literal.facts() | {"runs": [printed]},
             "fig11": seat,
             "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
             "speed": speed,
@@ -115,20 +113,30 @@ def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[Controlle
     return controller, figures
 
 
+def _steerless(plan: Plan, out: Path) -> list[Job[dict[str, Any]]]:
+    """Return what can be driven before anything is identified: the seat, the stages of a frame, Eq. (14), and the open loops."""
+    runs, seed = out / "runs", plan.seeds[0]
+    return [
+        fig11.SeatJob(name="seat", folder=runs / "seat-28", seed=seed),
+        fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
+        literal.job(plan, runs),
+        *fig09.open_jobs(plan, runs),
+    ]
+
+
 def _drives(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     return [
-        *fig09.jobs(plan, controller, runs),  # the longest first: the pool ends level
+        *fig09.closed_jobs(plan, controller, runs),  # the longest first: the pool ends level
         *table2.jobs(plan, controller, runs, "climb-safe"),
         *table2.jobs(replace(plan, seeds=plan.seeds[:1]), controller, runs, "paper"),
-        literal.job(plan, runs),
     ]
 
 
 def _sorted_out(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
-    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": [], "literal": []}
+    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": []}
     for result in results:
         kinds[result["kind"]].append(result)
-    return kinds["turn"], kinds["turn-rollback"], kinds["straight"], kinds["literal"]
+    return kinds["turn"], kinds["turn-rollback"], kinds["straight"]
 
 
 def _median(values: list[float]) -> float:
