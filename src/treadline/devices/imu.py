@@ -10,13 +10,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 
-from treadline.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.devices import kernels
 from treadline.devices.kernels import TICK_S
 from treadline.signals import ImuSample
-
-GRAVITY_M_S2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,18 +68,18 @@ class Imu:
     """Turns true motion into samples at 100 Hz."""
 
     def __init__(self, errors: ImuErrors, gravity_error_rad: float, rng: np.random.Generator) -> None:
-        self._errors = errors
         self._rng = rng
+        self._figures = _figures(errors)
+        self._memory = np.zeros(kernels.MEMORY)
         draw = rng.standard_normal(8)
         self._bias_left = errors.bias_left_rad_s * draw[:3]
-        self._bias = errors.bias_wander_rad_s * draw[3:6]
+        self._memory[kernels.BIAS : kernels.BIAS + 3] = errors.bias_wander_rad_s * draw[3:6]
         self._scale = 1.0 + errors.scale * (2.0 * rng.random(3) - 1.0)
-        self._yaw_error = float(rng.uniform(-math.pi, math.pi))
+        self._memory[kernels.YAW] = rng.uniform(-math.pi, math.pi)
         direction = float(rng.uniform(-math.pi, math.pi))
         tilt = gravity_error_rad
         self._R_tilt = rotation_x(tilt * math.cos(direction)) @ rotation_y(tilt * math.sin(direction))
-        self._wander = errors.tilt_noise_rad * draw[6:8]
-        self._shaken = np.zeros(3, dtype=np.complex128)
+        self._memory[kernels.TILT : kernels.TILT + 2] = errors.tilt_noise_rad * draw[6:8]
 
     def sample(
         self,
@@ -92,42 +91,37 @@ class Imu:
         moving: bool,
     ) -> ImuSample:
         """Return the sample of one instant."""
-        errors = self._errors
-        draw = self._rng.standard_normal(17)
-        keep = math.exp(-TICK_S / errors.bias_time_s)
-        self._bias = keep * self._bias + errors.bias_wander_rad_s * math.sqrt(1.0 - keep * keep) * draw[0:3]
-        noise = errors.gyro_noise_rad_s_rthz * math.sqrt(0.5 / TICK_S) * draw[3:6]
-        noise = noise + self._shake(draw[6:9] + 1j * draw[14:17], moving=moving)
-        measured = self._scale * rate_B + self._bias_left + self._bias + noise
-        # The attitude's tilt is held by gravity; its yaw is what the gyro makes of it.
-        self._yaw_error += TICK_S * float(R_WB[2] @ (measured - rate_B))
-        keep = math.exp(-TICK_S / errors.tilt_time_s)
-        self._wander = keep * self._wander + errors.tilt_noise_rad * math.sqrt(1.0 - keep * keep) * draw[12:14]
-        small = np.array(
-            [
-                [1.0, 0.0, self._wander[1]],
-                [0.0, 1.0, -self._wander[0]],
-                [-self._wander[1], self._wander[0], 1.0],
-            ]
+        orientation, rate, force = kernels.imu_sample(
+            self._rng.standard_normal(kernels.DRAWS),
+            R_WB,
+            rate_B,
+            acceleration_W,
+            moving,
+            self._figures,
+            self._scale,
+            self._bias_left,
+            self._R_tilt,
+            self._memory,
         )
-        force = R_WB.T @ (acceleration_W + np.array([0.0, 0.0, GRAVITY_M_S2]))
-        return ImuSample(
-            t_s=t_s,
-            orientation=quaternion_of(rotation_z(self._yaw_error) @ R_WB @ self._R_tilt @ small),
-            angular_velocity_rad_s=measured,
-            linear_acceleration_m_s2=force + errors.accelerometer_noise_m_s2 * draw[9:12],
-        )
+        return ImuSample(t_s=t_s, orientation=orientation, angular_velocity_rad_s=rate, linear_acceleration_m_s2=force)
 
-    def _shake(self, draw: Complex[np.ndarray, " 3"], *, moving: bool) -> Float[np.ndarray, " 3"]:
-        """Return the mean rate of the chassis' shaking over one tick: a damped resonance that the belts drive.
 
-        The angle is the real part of a phasor; the rate is its difference, so the sum of all rates is the angle itself.
-        """
-        errors = self._errors
-        turn = 2.0 * math.pi * errors.vibration_hz * TICK_S
-        keep = math.exp(-errors.vibration_damping * turn)
-        angle_rad = errors.vibration_rad_s * TICK_S / math.sqrt(2.0 * (1.0 - keep * math.cos(turn)))
-        driven = angle_rad * math.sqrt(1.0 - keep * keep) * draw if moving else 0.0
-        before = self._shaken.real
-        self._shaken = keep * cmath.exp(1j * turn) * self._shaken + driven
-        return np.asarray((self._shaken.real - before) / TICK_S)
+def _figures(errors: ImuErrors) -> Float[np.ndarray, " n"]:
+    """Return a data sheet's figures per tick, as the compiled sample takes them."""
+    figures = np.empty(kernels.FIGURES)
+    for kept, added, time_s, sigma in (
+        (kernels.BIAS_KEPT, kernels.BIAS_ADDED, errors.bias_time_s, errors.bias_wander_rad_s),
+        (kernels.TILT_KEPT, kernels.TILT_ADDED, errors.tilt_time_s, errors.tilt_noise_rad),
+    ):
+        keep = math.exp(-TICK_S / time_s)
+        figures[kept], figures[added] = keep, sigma * math.sqrt(1.0 - keep * keep)
+    figures[kernels.GYRO_NOISE] = errors.gyro_noise_rad_s_rthz * math.sqrt(0.5 / TICK_S)
+    figures[kernels.FORCE_NOISE] = errors.accelerometer_noise_m_s2
+    # The chassis shakes as a damped resonance that the belts drive.
+    turn = 2.0 * math.pi * errors.vibration_hz * TICK_S
+    keep = math.exp(-errors.vibration_damping * turn)
+    angle_rad = errors.vibration_rad_s * TICK_S / math.sqrt(2.0 * (1.0 - keep * math.cos(turn)))
+    phasor = keep * cmath.exp(1j * turn)
+    figures[kernels.SHAKE_TURN : kernels.SHAKE_TURN + 2] = phasor.real, phasor.imag
+    figures[kernels.SHAKE_PUSH] = angle_rad * math.sqrt(1.0 - keep * keep)
+    return figures

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.devices import kernels
 from treadline.devices.drives import TICK_S
 from treadline.devices.imu import IMUS, Imu
 from treadline.mechanics.chair import ChairDescription
@@ -77,8 +78,7 @@ class Instruments:
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
-        self._mismatch = np.array([0.0, scenario.chair.belt_mismatch])
-        self._R_SW = staircase.R_WS.T
+        self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
@@ -100,8 +100,8 @@ class Instruments:
         readings: list[Reading] = [self._imu_sample(state)]
         pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
         readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
-        belts = state.belts_m_s / (1.0 + self._mismatch)
-        readings.append(TrackReading(t_s=t_s, left_m_s=float(belts[0]), right_m_s=float(belts[1]), brake_on=state.brake_on))
+        right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
+        readings.append(TrackReading(t_s=t_s, left_m_s=truth.left_m_s, right_m_s=right_m_s, brake_on=state.brake_on))
         if self._chair.arm is not None:
             torque = state.arm_torque_n_m + ARM_TORQUE_NOISE_N_M * float(self._streams.arm.standard_normal())
             readings.append(ArmReading(t_s=t_s, angle_rad=state.arm_rad, torque_n_m=torque))
@@ -121,42 +121,40 @@ class Instruments:
             self._reaches[:] = state.reach_m
         self._reaches[self._ticks % SUPPORT_TICKS] = state.reach_m
         self._ticks += 1
-        front, rear, left, right = self._reaches.max(axis=0).tolist()
-        x, z = ((self._nosings_W - state.p_WB) @ state.R_WB[:, [0, 2]]).T
-        under = x[(np.abs(z) < ROCKING_M) & (np.abs(x) < 0.5 * self._chair.tracks.flat_run_m)]
-        if under.size:
-            front, rear = max(front, float(under.max())), max(rear, -float(under.min()))
+        half_run_m = 0.5 * self._chair.tracks.flat_run_m
+        front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
         return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
 
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
-        R_WB, angle = state.R_WB, state.seat_rad
-        R_SB = self._R_SW @ R_WB
-        p_SB = self._R_SW @ (state.p_WB - self._staircase.p_WS)
-        # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
-        heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
-        pitch = math.asin(max(-1.0, min(1.0, R_WB[2, 0])))
-        roll = math.asin(max(-1.0, min(1.0, R_WB[2, 1])))
+        angle = state.seat_rad
+        heading, heading_rate, x_m, y_m = kernels.on_stair(self._R_SW, self._p_WS, state.R_WB, state.p_WB, state.rate_B)
+        (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
         along, across = self._staircase.friction
-        passenger_W = state.p_WB + R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
+        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
-            yaw_rad=math.atan2(R_WB[1, 0], R_WB[0, 0]),
-            heading_rate_rad_s=float(R_SB[2] @ state.rate_B),
-            pitch_rad=pitch,
-            roll_rad=roll,
+            yaw_rad=math.atan2(forward_y, forward_x),
+            heading_rate_rad_s=heading_rate,
+            pitch_rad=_arcsine(forward_z),
+            roll_rad=_arcsine(left_z),
             pitch_rate_rad_s=-float(state.rate_B[1]),
-            x_m=float(p_SB[0]),
-            y_m=float(p_SB[1]),
-            seat_pitch_rad=math.asin(max(-1.0, min(1.0, R_WB[2, 0] * math.cos(angle) - R_WB[2, 2] * math.sin(angle)))),
+            x_m=x_m,
+            y_m=y_m,
+            seat_pitch_rad=_arcsine(forward_z * math.cos(angle) - up_z * math.sin(angle)),
             left_m_s=float(state.belts_m_s[0]),
             right_m_s=float(state.belts_m_s[1]),
             stability_margin_rad=tipping_margins(
                 centre_of_mass(self._chair, self._scenario.chair, angle, state.arm_rad),
-                (float(R_WB[2, 0]), float(R_WB[2, 1]), float(R_WB[2, 2])),
+                (forward_z, left_z, up_z),
                 self._support_of(state),
             ).worst,
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
             passenger_x_m=float(passenger_W[0]),
             passenger_z_m=float(passenger_W[2]),
         )
+
+
+def _arcsine(value: float) -> float:
+    """Return the angle whose sine is a component of a unit vector, rounding left out."""
+    return math.asin(max(-1.0, min(1.0, value)))

@@ -1,13 +1,18 @@
-"""What the drives make of the orders, tick by tick, compiled: belts, the seat's actuator, the arm's servo.
+"""The devices' inner loops, compiled: what the drives make of the orders, and how the chair's motion shows to its instruments.
 
-``no_type_check`` keeps the tests' shape checker from wrapping what numba compiles.
+Small products add each term by a fused multiply-add: as BLAS rounds them, and on any processor alike. ``no_type_check`` keeps
+the tests' shape checker from wrapping what numba compiles.
 """
 
+import math
 from typing import no_type_check
 
-from numba import njit
+import numpy as np
+from numba import njit, types
+from numba.extending import intrinsic
 
 TICK_S = 0.01
+GRAVITY_M_S2 = 9.81
 
 # Rows of the drive state.
 LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
@@ -16,6 +21,16 @@ STALLED, POWER_CUT, SEAT_STUCK, ARM_STUCK = 6, 8, 9, 10
 # What follows from the orders: where the seat is held, how fast the arm's target moves, whether the brake is on.
 SEAT_ANGLE, ARM_RATE, BRAKED = 11, 12, 13
 DRIVES = 14
+
+# An IMU's figures per tick: how much of its bias stays and how much is added; the same of its tilt; noise of the gyro and of the
+# accelerometer; the turn of the shaking chassis, as a complex number, and the belts' push.
+BIAS_KEPT, BIAS_ADDED, TILT_KEPT, TILT_ADDED, GYRO_NOISE, FORCE_NOISE, SHAKE_TURN, SHAKE_PUSH = 0, 1, 2, 3, 4, 5, 6, 8
+FIGURES = 9
+# What it remembers: bias, error of its yaw, its tilt about x and y, the shaking angles and their quadrature.
+BIAS, YAW, TILT, ANGLE, QUADRATURE = 0, 3, 4, 6, 9
+MEMORY = 12
+DRAWS = 17
+"""Normal numbers that a sample takes."""
 
 
 @njit(cache=True)
@@ -77,3 +92,132 @@ def act(command, drives, state, seat, angles, arm, arm_angle):
         held = min(max(target, arm[0]), arm[1])
         state[ARM_TARGET] = held
         state[ARM_RATE] = rate if held == target else 0.0
+
+
+@njit(cache=True)
+@no_type_check
+def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, R_tilt, memory):
+    """Return an IMU's orientation (w, x, y, z), angular velocity and specific force; its ``memory`` goes on by a tick.
+
+    Args:
+        draw: Normal numbers: of the bias, gyro, shaking, accelerometer, tilt, and the shaking's quadrature.
+        rate: True angular velocity in B; ``acceleration`` in W.
+        moving: Whether the belts shake the chassis.
+        scale: Of each axis.
+        bias_left: What calibration has left.
+        R_tilt: Error of its idea of down.
+    """
+    measured, force = np.empty(3), np.empty(3)
+    upward = np.array((acceleration[0], acceleration[1], acceleration[2] + GRAVITY_M_S2))
+    turn, turn_aside = figures[SHAKE_TURN], figures[SHAKE_TURN + 1]
+    for i in range(3):
+        memory[BIAS + i] = figures[BIAS_KEPT] * memory[BIAS + i] + figures[BIAS_ADDED] * draw[i]
+        # The angle is the real part of a phasor; the rate is its difference, so the sum of all rates is the angle itself.
+        angle, aside = memory[ANGLE + i], memory[QUADRATURE + i]
+        memory[ANGLE + i] = fused(turn, angle, -(turn_aside * aside))
+        memory[QUADRATURE + i] = fused(turn, aside, turn_aside * angle)
+        if moving:
+            memory[ANGLE + i] += figures[SHAKE_PUSH] * draw[6 + i]
+            memory[QUADRATURE + i] += figures[SHAKE_PUSH] * draw[14 + i]
+        noise = figures[GYRO_NOISE] * draw[3 + i] + (memory[ANGLE + i] - angle) / TICK_S
+        measured[i] = scale[i] * rate[i] + bias_left[i] + memory[BIAS + i] + noise
+        force[i] = dot(R_WB[:, i], upward) + figures[FORCE_NOISE] * draw[9 + i]
+    # The attitude's tilt is held by gravity; its yaw is what the gyro makes of it.
+    memory[YAW] += TICK_S * dot(R_WB[2], measured - rate)
+    for i in range(2):
+        memory[TILT + i] = figures[TILT_KEPT] * memory[TILT + i] + figures[TILT_ADDED] * draw[12 + i]
+    about_x, about_y = memory[TILT], memory[TILT + 1]
+    small = np.array(((1.0, 0.0, about_y), (0.0, 1.0, -about_x), (-about_y, about_x, 1.0)))
+    c, s = math.cos(memory[YAW]), math.sin(memory[YAW])
+    R_yaw = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+    return quaternion(product(product(product(R_yaw, R_WB), R_tilt), small)), measured, force
+
+
+@njit(cache=True)
+@no_type_check
+def support(reaches, nosings_W, p_WB, R_WB, half_run, rocking):
+    """Return how far what the chair stands on reaches from B: front, rear, left, right, each outward.
+
+    Args:
+        reaches: Of the belts' contacts of late, a row each.
+        nosings_W: Those within ``rocking`` of the belts count: the chair rocks onto them in a moment.
+        half_run: Of the belts' flat part.
+    """
+    front, rear, left, right = reaches[0]
+    for reach in reaches:
+        front, rear, left, right = max(front, reach[0]), max(rear, reach[1]), max(left, reach[2]), max(right, reach[3])
+    for nosing_W in nosings_W:
+        place = nosing_W - p_WB
+        x, z = dot(place, R_WB[:, 0]), dot(place, R_WB[:, 2])
+        if abs(z) < rocking and abs(x) < half_run:
+            front, rear = max(front, x), max(rear, -x)
+    return front, rear, left, right
+
+
+@njit(cache=True)
+@no_type_check
+def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
+    """Return heading, its rate along the nosing plane's normal, and where B lies along and across the stair."""
+    R_SB = product(R_SW, R_WB)
+    place = p_WB - p_WS
+    # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
+    heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
+    return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
+
+
+@intrinsic
+@no_type_check
+def fused(_typing, a, b, c):
+    """Return ``a * b + c``, rounded once."""
+    del a, b, c
+    double = types.float64
+    return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
+
+
+@njit(cache=True)
+@no_type_check
+def dot(a, b):
+    """Return the inner product of two vectors."""
+    total = a[0] * b[0]
+    for i in range(1, a.shape[0]):
+        total = fused(a[i], b[i], total)
+    return total
+
+
+@njit(cache=True)
+@no_type_check
+def product(A, B):
+    """Return the product of two matrices."""
+    C = np.empty((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            C[i, j] = dot(A[i], B[:, j])
+    return C
+
+
+@njit(cache=True)
+@no_type_check
+def rotation(w, x, y, z, R):
+    """Write the rotation matrix of a unit quaternion: ``angles.rotation_of``, compiled."""
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@njit(cache=True)
+@no_type_check
+def quaternion(R):
+    """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix: ``angles.quaternion_of``, compiled."""
+    a, b, c, d, e, f, g, h, i = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]
+    first, second, third, fourth = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
+    largest = max(first, second, third, fourth)
+    if first == largest:
+        q = np.array((first, h - f, c - g, d - b))
+    elif second == largest:
+        q = np.array((h - f, second, b + d, c + g))
+    elif third == largest:
+        q = np.array((c - g, b + d, third, f + h))
+    else:
+        q = np.array((d - b, c + g, f + h, fourth))
+    q /= math.sqrt(dot(q, q))
+    return q if q[0] >= 0.0 else -q
