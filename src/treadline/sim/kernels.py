@@ -9,7 +9,7 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, SEAT_ANGLE, STROKE, act
+from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, SEAT_ANGLE, STROKE, act, rotation
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -27,13 +27,15 @@ _integrate = types.ExternalFunction("mj_implicit", _STAGE)
 SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
 
-# Columns of the log, one row per tick.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT = 0, 8, 15, 17, 18, 19, 20, 21, 22
-COLUMNS = 26
+# Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row.
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
+COLUMNS = 35
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
 ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
+# What may be wrong after some ticks.
+SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
@@ -103,13 +105,30 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 
 @njit(cache=True)
 @no_type_check
+def judge(warnings, log, room):
+    """Return what is wrong: a warning of MuJoCo's, a state that is not finite, more contacts than there is ``room`` for."""
+    for count in warnings:
+        if count > 0:
+            return WARNED
+    crowded = False
+    for row in log:
+        for value in row:
+            if not math.isfinite(value):
+                return NOT_FINITE
+        crowded = crowded or row[CONTACTS] > room
+    return CROWDED if crowded else SOUND
+
+
+@njit(cache=True)
+@no_type_check
 def advance(
-    model, data, ticks, count, real, whole, layout, is_belt, xmat, mu, grip, command, drives, mismatch, state, belts_of,
-    surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, log,
+    ticks, mu, log, model, data, count, real, whole, layout, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
+    surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
 ):  # fmt: skip
-    """Advance the plant by some ticks and write one row of ``log`` per tick.
+    """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
     Args:
+        mu: Friction along the belts and across.
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -120,6 +139,7 @@ def advance(
         arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
             damping of a lost motor, the joint's own damping; empty for a chair without.
         damping: of each degree of freedom; changed in place.
+        warnings: how often MuJoCo has warned, by kind.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     for k in range(ticks):
@@ -164,3 +184,5 @@ def advance(
         row[BRAKE] = state[BRAKED]
         row[ARM] = qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0
         row[ARM_TORQUE] = force[ARM_SERVO] if arm.shape[0] > 0 else 0.0
+        rotation(qpos[3], qpos[4], qpos[5], qpos[6], row[ROTATION : ROTATION + 9].reshape(3, 3))
+    return judge(warnings, log, real.shape[0])

@@ -86,7 +86,6 @@ class MujocoPlant:
             return
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, self._friction)
-        self._check(ticks, log)
         self._pending.extend(enumerate(log, start=self._tick + 1))
         self._tick += ticks
 
@@ -202,39 +201,28 @@ class MujocoPlant:
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
         self._run(ticks, log, np.full(2, SETTLE_FRICTION))
-        self._check(ticks, log)
         self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
         self._data.qvel[:] = 0.0
         self._drives.command[:] = 0.0
 
     def _attach(self) -> None:
-        """Lay arrays over MuJoCo's contact list, which stays where it is."""
+        """Lay arrays over MuJoCo's memory, its contact list included, which stays where it is: the compiled loop works on them."""
         layout = contact_layout()
         # A chair that starts a hair above the stair touches nothing yet: let it fall until it does.
         for _ in range(200):
             if self._data.ncon > 0:
                 break
             mujoco.mj_step(self._model, self._data)
-        base = contact_list(self._data)
-        self._count = _view(self._data._address + layout.count_offset, 1, 1, np.int32)[0]  # noqa: SLF001 - the binding's only way
-        self._real = _view(base, CONTACTS_MAX, layout.stride // 8, np.float64)
-        self._whole = _view(base, CONTACTS_MAX, layout.stride // 4, np.int32)
-        self._layout = np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4])
-
-    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
-        data, model = self._data, self._model
-        self._began_s = data.time
-        kernels.advance(
+        base, data, model = contact_list(self._data), self._data, self._model
+        self._memory = (
             np.uintp(model._address),  # noqa: SLF001 - the binding's only way to the struct
             np.uintp(data._address),  # noqa: SLF001 - as above
-            ticks,
-            self._count,
-            self._real,
-            self._whole,
-            self._layout,
+            _view(data._address + layout.count_offset, 1, 1, np.int32)[0],  # noqa: SLF001 - as above
+            _view(base, CONTACTS_MAX, layout.stride // 8, np.float64),
+            _view(base, CONTACTS_MAX, layout.stride // 4, np.int32),
+            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4]),
             self._is_belt,
             data.xmat[1],
-            friction,
             self._grip,
             self._drives.command,
             self._drives.limits,
@@ -251,22 +239,31 @@ class MujocoPlant:
             data.ctrl,
             data.qpos,
             data.qvel,
-            log,
+            data.warning.number,
         )
 
-    def _check(self, ticks: int, log: Float[np.ndarray, "n c"]) -> None:
+    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
+        """Run the physics and look at what came of it.
+
+        Raises:
+            SimulationDiverged: If that is no physics any more.
+        """
+        began_s = self._data.time
+        expected_s = began_s + ticks * kernels.SUBSTEPS * TIMESTEP_S
+        fault = kernels.advance(ticks, friction, log, *self._memory)
+        in_time = abs(self._data.time - expected_s) <= 1e-6 * max(1.0, expected_s)
+        if fault == kernels.SOUND and in_time:
+            return
         where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
-        warned = [str(mujoco.mjtWarning(i).name) for i in np.flatnonzero(self._data.warning.number) if i < len(self._data.warning)]
-        if warned:
+        if fault == kernels.WARNED:
+            numbers = np.flatnonzero(self._data.warning.number)
+            warned = [str(mujoco.mjtWarning(i).name) for i in numbers if i < len(self._data.warning)]
             raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
-        if not np.isfinite(log).all():
+        if fault == kernels.NOT_FINITE:
             raise SimulationDiverged(f"the state is not finite {where}")
-        began = self._began_s
-        expected = began + ticks * kernels.SUBSTEPS * TIMESTEP_S
-        if abs(self._data.time - expected) > 1e-6 * max(1.0, expected):
-            raise SimulationDiverged(f"time went from {began:.3f} s to {self._data.time:.3f} s {where}")
-        if log[:, kernels.CONTACTS].max() > CONTACTS_MAX:
-            raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
+        if not in_time:
+            raise SimulationDiverged(f"time went from {began_s:.3f} s to {self._data.time:.3f} s {where}")
+        raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
 
     def _log_row(self) -> Float[np.ndarray, " c"]:
         row = np.zeros(kernels.COLUMNS)
@@ -274,6 +271,7 @@ class MujocoPlant:
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
+        row[kernels.ROTATION :] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
@@ -289,7 +287,7 @@ class MujocoPlant:
         state = ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
-            R_WB=rotation_of(row[kernels.QPOS + 3 : kernels.QPOS + 7]),
+            R_WB=row[kernels.ROTATION :].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
             seat_rad=float(row[kernels.QPOS + 7]),
