@@ -316,6 +316,16 @@ def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> No
     assert world.plans[-1].speed_m_s == 0.0
 
 
+def test_a_pulse_that_a_step_has_spoilt_is_made_again() -> None:
+    world = World()
+    world.run("traction")
+    world.grip = 0.02
+    world.run(limit_s=1.4)
+    world.grip = 0.5
+    assert world.run("climb", "back_off").phase == "climb"
+    assert world.plans[-1].cause.endswith("of the belts' test pulse slipped")
+
+
 def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_refused() -> None:
     world = World(grip=-0.99)
     plan = world.run("back_off", limit_s=40.0)

@@ -473,6 +473,49 @@ def test_frames_without_a_stair_hold_after_a_while_unless_none_is_expected() -> 
     assert drive.guard.holding == "no stair in view for 2.0 s"
 
 
+def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
+    return lambda drive: drive.guard.notice(Plan(t_s=drive.t_s, phase=phase, speed_m_s=0.1, needs_stair=needs_stair))
+
+
+@pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 2.75), ("descend", -0.05, 2.75), ("land", 0.03, 2.18)])
+def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
+    """Test: no stair in view, as planned, and one belt runs faster all the time, which on the flight turns the chair by 1 °/s: the
+    answer to a gyro that drifts by as much. Expected result: HOLD once they have turned it by 3°."""
+    drive = Drive(asked=(0.1, 0.1 + apart_m_s))
+    drive.silent = {"stair"}
+    # The belts need 0.15 s to run apart; the cause is known a tick later.
+    assert drive.until_held(4.0, blind(phase)) == pytest.approx(held_s + 0.15, abs=0.03)
+    sign = "+" if apart_m_s > 0.0 else "-"
+    assert drive.guard.holding is not None
+    assert drive.guard.holding.startswith(f"the belts turned the chair by {sign}3.0° in ")
+    assert drive.guard.holding.endswith("on the word of the gyro alone")
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.run(0.2, blind(phase)).guard.holding is None
+
+
+@pytest.mark.parametrize("why", ["seen", "needed", "search", "slowly", "open loop"])
+def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
+    """Test: the same with a stair in view, or where one should be, on the floor, by 0.45 °/s, or in an open loop. Expected result:
+    no HOLD for 5 s; where a stair should be and is not, its own row answers later."""
+    config = GuardConfig(needs_heading=why != "open loop")
+    drive = Drive(config, asked=(0.1, 0.12 if why == "slowly" else 0.15))
+    drive.silent = set() if why == "seen" else {"stair"}
+    drive.run(5.0, blind("search" if why == "search" else "climb", needs_stair=why == "needed"))
+    assert drive.guard.holding is None
+
+
+def test_belts_that_answer_a_chair_that_swings_over_the_crest_are_right() -> None:
+    """Test: one belt runs faster while the chair pitches by 10 °/s, then while it lies steeply and still. Expected result: nothing,
+    then HOLD after 3° at a quarter of a radian per metre."""
+    drive = Drive(asked=(0.0, 0.1))
+    drive.silent = {"stair"}
+    drive.spoil = lambda reading: imu(reading.t_s, 20.0, 0.0, -10.0) if isinstance(reading, ImuSample) else reading
+    assert drive.run(5.0, blind("crest")).guard.holding is None
+    drive.spoil = lambda reading: imu(reading.t_s, 20.0) if isinstance(reading, ImuSample) else reading
+    # 0.16 s until the swing's mean is below its limit.
+    assert drive.until_held(4.0, blind("crest")) == pytest.approx(3.0 * DEG / 0.024 + 0.16, abs=0.03)
+
+
 # Row 10
 
 
@@ -999,6 +1042,19 @@ def test_a_seat_that_stays_off_level_is_held_and_left_alone() -> None:
     assert drive.guard.pass_seat(fine) == SeatCommand(t_s=1.0, rate_m_s=0.0)
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
     assert drive.guard.pass_seat(fine) == fine
+
+
+@pytest.mark.parametrize(
+    ("phase", "limit"), [("drive", 0.02), ("climb", 0.02), ("descend", 0.02), ("crest", 0.06), ("edge", 0.06), ("mount", 0.06)]
+)
+def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: float) -> None:
+    """Test: a leveller that asks for all that its actuator has. Expected result: on the flight it is levelled slowly, for a seat
+    thrown to and fro drives the rocking; where the chair pitches it has all."""
+    guard = Guard(GuardConfig())
+    guard.notice(Plan(t_s=0.0, phase=phase, speed_m_s=0.1))
+    for sign in (1.0, -1.0):
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06 * sign)).rate_m_s == limit * sign
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.02 * sign)).rate_m_s == 0.02 * sign
 
 
 def test_a_seat_that_is_being_levelled_is_no_fault() -> None:

@@ -11,6 +11,7 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.guard import GuardConfig
 from treadline.mission.guard.ahead import AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
+from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, PITCHED_RAD_M, BlindTurnWatch
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Latch
 from treadline.mission.guard.limits import limited, mean_limit
@@ -47,6 +48,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
     assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
     assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
+    assert (config.blind_turn_rad, config.blind_turn_s, config.seat_flight_m_s) == (3.0 * deg, 6.0, 0.02)
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.89, 0.55, 0.95)
@@ -551,6 +553,94 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     assert watch.cause is None
     watch.feel(7.0, 0.4375 - 0.03)
     assert watch.cause is not None
+
+
+def plan(phase: Any, *, needs_stair: bool = False) -> Plan:
+    return Plan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
+
+
+def turning(apart_m_s: float, phase: Any, ticks: int, watch: BlindTurnWatch | None = None) -> BlindTurnWatch:
+    """Let the belts run apart for so many sixteenths of a second."""
+    watch = watch or BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    for _ in range(ticks):
+        watch.feel_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
+    return watch
+
+
+@pytest.mark.parametrize(("phase", "per_metre"), [("climb", FLIGHT_RAD_M), ("descend", FLIGHT_RAD_M)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, per_metre: float, sign: float) -> None:
+    """Test: 0.25 rad/s for two seconds on the flight, and one reading more. Expected result: a cause by one more only."""
+    watch = turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16)
+    assert watch.cause is None
+    turning(sign * 0.25 / per_metre, phase, 1, watch)
+    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s on the word of the gyro alone"
+    watch.forget()
+    assert turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16, watch).cause is None
+
+
+def test_a_slow_turn_leaves_the_window() -> None:
+    """Test: 0.125 rad/s, of which four seconds count. Expected result: never a cause; by an eighth faster, one."""
+    assert turning(0.1249 / FLIGHT_RAD_M, "climb", 200).cause is None
+    assert turning(0.140 / FLIGHT_RAD_M, "climb", 200).cause is not None
+
+
+def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stair_should_be_seen() -> None:
+    """Test: 0.25 rad/s for 1.5 s, a stair seen, 1.5 s; the same with a search between; then for long where a stair should be seen.
+    Expected result: no cause; the reading after which none should be seen any more brings one."""
+    apart = 0.25 / FLIGHT_RAD_M
+    watch = turning(apart, "climb", 24)
+    watch.seen()
+    assert turning(apart, "climb", 24, watch).cause is None
+    turning(apart, "search", 1, watch)
+    assert turning(apart, "climb", 24, watch).cause is None
+    for _ in range(40):
+        watch.feel_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
+    assert watch.cause is None
+    assert turning(apart, "climb", 1, watch).cause is not None
+    none = BlindTurnWatch(GuardConfig())
+    none.feel_belts(0.0, 1.0, None)
+    none.feel_belts(100.0, 1.0, None)
+    assert none.cause is None
+
+
+@pytest.mark.parametrize(
+    ("pitch_rad", "per_metre"),
+    [
+        (0.0, LEVEL_RAD_M),
+        (0.034, LEVEL_RAD_M),
+        (-0.034, LEVEL_RAD_M),
+        (0.036, PITCHED_RAD_M),
+        (-0.036, PITCHED_RAD_M),
+        (2.0, PITCHED_RAD_M),
+    ],
+)
+def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
+    """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
+    belts turn the chair there."""
+    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch.feel_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
+    turning(0.3 / per_metre, "crest", 27, watch)
+    assert watch.cause is None
+    turning(0.3 / per_metre, "crest", 1, watch)
+    assert watch.cause is not None
+
+
+def test_a_chair_that_swings_is_not_judged() -> None:
+    """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
+    for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
+        watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+        watch.feel_motion(0.0, tilted(0.3, 0.0), rate)
+        assert turning(0.3 / PITCHED_RAD_M, "leave", 2, watch).cause is None
+        for k in range(1, 100):
+            watch.feel_motion(k / 64, tilted(0.3, 0.0), rate)
+        turning(0.3 / PITCHED_RAD_M, "leave", 30, watch)
+        assert (watch.cause is not None) is judged
+    # The mean takes 0.2 s: a shock of one sample is no swing.
+    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch.feel_motion(0.0, tilted(0.3, 0.0), 0.0)
+    watch.feel_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
+    assert turning(0.3 / PITCHED_RAD_M, "leave", 29, watch).cause is not None
 
 
 def senses(config: GuardConfig | None = None) -> SenseWatch:

@@ -49,6 +49,8 @@ class AscentConfig:
     """Below the slope, from which on the belts lie on two nosings."""
     test_before_m: float = 0.0
     """Of the way to where the rear leaves the floor, when the traction is tested: the nosings carry nearly all."""
+    pulses: int = 2
+    """Of the traction test, to be lost before the chair backs off: a step that is met in the middle of one costs it its speed."""
     crest_from_m: float = 1.2
     """Of the last nosing ahead of the front pulley when the crest's sequencer takes over: it slows down in time by itself."""
     unseen_end_m: float = 0.10
@@ -80,6 +82,7 @@ class Ascent(Traversal):
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
         self._traction: TractionTest | None = None
+        self._pulses = 0
         self._refusal = ""
 
     def feel(self, signal: Felt) -> None:
@@ -153,7 +156,7 @@ class Ascent(Traversal):
             and ahead[0] < self._lift_off_m() + config.test_before_m
             and where.pitch_rad > where.slope_rad - config.mounted_rad
         ):
-            self._traction = TractionTest(config.traction, where.slope_rad)
+            self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         return self._plan(
@@ -181,6 +184,10 @@ class Ascent(Traversal):
     def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
         if not test.over:
             return self._plan(t_s, test.speed_m_s, turn_m_s=0.0)
+        if not test.holds and self._pulses < self._config.pulses:
+            self._traction = TractionTest(self._config.traction, self._where.slope_rad)
+            self._pulses += 1
+            return self._stand(t_s)
         self._traction = None
         slip = f"{test.slip:.0%} of the belts' test pulse slipped"
         if test.holds:

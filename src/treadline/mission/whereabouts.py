@@ -78,6 +78,8 @@ class Whereabouts:
         self._x_m = self._z_m = 0.0
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
+        self._known: list[_Nosing] = []
+        """Those that are believed, since the last map, the lowest of the flight first."""
         self._next: Whereabouts | None = None
         """The next flight, across a landing."""
 
@@ -103,7 +105,7 @@ class Whereabouts:
         beyond = self._next
         if beyond is None or beyond.map_count < NEXT_MAPS:
             return False
-        return any(abs(nosing.x_m - beyond._x_m) < NEXT_M for nosing in beyond._nosings if nosing.known)  # noqa: SLF001 - of this class
+        return any(abs(nosing.x_m - beyond._x_m) < NEXT_M for nosing in beyond._known)  # noqa: SLF001 - of this class
 
     @property
     def known(self) -> bool:
@@ -114,12 +116,11 @@ class Whereabouts:
         """Return how far along the belts each known nosing is ahead of mid-track, the lowest of the flight first."""
         c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
         c /= math.cos(self.heading_rad)
-        return [(n.x_m - self._x_m) * c + (n.z_m - self._z_m) * s for n in self._nosings if n.known]
+        return [(n.x_m - self._x_m) * c + (n.z_m - self._z_m) * s for n in self._known]
 
     def first_ahead_m(self) -> float | None:
         """Return how far the flight's lowest known nosing is ahead of mid-track, level."""
-        known = [n.x_m for n in self._nosings if n.known]
-        return known[0] - self._x_m if known else None
+        return self._known[0].x_m - self._x_m if self._known else None
 
     def top_ahead_m(self) -> float | None:
         """Return how far the highest known nosing is ahead of mid-track, along the belts."""
@@ -128,8 +129,7 @@ class Whereabouts:
 
     def top_above_m(self) -> float | None:
         """Return how far the highest known nosing is above mid-track, level."""
-        known = [n.z_m for n in self._nosings if n.known]
-        return known[-1] - self._z_m if known else None
+        return self._known[-1].z_m - self._z_m if self._known else None
 
     def bottom_ahead_m(self) -> float | None:
         """Return how far the lowest known nosing is ahead of mid-track, along the belts; negative once the chair is above it."""
@@ -153,8 +153,7 @@ class Whereabouts:
         return next(((low, high) for low, high in itertools.pairwise(ahead) if high - low > MISSING * pitch_m), None)
 
     def _ends(self, index: int) -> bool:
-        known = [n for n in self._nosings if n.known]
-        return bool(known) and known[index].end_count >= KNOWN_AFTER
+        return bool(self._known) and self._known[index].end_count >= KNOWN_AFTER
 
     def _drive(self, reading: TrackReading) -> None:
         dt_s = 0.0 if self._tracks_s is None else min(max(reading.t_s - self._tracks_s, 0.0), 0.1)
@@ -168,10 +167,9 @@ class Whereabouts:
     def _is_across(self, seen: StairMap) -> bool:
         """Say whether a map shows another flight than this one, across a landing."""
         way = 1.0 if seen.direction == "up" else -1.0
-        known = [nosing for nosing in self._nosings if nosing.known]
-        if not known:
+        if not self._known:
             return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
-        edge, (x_m, z_m) = known[-1 if way > 0.0 else 0], self._places(seen)[0]
+        edge, (x_m, z_m) = self._known[-1 if way > 0.0 else 0], self._places(seen)[0]
         far_m, up_m = way * (x_m - edge.x_m), way * (z_m - edge.z_m)
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
 
@@ -181,9 +179,8 @@ class Whereabouts:
             self._next = Whereabouts()
         self._next.heading_rad, self._next.pitch_rad = self.heading_rad, self.pitch_rad
         self._next._see(seen)  # noqa: SLF001 - of this class
-        known = [nosing for nosing in self._nosings if nosing.known]
-        if known:
-            known[-1 if seen.direction == "up" else 0].end_count += 1
+        if self._known:
+            self._known[-1 if seen.direction == "up" else 0].end_count += 1
 
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
@@ -201,6 +198,7 @@ class Whereabouts:
         self._note_missed(shown)
         last = shown[-1] if shown else None
         self._nosings.sort(key=lambda nosing: nosing.x_m)
+        self._known = [nosing for nosing in self._nosings if nosing.known]
         if last is not None:
             self._note_end(last, seen)
 

@@ -39,6 +39,11 @@ class GuardConfig:
     """Frames arrive but none shows a stair: the gyro carries the heading this long."""
     disagreement_s: float = 0.5
     """Vision and gyro differ, and nobody knows who errs (row 7)."""
+    blind_turn_rad: float = 3.0 * DEG
+    """By which belts may turn the chair while no stair is seen: without a fault it is 1.5°, and 2.3° where steps are uneven and
+    friction is short (row 7: true error of 5°)."""
+    blind_turn_s: float = 6.0
+    """Over which: what a steady load asks of the belts adds up slowly."""
     driver_timeout_s: float = 0.75
     """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""
     heartbeat_timeout_s: float = 0.75
@@ -84,6 +89,9 @@ class GuardConfig:
     front_down_rad: float = 15.0 * DEG
     roll_rad: float = 20.0 * DEG
     """At 35° across a flight of 30° it is 17°."""
+    seat_flight_m_s: float = 0.02
+    """Of the seat's stroke on the flight itself: a seat that follows each rocking of the chair on uneven steps drives it (a payload
+    of 104 kg to 33 °/s, where 10 °/s are left without)."""
     seat_rad: float = 5.0 * DEG
     seat_s: float = 1.0
     """Row 19."""

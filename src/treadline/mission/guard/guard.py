@@ -9,6 +9,7 @@ from dataclasses import replace
 from treadline.estimation.health import HeadingHealth
 from treadline.mission.guard.ahead import AheadWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
+from treadline.mission.guard.blind import BlindTurnWatch
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.latch import Latch
@@ -47,6 +48,7 @@ class Guard:
         self._belts = BeltWatch(config)
         self._slip = SlipWatch(config)
         self._ahead = AheadWatch(config)
+        self._blind = BlindTurnWatch(config)
         self._tilt = TiltWatch(config)
         self._seat = SeatWatch(config)
         self._link = Silence(config.link_timeout_s, "")
@@ -74,6 +76,7 @@ class Guard:
         match signal:
             case HeadingMeasurement():
                 self._senses.seen(signal.t_s)
+                self._blind.seen()
             case StairMap():
                 self._look_ahead(signal)
             case HeadingHealth():
@@ -111,11 +114,18 @@ class Guard:
         return passed
 
     def pass_seat(self, command: SeatCommand) -> SeatCommand:
-        """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone."""
+        """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone.
+
+        On the flight the chair's pitch stays, but for its rocking over uneven steps: there a seat is levelled slowly.
+        """
         if not finite(command.t_s, command.rate_m_s):
             self._latch.hold(self._now(command.t_s), "seat rate is not finite")
             return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
-        return command if self._seat.cause is None else replace(command, rate_m_s=0.0)
+        if self._seat.cause is not None:
+            return replace(command, rate_m_s=0.0)
+        if self._plan is None or self._plan.phase not in FLIGHT or abs(command.rate_m_s) <= self._config.seat_flight_m_s:
+            return command
+        return replace(command, rate_m_s=math.copysign(self._config.seat_flight_m_s, command.rate_m_s))
 
     def pass_arm(self, command: ArmCommand | None) -> ArmCommand | None:
         """Return what may reach the arm: under HOLD it stands."""
@@ -165,6 +175,7 @@ class Guard:
         if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
             return False
         self._senses.imu(sample.t_s)
+        self._blind.feel_motion(sample.t_s, orientation, -rates[1])
         if self._config.watches_motion and self._config.needs_heading:
             self._tilt.feel(sample.t_s, orientation, -rates[1])
         return True
@@ -173,6 +184,7 @@ class Guard:
         usable = finite(reading.left_m_s, reading.right_m_s)
         if usable:
             self._belts.feel(reading)
+            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
         return usable
 
     def _feel_seat(self, reading: SeatReading) -> bool:
@@ -202,6 +214,7 @@ class Guard:
         self._senses.frame(t_s, self._belts.travel_m)
         if stair is None:
             self._senses.seen(t_s)
+            self._blind.seen()
         else:
             self._look_ahead(stair)
         return True
@@ -243,7 +256,7 @@ class Guard:
         self._senses.restart(t_s, self._belts.travel_m)
         self._link.restart(t_s)
         self._processes.restart(t_s)
-        for watch in (self._belts, self._slip, self._tilt, self._seat):
+        for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
 
     # Plans and commands
@@ -280,6 +293,7 @@ class Guard:
         sight = (
             estimate_fault(estimate, t_s, limits.estimate_timeout_s),
             self._senses.alarm(t_s, self._belts.travel_m, phase),
+            self._blind.cause,
         )
         motion = (self._belts.cause, self._slip.cause)
         causes = (
