@@ -170,6 +170,7 @@ class HeadingNode:
         self._reckoning = DeadReckoning()
         self._mount = mount
         self._mounts_s = -MOUNTS_S
+        self._estimate: HeadingEstimate | None = None
         self._told: tuple[object, ...] | None = None
 
     def listen(self, transport: Transport) -> None:
@@ -208,7 +209,8 @@ class HeadingNode:
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)
-        if estimate is not None:
+        if estimate is not None and estimate != self._estimate:  # belts seldom change what is known
+            self._estimate = estimate
             self._say(on.ESTIMATE, estimate)
 
 

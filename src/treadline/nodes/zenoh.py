@@ -96,10 +96,8 @@ class ZenohTransport(WireTransport):
         )
 
     def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
-        express = channel.depth == 1 or not topic.startswith("/camera")
-        publisher = self._session.declare_publisher(
-            self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.BLOCK, express=express
-        )
+        # What a tick says goes out together where the link is busy: an express message each would cost every listener a wake-up.
+        publisher = self._session.declare_publisher(self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.BLOCK)
         self._publishers[topic] = publisher, os.urandom(GID_BYTES), itertools.count(1)
         self._kept.append(self._token(next(self._ids), "MP", self._about(topic, kind, channel.depth, kept=channel.kept)))
 
