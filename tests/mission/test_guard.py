@@ -516,6 +516,18 @@ def test_belts_that_answer_a_chair_that_swings_over_the_crest_are_right() -> Non
     assert drive.until_held(4.0, blind("crest")) == pytest.approx(3.0 * DEG / 0.024 + 0.16, abs=0.03)
 
 
+@pytest.mark.parametrize(("phase", "holds"), [("crest", True), ("leave", True), ("climb", False)])
+def test_a_heading_of_more_than_five_degrees_holds_where_the_chair_pitches(phase: Any, holds: bool) -> None:
+    """Test: heading 4.9°, then 5.1°, as a gyro that jumps makes it. Expected result: HOLD over crest and last step; on the flight
+    a chair may turn."""
+    drive = Drive()
+    drive.heading_deg = 4.9
+    assert drive.run(0.5, blind(phase)).guard.holding is None
+    drive.heading_deg = 5.1
+    drive.run(0.02, blind(phase))
+    assert (drive.guard.holding is not None) is holds
+
+
 # Row 10
 
 
@@ -686,7 +698,7 @@ def test_common_speed_yields_and_steering_keeps(asked: tuple[float, float], expe
         ("descend", -0.1, 0.0, 0.30),
         ("crest", 0.2, 0.0, 0.10),
         ("crest", 0.04, 0.0, 0.07),
-        ("crest", 0.2, 20.0, 0.10),
+        ("mount", 0.2, 20.0, 0.10),
         ("mount", 0.2, 0.0, 0.10),
         ("traction", 0.2, 0.0, 0.27),
         ("edge", 0.2, 0.0, 0.10),

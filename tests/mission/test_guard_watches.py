@@ -11,7 +11,7 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.guard import GuardConfig
 from treadline.mission.guard.ahead import AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, PITCHED_RAD_M, BlindTurnWatch
+from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, PITCHED_RAD_M, BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Latch
 from treadline.mission.guard.limits import limited, mean_limit
@@ -49,6 +49,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
     assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
     assert (config.blind_turn_rad, config.blind_turn_s, config.seat_flight_m_s) == (3.0 * deg, 6.0, 0.02)
+    assert config.askew_rad == 5.0 * deg
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.89, 0.55, 0.95)
@@ -353,6 +354,23 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     assert watch._slid_m == 0.0625
 
 
+def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
+    """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these are
+    other nosings, and what was lost is forgotten; the middle of four tells what the chair did."""
+    watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
+    there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
+    assert watch.slip == 0.5
+    watch.look(1.0, list(there), 0.4375, 0.0)
+    assert watch.slip == 0.5
+    watch.look(1.125, list(there + 0.15), 0.4375, 0.0)
+    assert (watch.slip, watch.cause, len(watch._window)) == (0.0, None, 1)
+    slid_m = watch._slid_m
+    watch.look(1.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
+    assert watch._slid_m == slid_m
+    watch.look(1.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
+    assert watch._slid_m == pytest.approx(slid_m + 0.025)
+
+
 def test_something_in_the_way_counts_from_its_second_map() -> None:
     """Test: seen once, twice, not, again. Expected result: a distance after two in a row, less what the belts ran."""
     watch = ObstacleWatch()
@@ -641,6 +659,20 @@ def test_a_chair_that_swings_is_not_judged() -> None:
     watch.feel_motion(0.0, tilted(0.3, 0.0), 0.0)
     watch.feel_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / PITCHED_RAD_M, "leave", 29, watch).cause is not None
+
+
+@pytest.mark.parametrize("phase", ["crest", "land", "edge", "leave"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: float) -> None:
+    """Test: a heading on the limit and beyond, where the chair pitches and on the flight; nothing known. Expected result: a cause
+    beyond the limit, where it pitches."""
+    config = GuardConfig(askew_rad=0.125)
+    assert askew(config, estimate(0.0, sign * 0.125), plan(phase)) is None
+    cause = f"heading {sign * 7.4:+.1f}° in {phase}: the chair has turned, or the gyro errs"
+    assert askew(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
+    assert askew(config, estimate(0.0, 0.5), plan("climb")) is None
+    assert askew(config, None, plan(phase)) is None
+    assert askew(config, estimate(0.0, 0.5), None) is None
 
 
 def senses(config: GuardConfig | None = None) -> SenseWatch:

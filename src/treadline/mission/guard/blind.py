@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from treadline.angles import DEG
 from treadline.mission.guard.config import GuardConfig
-from treadline.signals import Plan
+from treadline.signals import HeadingEstimate, Plan
 
 FLIGHT = ("climb", "descend")
 PITCHED = ("crest", "land", "edge", "leave")
@@ -71,3 +71,10 @@ class BlindTurnWatch:
         if abs(self._swing_rad_s) > SWINGS_RAD_S:
             return 0.0
         return PITCHED_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M
+
+
+def askew(config: GuardConfig, estimate: HeadingEstimate | None, plan: Plan | None) -> str | None:
+    """Return that a chair that pitches over a nosing, which it began square, is said to be askew; None if not."""
+    if estimate is None or plan is None or plan.phase not in PITCHED or abs(estimate.heading_rad) <= config.askew_rad:
+        return None
+    return f"heading {estimate.heading_rad / DEG:+.1f}° in {plan.phase}: the chair has turned, or the gyro errs"

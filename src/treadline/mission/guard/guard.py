@@ -9,7 +9,7 @@ from dataclasses import replace
 from treadline.estimation.health import HeadingHealth
 from treadline.mission.guard.ahead import AheadWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import BlindTurnWatch
+from treadline.mission.guard.blind import BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.latch import Latch
@@ -294,6 +294,7 @@ class Guard:
             estimate_fault(estimate, t_s, limits.estimate_timeout_s),
             self._senses.alarm(t_s, self._belts.travel_m, phase),
             self._blind.cause,
+            askew(limits, estimate, self._plan),
         )
         motion = (self._belts.cause, self._slip.cause)
         causes = (
