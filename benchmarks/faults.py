@@ -277,6 +277,8 @@ class Disturbed:
         rests = not math.isnan(held_s) and len(x) > 0
         moving = np.flatnonzero((np.abs(trace["left_m_s"]) > 1e-3) | (np.abs(trace["right_m_s"]) > 1e-3))
         onward = trace["x_m"] if self.leg.direction == "up" else -trace["x_m"]
+        backs_s = next((t_s - self.at_s for t_s, name in told if name == "back_off"), math.inf)
+        onward = onward[: max(round(min(backs_s / TICK_S, len(onward))), 1)]  # what it backs off, it was told to
         return Outcome(
             case=self.case,
             leg=self.leg,
@@ -314,7 +316,7 @@ class Disturbed:
         ):
             if value > limit + 1e-6 or (math.isnan(value) and limit < math.inf and not in_time):
                 yield f"{what} {value:.2f} {unit}, {limit:g} wanted"
-        if seen.verdict != "refused" and seen.roll_back_m > ROLL_BACK_M:
+        if seen.roll_back_m > ROLL_BACK_M:
             yield f"rolled back {seen.roll_back_m:.2f} m"
         if self.phase in PITCHING and case.kind == "arm_lost":
             return

@@ -355,8 +355,8 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
 
 
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
-    """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these are
-    other nosings, and what was lost is forgotten; the middle of four tells what the chair did."""
+    """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
+    are other nosings, and what was lost is forgotten; the middle of four tells what the chair did."""
     watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5

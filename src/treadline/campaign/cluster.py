@@ -6,7 +6,9 @@ Whoever reaches a Dask scheduler may run code on its workers: addresses are for 
 import asyncio
 import logging
 import signal
+import time
 from collections.abc import Iterable, Iterator
+from concurrent.futures import CancelledError
 from types import TracebackType
 from typing import Any
 
@@ -17,6 +19,9 @@ from treadline.io.provenance import versions
 
 LOCAL = "local"
 ANSWERS_WITHIN_S = 10.0
+POLL_S = 0.1
+STALLED_S = 60.0
+"""While runs are waiting and no worker has one: whoever was killed is back by then, or nobody brings it back."""
 SETTINGS = {
     "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S} s",
     "distributed.scheduler.allowed-failures": LIVES - 1,
@@ -39,14 +44,20 @@ class Cluster:
     def __enter__(self) -> "Cluster":
         try:
             import dask
-            from distributed import Client, LocalCluster
+            import distributed  # noqa: F401 - asked for early, for the error's sake
         except ImportError:
             raise SettingsError("--cluster needs Dask: pip install 'treadline[cluster]', or leave it out for a pool here") from None
-        for name in ("distributed", "tornado.application"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by our errors and rows
         dask.config.set(SETTINGS)
         if self._address != LOCAL:
             _must_answer(self._address)
+        self._open()
+        return self
+
+    def _open(self) -> None:
+        from distributed import Client, LocalCluster
+
+        for name in ("distributed", "tornado.application"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by our errors and rows
         try:
             if self._address == LOCAL:
                 with not_for_children(signal.SIGINT):
@@ -58,7 +69,6 @@ class Cluster:
         except BaseException:
             self._close()
             raise
-        return self
 
     def _must_fly_as_here(self) -> None:
         """Other versions of what a run depends on are other results."""
@@ -87,6 +97,7 @@ class Cluster:
         for part in (self._client, self._cluster):
             if part is not None:
                 part.close()
+        self._client = self._cluster = None
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._close()
@@ -103,16 +114,50 @@ class Cluster:
                 yield failed(flight, "crashed", f"its process died, {LIVES} times")
 
     def _fly_all(self, flights: list[Flight], suspects: list[Flight]) -> Iterator[Row]:
+        """Yield rows; flights whose workers died become suspects, and so do all that are left where nobody flies any more."""
+        left = {flight.index: flight for flight in flights}
+        stalls = 0
+        while left and stalls < LIVES:
+            before = len(left)
+            yield from self._fly_until_stalled(left, suspects)
+            stalls = stalls + 1 if len(left) == before else 0
+            if left:
+                self._hire_again()
+        suspects += left.values()
+
+    def _fly_until_stalled(self, left: dict[int, Flight], suspects: list[Flight]) -> Iterator[Row]:
+        """Take what has flown out of ``left``; end when all has, or when no worker has had any of it for too long."""
         from distributed import KilledWorker, as_completed
 
-        futures = {self._client.submit(run_one, self._fly, flight, pure=False): flight for flight in flights}
-        for future in as_completed(list(futures), loop=self._client.loop):
-            flight = futures.pop(future)
-            try:
-                yield future.result()
-            except KilledWorker:
-                suspects.append(flight)
-            future.release()
+        futures = {self._client.submit(run_one, self._fly, flight, pure=False): index for index, flight in left.items()}
+        finished = as_completed(list(futures), loop=self._client.loop)
+        busy_s = time.monotonic()
+        while futures and time.monotonic() - busy_s < STALLED_S:
+            batch = finished.next_batch(block=False)
+            for future in batch:
+                flight = left.pop(futures.pop(future))
+                try:
+                    yield future.result()
+                except KilledWorker:
+                    suspects.append(flight)
+                except CancelledError:
+                    raise SettingsError(
+                        f"--cluster {self._address}: its scheduler is gone; start it, and go on with --resume"
+                    ) from None
+                future.release()
+            if not batch:
+                time.sleep(POLL_S)
+            if batch or any(self._client.processing().values()):
+                busy_s = time.monotonic()
+        self._client.cancel(list(futures), force=True)
+
+    def _hire_again(self) -> None:
+        """Bring workers back: a nanny gives up one that dies as it starts, and no other is sent for."""
+        if self._address == LOCAL:
+            self._close()
+            self._open()
+        else:
+            self._must_fly_as_here()
 
 
 def _must_answer(address: str) -> None:
