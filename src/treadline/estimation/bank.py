@@ -7,11 +7,13 @@ minute later does tell, so the level is learned.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, wrap
+from treadline.estimation import kernels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +37,27 @@ class GyroModel:
     """How long what a level foretold counts for or against it."""
 
 
+class Belief(NamedTuple):
+    """What the levels say on average, weighed; variances include the differences between them."""
+
+    heading: float
+    bias: float
+    """The gyro's [rad/s]."""
+    scale: float
+    """The gyro's, less one."""
+    walk_rad_rts: float
+    """The level of noise [rad/√s]."""
+    variance: float
+    """Of the heading."""
+    seen: float
+    """The heading that vision would show: errors that frames share included."""
+    seen_variance: float
+
+
 class KalmanBank:
     """The filters, side by side."""
+
+    belief: Belief
 
     def __init__(self, model: GyroModel) -> None:
         self._model = model
@@ -47,45 +68,7 @@ class KalmanBank:
         self._shared = 0.0
         self._evidence = model.log_odds * np.arange(levels)
         self._weights = np.exp(self._evidence) / np.exp(self._evidence).sum()
-
-    @property
-    def heading(self) -> float:
-        """The heading on average over the levels."""
-        return wrap(float(self._x[0, 0] + self._weights @ (self._x[:, 0] - self._x[0, 0])))
-
-    @property
-    def bias(self) -> float:
-        """The gyro's bias [rad/s]."""
-        return float(self._weights @ self._x[:, 1])
-
-    @property
-    def scale(self) -> float:
-        """The gyro's scale, less one."""
-        return float(self._weights @ self._x[:, 2])
-
-    @property
-    def walk_rad_rts(self) -> float:
-        """The level of noise, as believed [rad/√s]."""
-        return math.sqrt(float(self._weights @ self._walk))
-
-    @property
-    def variance(self) -> float:
-        """Of the heading, differences between the levels included."""
-        mean = float(self._weights @ self._x[:, 0])
-        return float(self._weights @ (self._P[:, 0, 0] + np.square(self._x[:, 0] - mean)))
-
-    @property
-    def seen(self) -> float:
-        """The heading that vision would show: errors that frames share included."""
-        shown = self._x[:, 0] + self._x[:, 3]
-        return wrap(float(shown[0] + self._weights @ (shown - shown[0])))
-
-    @property
-    def seen_variance(self) -> float:
-        """Of that."""
-        shown = self._x[:, 0] + self._x[:, 3]
-        P = self._P[:, 0, 0] + 2.0 * self._P[:, 0, 3] + self._P[:, 3, 3]
-        return float(self._weights @ (P + np.square(shown - float(self._weights @ shown))))
+        self._believe()
 
     def start(self, heading: float, white: float, shared: float, *, known: bool) -> None:
         """Put the heading where vision has it; a gyro that is ``known`` keeps its bias and scale.
@@ -105,6 +88,7 @@ class KalmanBank:
         self._P[:, 0, 3] = self._P[:, 3, 0] = -shared
         self._x[:, 0], self._x[:, 3] = heading, 0.0
         self._shared = shared
+        self._believe()
 
     def share(self, shared: float) -> None:
         """Say how large the variance is now that frames share."""
@@ -114,26 +98,23 @@ class KalmanBank:
             self._x[:, 3] *= factor
             self._P[:, 3, :] *= factor
             self._P[:, :, 3] *= factor
+            self._believe()
         self._shared = shared
 
     def propagate(self, dt: float, rate_rad_s: float) -> Float[np.ndarray, "4 4"]:
         """Turn by what the gyro measured over ``dt``; return the transition of errors."""
-        x, P, model = self._x, self._P, self._model
-        turned = dt * (rate_rad_s - x[:, 1]) * (1.0 - x[:, 2])
-        x[:, 0] += turned
+        model = self._model
         keep = math.exp(-dt / model.shared_s)
-        x[:, 3] *= keep
-        F = np.diag([1.0, 1.0, 1.0, keep])
-        F[0, 1], F[0, 2] = -dt, -float(self._weights @ turned)
-        P[:] = F @ P @ F.T
-        P[:, 0, 0] += self._walk * dt
-        P[:, 1, 1] += model.bias_walk_rad_s2**2 * dt
-        P[:, 3, 3] += (1.0 - keep * keep) * self._shared
+        F: Float[np.ndarray, "4 4"] = kernels.propagate(
+            self._x, self._P, self._weights, self._walk, rate_rad_s, dt, model.bias_walk_rad_s2**2, keep, self._shared
+        )
+        self._believe()
         return F
 
     def widen(self, variance: float) -> None:
         """Forget where the chair heads, by ``variance``."""
         self._P[:, 0, 0] += variance
+        self._believe()
 
     def correct(self, heading: float, variance: float, dt_s: float) -> Float[np.ndarray, " 4"]:
         """Take a heading that vision saw ``dt_s`` after the one before; return the gain."""
@@ -150,9 +131,15 @@ class KalmanBank:
         self._evidence -= self._evidence.max()
         weights = np.exp(self._evidence)
         self._weights = weights / weights.sum()
+        self._believe()
         return np.asarray(self._weights @ gain)
 
     def shift(self, error: Float[np.ndarray, " 4"], spread: Float[np.ndarray, "4 4"]) -> None:
         """Take an error off every state, and add what is not known of it."""
         self._x -= error
         self._P += spread
+        self._believe()
+
+    def _believe(self) -> None:
+        heading, bias, scale, walk, variance, seen, seen_variance = kernels.tell(self._x, self._P, self._weights, self._walk)
+        self.belief = Belief(wrap(heading), bias, scale, math.sqrt(walk), variance, wrap(seen), seen_variance)

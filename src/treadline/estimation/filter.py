@@ -117,9 +117,9 @@ class HeadingFilter:
             cause=cause,
             disagreement_rad=self._disagreement,
             unseen_s=max(self._t_s - self._seen_s, 0.0),
-            bias_rad_s=self._bank.bias,
-            scale=self._bank.scale,
-            walk_rad_rts=self._bank.walk_rad_rts,
+            bias_rad_s=self._bank.belief.bias,
+            scale=self._bank.belief.scale,
+            walk_rad_rts=self._bank.belief.walk_rad_rts,
         )
 
     def _estimate(self) -> HeadingEstimate | None:
@@ -128,10 +128,10 @@ class HeadingFilter:
         fresh = self._t_s - self._seen_s <= self._config.coast_s
         return HeadingEstimate(
             t_s=self._t_s,
-            heading_rad=self._bank.heading,
+            heading_rad=self._bank.belief.heading,
             # Without a gyro the rate is nobody's to tell.
-            heading_rate_rad_s=self._rate - self._bank.bias if self._t_s == self._imu_s else 0.0,
-            sigma_rad=math.sqrt(self._bank.variance + self._config.shake_rad**2 + self._config.lasting_rad**2),
+            heading_rate_rad_s=self._rate - self._bank.belief.bias if self._t_s == self._imu_s else 0.0,
+            sigma_rad=math.sqrt(self._bank.belief.variance + self._config.shake_rad**2 + self._config.lasting_rad**2),
             source="vision" if fresh else "gyro",
         )
 
@@ -153,7 +153,7 @@ class HeadingFilter:
         self._memory.remember(t_s, self._turned)
         if self._seen_s is None:
             return
-        self._drifts.propagate(self._bank.propagate(dt, mean), dt, mean - self._bank.bias)
+        self._drifts.propagate(self._bank.propagate(dt, mean), dt, mean - self._bank.belief.bias)
         self._move_unseen(gap)
 
     def _is_stuck(self, sample: ImuSample) -> bool:
@@ -174,7 +174,7 @@ class HeadingFilter:
         belts, limits = self._belts, self._config
         if belts is None or abs(sample.t_s - belts.t_s) > limits.belts_fresh_s:
             return False
-        rate = float(sample.angular_velocity_rad_s[2]) - self._bank.bias
+        rate = float(sample.angular_velocity_rad_s[2]) - self._bank.belief.bias
         most = abs(belts.right_m_s - belts.left_m_s) / limits.belts_gauge_m + limits.belts_spare_rad_s
         if abs(rate) <= most:
             return False
@@ -214,7 +214,7 @@ class HeadingFilter:
         self._frame, self._frame_turned = seen, turned
         if frozen and moved > self._config.frozen_rad:
             return
-        heading = wrap(seen.heading_rad + later - self._bank.bias * self._age(seen.t_s))
+        heading = wrap(seen.heading_rad + later - self._bank.belief.bias * self._age(seen.t_s))
         variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2
         own = self._scatter.own(seen.t_s, wrap(seen.heading_rad - turned), math.sqrt(variance))
         white, shared = max(own, OWN_LEAST) * variance + self._config.shake_rad**2, (1.0 - own) * variance
@@ -222,8 +222,8 @@ class HeadingFilter:
             self._take(seen, heading, white, shared, turned)
             return
         self._bank.share(shared)
-        innovation = wrap(heading - self._bank.seen)
-        spread = self._bank.seen_variance
+        innovation = wrap(heading - self._bank.belief.seen)
+        spread = self._bank.belief.seen_variance
         # The gate leaves room for all that the frame declares: what it shares with its neighbours may have begun to change.
         accepted = innovation * innovation <= self._config.gate * (spread + variance)
         gain = self._bank.correct(heading, white, since_s) if accepted else np.zeros(4)

@@ -4,9 +4,6 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from jaxtyping import Float
-
 from treadline.angles import wrap
 from treadline.signals import ImuSample, TrackReading
 
@@ -58,7 +55,7 @@ class StuckWatch:
 
     def __init__(self, rule: StuckRule) -> None:
         self._rule = rule
-        self._rates: Float[np.ndarray, " 3"] | None = None
+        self._rates: list[float] = []
         self._since_s = 0.0
         self._moved_s: float | None = None
 
@@ -69,8 +66,8 @@ class StuckWatch:
 
     def stuck_s(self, sample: ImuSample) -> float:
         """Return for how long the gyro has repeated itself under a moving chair; zero while it may be honest."""
-        rates = sample.angular_velocity_rad_s
-        if self._rates is None or float(np.abs(rates - self._rates).max()) > self._rule.same_rad_s:
+        rates = sample.angular_velocity_rad_s.tolist()
+        if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
             self._rates, self._since_s = rates, sample.t_s
         moves = self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s
         same_s = sample.t_s - self._since_s
