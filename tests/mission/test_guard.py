@@ -940,14 +940,14 @@ def test_maps_that_stay_away_start_the_slip_anew() -> None:
 # Row 17
 
 
-def nosings_with_a_gap(travel_m: float, gap_at_m: float = 2.0) -> list[float]:
+def nosings_with_a_gap(travel_m: float, gap_at_m: float = 1.75) -> list[float]:
     """Return what a camera sees between 0.85 and 3 m ahead of a flight whose step behind ``gap_at_m`` is missing."""
     every = [gap_at_m + k * PITCH_M for k in range(-12, 12) if k != 1]
     return [place - travel_m for place in every if 0.85 < place - travel_m < 3.0]
 
 
 def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
-    """Test: a step is missing 2 m ahead. Expected result: slow after three maps; HOLD with 0.2 m or more between the chair's
+    """Test: a step is missing 1.75 m ahead. Expected result: slow after three maps; HOLD with 0.2 m or more between the chair's
     leading end and the nosing before the gap."""
     drive = Drive()
 
@@ -960,7 +960,7 @@ def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
     drive.run(0.1, look)
     assert drive.mean_m_s == pytest.approx(0.1)
     drive.until_held(12.0, look)
-    clear_m = 2.0 - drive.guard._belts.travel_m - GuardConfig().front_m
+    clear_m = 1.75 - drive.guard._belts.travel_m - GuardConfig().front_m
     assert 0.2 <= clear_m <= 0.25
     assert drive.events()[-1] == ("hold", "1.02 m from nosing to nosing 0.24 m ahead, too long for the track")
 
@@ -973,7 +973,7 @@ def test_a_nosing_that_is_missed_once_or_twice_is_no_gap() -> None:
         if drive.tick % FRAME_TICKS == 0:
             places = nosings_with_a_gap(drive.guard._belts.travel_m)
             if drive.tick // FRAME_TICKS % 5 > 1:
-                places = sorted([*places, 2.0 + PITCH_M - drive.guard._belts.travel_m])
+                places = sorted([*places, 1.75 + PITCH_M - drive.guard._belts.travel_m])
             drive.guard.notice(stair(drive.t_s, places))
 
     drive.run(2.0, look)

@@ -472,17 +472,23 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
 
 
 def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
-    """Test: a gap that begins 4 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
-    watch = ahead(LENGTHS, places=on_a_line(3.5, 4.0, 4.75))
-    limit_m = 4.0 - 1.0 - 0.125 - 0.125
+    """Test: a gap that begins 1.75 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
+    watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))
+    limit_m = 1.75 - 1.0 - 0.125 - 0.125
     assert watch.cause(limit_m, 0.25) is None
     assert watch.doubt(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
     assert watch.cause(limit_m + 0.0625, 0.25) == "1.25 m from nosing to nosing 0.19 m ahead, too long for the track"
     assert watch.cause(limit_m + 0.0625, 0.0) is None
-    assert watch.cause(3.9375, 0.25) is not None
-    assert watch.cause(4.0, 0.25) is None
-    assert watch.doubt(4.0) is None
+    assert watch.cause(1.6875, 0.25) is not None
+    assert watch.cause(1.75, 0.25) is None
+    assert watch.doubt(1.75) is None
     assert AheadWatch(LENGTHS).doubt(0.0) is None
+
+
+def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
+    """Test: gaps that begin 1.9 m from mid-track and further. Expected result: slow for the nearer one alone."""
+    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).doubt(0.0) is not None
+    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).doubt(0.0) is None
 
 
 def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:

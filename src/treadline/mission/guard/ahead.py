@@ -11,6 +11,8 @@ OBSTACLE_MAPS, GAP_MAPS = 2, 3
 """That must show a thing in a row, or a gap more often than not."""
 SAME_M = 0.15
 """Half a nosing pitch: within it, two findings are of one gap."""
+NEAR_M = 1.9
+"""Of a gap from mid-track: from further away a nosing is missed too often, and a metre is enough to stop in."""
 
 
 class ObstacleWatch:
@@ -42,7 +44,7 @@ class GapWatch:
     def look(self, nosings: Sequence[Sequence[float]], travel_m: float) -> None:
         """Take the nosings (distance from mid-track, height) of one map, the nearest first."""
         gap = self._gap(nosings)
-        if gap is None:
+        if gap is None or gap[0] > NEAR_M:
             # One that is no longer in view is not gone.
             in_view = bool(nosings) and nosings[0][0] < self._place_m - travel_m < nosings[-1][0] - SAME_M
             self._count = max(self._count - in_view, 0)
