@@ -53,6 +53,18 @@ def stands_still(run: Traverse) -> None:
     assert float(run.trace["stability_margin_rad"][rest].min()) > 0.0
 
 
+@pytest.mark.parametrize(("direction", "step", "at_s"), [("up", 3, 5.0), ("down", 7, 4.0)])
+def test_7_a_gyro_that_begins_to_drift_where_no_stair_is_in_view(direction: str, step: int, at_s: float) -> None:
+    """Test: a bias of 1 °/s from when the last nosings leave the view, for good. Expected result: HOLD, told by the belts that turn
+    the chair all the time; true heading within 5°."""
+    run = ride(fault("imu_bias", 1.0, at_s=at_s), place="flight", direction=direction, step=step)
+    assert run.verdict == "held", run.cause
+    assert run.cause is not None
+    assert run.cause.endswith("on the word of the gyro alone")
+    assert float(np.abs(run.trace["heading_rad"]).max()) <= 5.0 * DEG
+    stands_still(run)
+
+
 def test_15_friction_too_low_to_climb() -> None:
     """Test: friction of 1.03 of the slope's tangent from the beginning. Expected result: refused at the foot after the traction
     test, backed off to the floor, never slid by more than 50 mm."""
