@@ -16,6 +16,6 @@ RUN /opt/treadline-source/ros/gazebo/environment.sh
 
 COPY pyproject.toml README.md LICENSE /opt/treadline-source/
 COPY src /opt/treadline-source/src
-RUN python -m pip install --no-cache-dir /opt/treadline-source
+RUN python -m pip install --no-cache-dir "/opt/treadline-source[ros]"
 
 ENTRYPOINT ["treadline"]

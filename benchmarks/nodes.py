@@ -84,6 +84,7 @@ def sink(kind: str, seconds: float) -> None:
 def graph(kind: str, seconds: float) -> None:
     """Drive, and watch how long a frame takes to become a command."""
     delays: list[float] = []
+    looked: list[float] = []
     frames: dict[float, float] = {}
     state: dict[str, float | None] = {"seen": None, "known": None}
 
@@ -92,6 +93,8 @@ def graph(kind: str, seconds: float) -> None:
 
     def measured(seen: HeadingMeasurement) -> None:
         state["seen"], state["known"] = frames.pop(seen.t_s, None), None
+        if state["seen"] is not None:
+            looked.append(1e3 * (time.monotonic() - state["seen"]))
 
     def estimated(_: HeadingEstimate) -> None:
         state["known"] = state["seen"]
@@ -117,6 +120,7 @@ def graph(kind: str, seconds: float) -> None:
                 began = time.monotonic()
         took_s = time.monotonic() - (began or 0.0)
         watch.close()
+    tell(f"{kind}: camera to heading seen, {len(looked)} frames", looked[3:])
     tell(f"{kind}: camera to command, {len(delays)} frames, {seconds / took_s:.2f} × real time", delays[3:])
 
 

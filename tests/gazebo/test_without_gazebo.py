@@ -1,7 +1,9 @@
 """What can be told without Gazebo: the world that is written, and one line for each way in which gzserver lets one down."""
 
 import math
+import os
 import socket
+import subprocess
 import sys
 import textwrap
 from collections.abc import Callable
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import rotation_of
+from treadline.cli import main
 from treadline.cli.reproduce import reproduce
 from treadline.devices.instruments import ChairState
 from treadline.errors import GazeboError, SettingsError
@@ -25,6 +28,8 @@ from treadline.signals import RgbdFrame
 from treadline.sim import open_plant as open_mujoco
 
 SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
+
+SCRIPT = Path(__file__).parents[2] / "ros" / "gazebo" / "environment.sh"
 
 GREETING = "import socket, struct, sys\n" + textwrap.dedent("""
     port = int(open(sys.argv[-1]).read())
@@ -132,6 +137,36 @@ def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkey
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(GazeboError, match="no chroot on this system"):
         find_environment()
+
+
+@pytest.mark.parametrize(
+    ("program", "script", "told"),
+    [
+        ("id", "echo 1000", "Gazebo's environment needs root; run it as root, or take the Dockerfile"),
+        ("chroot", "exit 1", "chroot is not allowed here; take the Dockerfile"),
+    ],
+    ids=["no root", "no chroot"],
+)
+def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are_skipped(
+    tmp_path: Path, program: str, script: str, told: str
+) -> None:
+    (tmp_path / "id").write_text("#!/bin/sh\necho 0\n")
+    (tmp_path / program).write_text(f"#!/bin/sh\n{script}\n")
+    for name in ("id", program):
+        (tmp_path / name).chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TREADLINE_GAZEBO": str(tmp_path / "cache")}
+    done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 77  # make test-gazebo takes it for "skipped"
+    assert done.stderr == f"treadline: {told}\n"
+
+
+def test_a_graph_on_gazebo_without_gazebo_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    assert main(["nodes", "default", "--plant", "gazebo"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"treadline: no Gazebo 11 in {tmp_path / 'root'}; build it with ros/gazebo/environment.sh")
 
 
 def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

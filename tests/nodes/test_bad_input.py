@@ -1,5 +1,6 @@
 """What a node cannot work with is told in one line, with what to do."""
 
+import json
 import sys
 from pathlib import Path
 from threading import Event as Flag
@@ -7,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from treadline.cli import main
+from treadline.cli import doctor, main
 from treadline.errors import TreadlineError
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, build_blocks, guard_config
@@ -144,3 +145,18 @@ def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:
     others.hear(process.Beat(t_s=10.0, node="camera"))
     assert not others.keep_waiting(10.03, 0.0)
     assert others.keep_waiting(10.5, 0.0)
+
+
+def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(
+    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    find = doctor.util.find_spec
+    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in ("rospy", "zenoh", "rosbags") else find(name))
+    monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    assert main(["doctor", "--json"]) == 0  # the rest does without
+    parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
+    assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
+    assert parts["eclipse-zenoh"]["remedy"] == parts["rosbags"]["remedy"] == "pip install treadline[ros]"
+    assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
+    assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "rosbags", "Gazebo"))

@@ -57,6 +57,20 @@ def test_the_wire_is_rmw_zenohs() -> None:
     assert "/MP/%/%/guard/%tracks%cmd/sensor_msgs::msg::dds_::JointState_/RIHS01_" in publisher[0]
 
 
+def test_another_type_on_a_topic_is_told() -> None:
+    ours = ZenohTransport("seat", endpoint=f"tcp/127.0.0.1:{PORT + 3}", listen=True)
+    other = ZenohTransport("stranger", endpoint=f"tcp/127.0.0.1:{PORT + 3}")
+    ours.subscribe(on.SEAT, lambda _: None)
+    assert ours.trouble(on.SEAT) == "nobody publishes /seat/state"
+    other._advertise("/seat/state", "sensor_msgs/msg/Imu", on.CHANNELS[on.IMU])
+    deadline = time.monotonic() + 20.0
+    while "nobody" in (ours.trouble(on.SEAT) or "") and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert ours.trouble(on.SEAT) == "/seat/state is published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read"
+    other.close()
+    ours.close()
+
+
 SOURCE = """
 import sys, time
 import numpy as np
