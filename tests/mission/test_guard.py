@@ -1069,6 +1069,16 @@ def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: 
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.02 * sign)).rate_m_s == 0.02 * sign
 
 
+@pytest.mark.parametrize(("error_deg", "rate_m_s"), [(1.9, 0.02), (-1.9, 0.02), (2.1, 0.06), (-2.1, 0.06)])
+def test_a_seat_far_from_level_has_all_that_its_actuator_gives_on_the_flight_too(error_deg: float, rate_m_s: float) -> None:
+    """Test: a seat on either side of 2°, watched or in a recording. Expected result: slow within 2°."""
+    for config in (GuardConfig(), GuardConfig(watches_motion=False)):
+        guard = Guard(config)
+        guard.notice(Plan(t_s=0.0, phase="climb", speed_m_s=0.1))
+        guard.admit(SeatReading(t_s=0.0, pitch_rad=error_deg * DEG, stroke_m=0.05))
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06)).rate_m_s == rate_m_s
+
+
 def test_a_seat_that_is_being_levelled_is_no_fault() -> None:
     """Test: from 25° off it comes nearer at 3 °/s; 4.9° for long. Expected result: no HOLD."""
     drive = Drive()

@@ -94,6 +94,8 @@ class GuardConfig:
     seat_flight_m_s: float = 0.02
     """Of the seat's stroke on the flight itself: a seat that follows each rocking of the chair on uneven steps drives it (a payload
     of 104 kg to 33 °/s, where 10 °/s are left without)."""
+    seat_near_rad: float = 2.0 * DEG
+    """Off level by more, it has all its actuator gives."""
     seat_rad: float = 5.0 * DEG
     seat_s: float = 1.0
     """Row 19."""

@@ -51,6 +51,7 @@ class Guard:
         self._blind = BlindTurnWatch(config)
         self._tilt = TiltWatch(config)
         self._seat = SeatWatch(config)
+        self._seat_rad = 0.0
         self._link = Silence(config.link_timeout_s, "")
         self._processes = Silence(config.heartbeat_timeout_s, "process ")
         self._command = TrackCommand.stop(0.0)
@@ -116,16 +117,17 @@ class Guard:
     def pass_seat(self, command: SeatCommand) -> SeatCommand:
         """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone.
 
-        On the flight the chair's pitch stays, but for its rocking over uneven steps: there a seat is levelled slowly.
+        On the flight the chair's pitch stays, but for its rocking over uneven steps: there a seat nearly level moves slowly.
         """
         if not finite(command.t_s, command.rate_m_s):
             self._latch.hold(self._now(command.t_s), "seat rate is not finite")
             return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
         if self._seat.cause is not None:
             return replace(command, rate_m_s=0.0)
-        if self._plan is None or self._plan.phase not in FLIGHT or abs(command.rate_m_s) <= self._config.seat_flight_m_s:
+        limit, on_flight = self._config.seat_flight_m_s, self._plan is not None and self._plan.phase in FLIGHT
+        if not on_flight or abs(self._seat_rad) > self._config.seat_near_rad or abs(command.rate_m_s) <= limit:
             return command
-        return replace(command, rate_m_s=math.copysign(self._config.seat_flight_m_s, command.rate_m_s))
+        return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
 
     def pass_arm(self, command: ArmCommand | None) -> ArmCommand | None:
         """Return what may reach the arm: under HOLD it stands."""
@@ -189,6 +191,8 @@ class Guard:
 
     def _feel_seat(self, reading: SeatReading) -> bool:
         usable = finite(reading.pitch_rad, reading.stroke_m)
+        if usable:
+            self._seat_rad = reading.pitch_rad
         if usable and self._config.watches_motion:
             self._seat.feel(reading.t_s, reading.pitch_rad)
         return usable
