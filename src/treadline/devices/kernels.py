@@ -1,15 +1,15 @@
 """The devices' inner loops, compiled: what the drives make of the orders, and how the chair's motion shows to its instruments.
 
-Small products add each term by a fused multiply-add: as BLAS rounds them, and on any processor alike. ``no_type_check`` keeps
-the tests' shape checker from wrapping what numba compiles.
+``no_type_check`` keeps the tests' shape checker from wrapping what numba compiles.
 """
 
 import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
+
+from treadline.products import dot, fused
 
 TICK_S = 0.01
 GRAVITY_M_S2 = 9.81
@@ -163,25 +163,6 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     # About the chair's own z: the nosing plane's normal on the flight, gravity on floor and landing.
     heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
     return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
-
-
-@intrinsic
-@no_type_check
-def fused(_typing, a, b, c):
-    """Return ``a * b + c``, rounded once."""
-    del a, b, c
-    double = types.float64
-    return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
-
-
-@njit(cache=True)
-@no_type_check
-def dot(a, b):
-    """Return the inner product of two vectors."""
-    total = a[0] * b[0]
-    for i in range(1, a.shape[0]):
-        total = fused(a[i], b[i], total)
-    return total
 
 
 @njit(cache=True)

@@ -1,35 +1,13 @@
-"""The bank's sums, compiled: what it does a hundred times a second.
-
-Products add each term by a fused multiply-add: as BLAS rounds them, and on any processor alike. ``no_type_check`` keeps the
-tests' shape checker from wrapping what numba compiles.
-"""
+"""The bank's sums, compiled: what it does a hundred times a second."""
 
 from typing import no_type_check
 
 import numpy as np
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import njit
+
+from treadline.products import dot
 
 STATES = 4
-
-
-@intrinsic
-@no_type_check
-def fused(_typing, a, b, c):
-    """Return ``a * b + c``, rounded once; as in ``devices.kernels``, which a chair that drives has not got."""
-    del a, b, c
-    double = types.float64
-    return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
-
-
-@njit(cache=True)
-@no_type_check
-def mean(weights, values):
-    """Return the weighted sum."""
-    total = weights[0] * values[0]
-    for i in range(1, weights.shape[0]):
-        total = fused(weights[i], values[i], total)
-    return total
 
 
 @njit(cache=True)
@@ -40,16 +18,16 @@ def tell(x, P, weights, walk):
     Each is the mean over the levels, weighed by how well they foretell; variances include the differences between the levels.
     """
     heading, shown = x[:, 0], x[:, 0] + x[:, 3]
-    among, shown_among = heading - mean(weights, heading), shown - mean(weights, shown)
+    among, shown_among = heading - dot(weights, heading), shown - dot(weights, shown)
     shown_P = P[:, 0, 0] + 2.0 * P[:, 0, 3] + P[:, 3, 3]
     return (
-        heading[0] + mean(weights, heading - heading[0]),
-        mean(weights, x[:, 1]),
-        mean(weights, x[:, 2]),
-        mean(weights, walk),
-        mean(weights, P[:, 0, 0] + among * among),
-        shown[0] + mean(weights, shown - shown[0]),
-        mean(weights, shown_P + shown_among * shown_among),
+        heading[0] + dot(weights, heading - heading[0]),
+        dot(weights, x[:, 1]),
+        dot(weights, x[:, 2]),
+        dot(weights, walk),
+        dot(weights, P[:, 0, 0] + among * among),
+        shown[0] + dot(weights, shown - shown[0]),
+        dot(weights, shown_P + shown_among * shown_among),
     )
 
 
@@ -66,15 +44,15 @@ def propagate(x, P, weights, walk, rate, dt, bias_walk, keep, shared):
     x[:, 0] += turned
     x[:, 3] *= keep
     F = np.eye(STATES)
-    F[0, 1], F[0, 2], F[3, 3] = -dt, -mean(weights, turned), keep
+    F[0, 1], F[0, 2], F[3, 3] = -dt, -dot(weights, turned), keep
     FP = np.empty((STATES, STATES))
     for level in range(x.shape[0]):
         for i in range(STATES):
             for j in range(STATES):
-                FP[i, j] = mean(F[i], P[level, :, j])
+                FP[i, j] = dot(F[i], P[level, :, j])
         for i in range(STATES):
             for j in range(STATES):
-                P[level, i, j] = mean(FP[i], F[j])
+                P[level, i, j] = dot(FP[i], F[j])
         P[level, 0, 0] += walk[level] * dt
         P[level, 1, 1] += bias_walk * dt
         P[level, 3, 3] += (1.0 - keep * keep) * shared
