@@ -17,7 +17,8 @@ from treadline.devices.instruments import ChairState, Instruments, Streams
 from treadline.errors import SettingsError, SimulationDiverged
 from treadline.gazebo import server
 from treadline.gazebo.environment import PLUGIN, Environment, find_environment
-from treadline.gazebo.world import seat_start_rad, world_sdf
+from treadline.gazebo.world import world_sdf
+from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.ports import Truth
@@ -62,7 +63,7 @@ class GazeboPlant:
         self.close()
         self._server = server.GazeboServer(self._environment, self._world, port=self._port)
         self._arm_rad = self._chair.tracks.approach_angle_deg * DEG
-        self._drives.rest(seat_start_rad(self._scenario, self.staircase), self._arm_rad)
+        self._drives.rest(standing(self.staircase, self._chair.tracks, self._scenario.start).seat_rad, self._arm_rad)
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
         self._drives.command[:] = 0.0

@@ -19,14 +19,8 @@ def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription,
         port: On which it listens, on the loopback alone.
     """
     start = standing(staircase, chair.tracks, scenario.start)
-    element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=seat_start_rad(scenario, staircase))
+    element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=start.seat_rad)
     return sdf_world(staircase, chair, scenario.chair, start=start, plugins=(element,), is_whole=True)
-
-
-def seat_start_rad(scenario: Scenario, staircase: Staircase) -> float:
-    """Return the seat's angle at the start: level, or parallel to the chassis."""
-    on_flight = scenario.start.place == "flight" and scenario.start.seat == "level"
-    return staircase.slope_rad if on_flight else 0.0
 
 
 def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:

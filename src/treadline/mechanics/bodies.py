@@ -268,6 +268,8 @@ class Standing:
 
     p_WB: Float[np.ndarray, " 3"]
     R_WB: Float[np.ndarray, "3 3"]
+    seat_rad: float
+    """Of the seat against the chassis: level, or parallel to it."""
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
@@ -277,14 +279,16 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     along = 0.5 * tracks.flat_run_m * math.cos(heading)
     R_WB = rotation_y(-slope) @ rotation_z(heading)
     if start.place == "floor":
-        return Standing(p_WB=np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M]), R_WB=R_WB)
-    if start.place == "landing":
+        p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
+    elif start.place == "landing":
         top = staircase.steps[-1]
         room_m = staircase.landing_m - tracks.flat_run_m - LANDING_SPARE_M
         x = top.x_m + along + min(max(room_m, 0.2), LANDING_START_M)
-        return Standing(p_WB=np.array([x, start.lateral_m, top.z_m + CLEARANCE_M]), R_WB=R_WB)
-    step = staircase.steps[start.step]
-    # The nosing plane touches the rounded nosings a little below their sharp edges.
-    drop = staircase.nosing_radius_m * (math.sin(slope) + math.cos(slope) - 1.0)
-    from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, CLEARANCE_M - drop])
-    return Standing(p_WB=np.array([step.x_m, 0.0, step.z_m]) + from_nosing, R_WB=R_WB)
+        p_WB = np.array([x, start.lateral_m, top.z_m + CLEARANCE_M])
+    else:
+        step = staircase.steps[start.step]
+        # The nosing plane touches the rounded nosings a little below their sharp edges.
+        drop = staircase.nosing_radius_m * (math.sin(slope) + math.cos(slope) - 1.0)
+        from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, CLEARANCE_M - drop])
+        p_WB = np.array([step.x_m, 0.0, step.z_m]) + from_nosing
+    return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)

@@ -5,7 +5,6 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 """
 
 import ctypes
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,11 +13,12 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
+from treadline.angles import DEG, quaternion_of, rotation_of
 from treadline.devices import kernels as drives
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.errors import SimulationDiverged
+from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.ports import Truth
@@ -34,8 +34,6 @@ from treadline.sim.scene import TIMESTEP_S, scene_xml
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
-FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
-"""Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
 CONTACTS_MAX = 128
 
 
@@ -160,39 +158,18 @@ class MujocoPlant:
         self._friction = np.array(self.staircase.friction)
 
     def _pose(self) -> None:
-        scenario, tracks = self._scenario, self._chair.tracks
-        heading = scenario.start.heading_deg * DEG
-        slope = self.staircase.slope_rad if scenario.start.place == "flight" else 0.0
-        R_WB = rotation_y(-slope) @ rotation_z(heading)
-        along = 0.5 * tracks.flat_run_m * math.cos(heading)
-        if scenario.start.place == "flight":
-            step = self.staircase.steps[scenario.start.step]
-            radius = self.staircase.nosing_radius_m
-            # The nosing plane touches the rounded nosings a little below their sharp edges.
-            drop = radius * (math.sin(slope) + math.cos(slope) - 1.0)
-            p_WS = np.array([step.x_m, 0.0, step.z_m])
-            p_WB = p_WS + self.staircase.R_WS @ np.array([-along, scenario.start.lateral_m, 0.001 - drop])
-        elif scenario.start.place == "floor":
-            p_WB = np.array([-along - FLOOR_START_M, scenario.start.lateral_m, 0.001])
-        else:
-            top = self.staircase.steps[-1]
-            room = self.staircase.landing_m - tracks.flat_run_m - LANDING_SPARE_M
-            p_WB = np.array([top.x_m + along + min(max(room, 0.2), LANDING_START_M), scenario.start.lateral_m, top.z_m + 0.001])
-        self._set_pose(p_WB, R_WB)
-        angle = slope if scenario.start.seat == "level" else 0.0
+        tracks = self._chair.tracks
+        start = standing(self.staircase, tracks, self._scenario.start)
+        self._data.qpos[:3] = start.p_WB
+        mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(start.R_WB).ravel())
         rest = tracks.approach_angle_deg * DEG
-        self._drives.rest(angle, rest)
+        self._drives.rest(start.seat_rad, rest)
         if self._chair.arm is not None:
             self._data.qpos[kernels.ARM_QPOS] = self._data.ctrl[kernels.ARM_SERVO] = rest
-        self._data.qpos[7] = angle
-        self._data.ctrl[0] = angle
+        self._data.qpos[7] = self._data.ctrl[0] = start.seat_rad
 
     def _whereabouts(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
         return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
-
-    def _set_pose(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> None:
-        self._data.qpos[:3] = p_WB
-        mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(R_WB).ravel())
 
     def _settle(self) -> None:
         mujoco.mj_forward(self._model, self._data)
