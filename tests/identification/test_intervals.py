@@ -159,6 +159,15 @@ def test_okid_era_holds_the_true_poles_95_times_in_100_whatever_the_lags(
     assert 0.92 <= np.mean(poles) <= 0.98
 
 
+@pytest.mark.parametrize("method", ["okid-era", "era-dc"])
+def test_lags_of_akaikes_criterion_leave_little_bias_where_noise_remembers(eq_12: LinearModel, method: str) -> None:
+    found = [identify(record_of(eq_12, seed, 1000, 0.2, 0.8), order=2, method=method).intervals for seed in range(120)]
+    poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
+    # 240 hits scatter by 1.4 %: 92 and 90 were counted. With the two or three lags of Schwarz's criterion it was 84.
+    assert len(poles) == 240
+    assert np.mean(poles) >= 0.88
+
+
 def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:
     found = identify(draw(0, noise=0.1, samples=400), order=2)
     assert found.intervals is not None

@@ -51,6 +51,14 @@ def test_offsets_of_a_thousand_deviations_do_no_harm_to_noisy_data(draw: Draw) -
     assert markov_error(far, near) < 1e-11
 
 
+def test_an_observer_of_noisy_outputs_has_the_more_lags_the_more_data_there_are(draw: Draw) -> None:
+    few, many = (
+        [identify(draw(seed, samples=n, noise=0.1), order=2, method="okid-era").report.lags for seed in range(5)]
+        for n in (200, 5000)
+    )
+    assert np.median(few) < np.median(many)
+
+
 @pytest.mark.parametrize("samples", [1000, 1200])
 def test_correlations_of_exact_data_give_the_system_that_era_gives(draw: Draw, samples: int) -> None:
     record = draw(1, samples=samples)

@@ -37,6 +37,8 @@ from treadline.identification.windows import carried_lags
 from treadline.models import InputOutputRecord
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
+OBSERVERS = ("okid-era", "era-dc")
+"""Methods whose model is the observer's own."""
 SOLVERS = ("gram", "qr")
 JUDGED_LEAST = 20
 """Whole samples of a validation part: its residuals are tested over ten lags."""
@@ -68,7 +70,7 @@ def identify(
         records: Experiments with the same channels and period; they are joined as experiments, not as one.
         order: Number of states; chosen when left out, by the largest gap of the singular values, with ``pbsid`` by Schwarz's
             criterion where that leaves doubt, with ``best`` by data held out.
-        lags: Observer lags p; Schwarz's criterion decides when left out.
+        lags: Observer lags p; when left out Schwarz's criterion decides, with ``okid-era`` and ``era-dc`` Akaike's.
         method: ``best`` tries several ways and keeps what helps on data held out; ``okid-era`` is the paper's, ``era-dc``
             the same by data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
             printed. ``best`` when left out, ``pbsid`` where a prior is given.
@@ -157,7 +159,7 @@ def from_sums(
     if method == "deconvolution":
         return _printed(Fitting(data=data, records=records, feedthrough=True), order, warnings)
     check_independent(data, channel_names(records[0]))
-    used, has_d = choose_structure(data, lags, feedthrough)
+    used, has_d = choose_structure(data, lags, feedthrough, is_model=method in OBSERVERS)
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
         data, halves = _sums(records, used, order, "gram" if data.root is None else "qr", data.units)

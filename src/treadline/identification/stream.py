@@ -38,7 +38,7 @@ def identify_chunks(
             many lags are tried.
         order: Number of states; the largest gap of the singular values decides when left out, with ``pbsid`` Schwarz's
             criterion where that leaves doubt.
-        lags: Observer lags; Schwarz's criterion decides when left out.
+        lags: Observer lags; when left out Schwarz's criterion decides, with ``okid-era`` and ``era-dc`` Akaike's.
         method: ``pbsid``, ``okid-era`` or ``era-dc``.
         feedthrough: Whether an input may act within its own sample.
         solver: ``gram`` or ``qr``.

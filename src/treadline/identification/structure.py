@@ -1,6 +1,7 @@
 """What the data can tell: lags, feedthrough and order, each by a rule that is written down.
 
-Lags and feedthrough by Schwarz's criterion, order by the largest gap of the singular values above the noise floor.
+Lags and feedthrough by Schwarz's criterion, lags of an observer that is the model itself by Akaike's, order by the largest
+gap of the singular values above the noise floor.
 """
 
 from collections.abc import Sequence
@@ -21,24 +22,48 @@ EXACT = 1e-12
 """Residual variance over the outputs' variance at which data are free of noise."""
 
 
-def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple[int, bool]:
-    """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients."""
+def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None, *, is_model: bool = False) -> tuple[int, bool]:
+    """Return lags and feedthrough by Schwarz's criterion: fit against the number of coefficients.
+
+    Args:
+        is_model: Whether the model is the observer's own: what its lags leave out is then bias, and Akaike's criterion decides.
+    """
     if lags is not None and feedthrough is not None:
         return lags, feedthrough
     tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
     kinds = (False, True) if feedthrough is None else (feedthrough,)
     left = residuals_by_lags(whole, tried, kinds)
     choices = [(p, has_d) for has_d in kinds for p in tried]
-    return choices[int(np.argmin(_schwarz(whole, np.concatenate(left), choices)))]
+    used, has_d = choices[int(np.argmin(_schwarz(whole, np.concatenate(left), choices)))]
+    return (_akaike_lags(whole, feedthrough=has_d) if is_model and lags is None else used), has_d
+
+
+def _akaike_lags(whole: Gram, *, feedthrough: bool) -> int:
+    """Return the lags by Akaike's criterion, corrected for short data (Hurvich and Tsai, 1989).
+
+    The observer of measured outputs has lags without end. Schwarz's criterion, which looks for a true number of them, stops where
+    what it leaves out is a bias as large as the deviation; Akaike's goes on with the data (Shibata, 1980).
+    """
+    choices = [(lags, feedthrough) for lags in range(1, whole.lags + 1)]
+    left = residuals_by_lags(whole, range(1, whole.lags + 1), (feedthrough,))[0]
+    count, p = _coefficients(whole, choices), left.shape[1]
+    spare = np.maximum(whole.count - count / p - p - 1.0, 1.0)
+    return int(np.argmin(_misfits(whole, left) + 2.0 * count * whole.count / spare)) + 1
 
 
 def _schwarz(whole: Gram, squares: Float[np.ndarray, "k p p"], choices: Sequence[tuple[int, bool]]) -> Float[np.ndarray, " k"]:
-    m, r = whole.units.input_count, len(whole.units.scale)
+    return _misfits(whole, squares) + _coefficients(whole, choices) * np.log(whole.count)
+
+
+def _misfits(whole: Gram, squares: Float[np.ndarray, "k p p"]) -> Float[np.ndarray, " k"]:
     values = np.linalg.eigvalsh(0.5 * (squares + squares.transpose(0, 2, 1)) / whole.count)
     # Residuals below rounding are all the same: exact.
-    floor = 1e-20 * (r - m)
-    coefficients = np.array([(1 + m * has_d + lags * r) * (r - m) for lags, has_d in choices])
-    return np.asarray(whole.count * np.log(np.maximum(values, floor)).sum(axis=1) + coefficients * np.log(whole.count))
+    return np.asarray(whole.count * np.log(np.maximum(values, 1e-20 * squares.shape[1])).sum(axis=1))
+
+
+def _coefficients(whole: Gram, choices: Sequence[tuple[int, bool]]) -> Float[np.ndarray, " k"]:
+    m, r = whole.units.input_count, len(whole.units.scale)
+    return np.array([float((1 + m * has_d + lags * r) * (r - m)) for lags, has_d in choices])
 
 
 def schwarz_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool) -> int:
