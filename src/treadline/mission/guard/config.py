@@ -91,9 +91,9 @@ class GuardConfig:
     front_down_rad: float = 15.0 * DEG
     roll_rad: float = 20.0 * DEG
     """At 35° across a flight of 30° it is 17°."""
-    seat_flight_m_s: float = 0.02
-    """Of the seat's stroke on the flight itself: a seat that follows each rocking of the chair on uneven steps drives it (a payload
-    of 104 kg to 33 °/s, where 10 °/s are left without)."""
+    seat_steady_m_s: float = 0.02
+    """Of the seat's stroke on the level and on the flight itself: a seat that follows each rocking of the chair on uneven steps
+    drives it (a payload of 104 kg to 33 °/s, where 10 °/s are left without)."""
     seat_near_rad: float = 2.0 * DEG
     """Off level by more, it has all its actuator gives."""
     seat_rad: float = 5.0 * DEG

@@ -13,7 +13,7 @@ from treadline.mission.guard.blind import BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.latch import Latch
-from treadline.mission.guard.limits import ENDS, FLIGHT, finite, limited, mean_limit, stands
+from treadline.mission.guard.limits import ENDS, FLIGHT, STEADY, finite, limited, mean_limit, stands
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
@@ -117,15 +117,15 @@ class Guard:
     def pass_seat(self, command: SeatCommand) -> SeatCommand:
         """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone.
 
-        On the flight the chair's pitch stays, but for its rocking over uneven steps: there a seat nearly level moves slowly.
+        Where the chair keeps its pitch, but for its rocking over uneven steps, a seat nearly level moves slowly.
         """
         if not finite(command.t_s, command.rate_m_s):
             self._latch.hold(self._now(command.t_s), "seat rate is not finite")
             return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
         if self._seat.cause is not None:
             return replace(command, rate_m_s=0.0)
-        limit, on_flight = self._config.seat_flight_m_s, self._plan is not None and self._plan.phase in FLIGHT
-        if not on_flight or abs(self._seat_rad) > self._config.seat_near_rad or abs(command.rate_m_s) <= limit:
+        limit, steady = self._config.seat_steady_m_s, self._plan is not None and self._plan.phase in STEADY
+        if not steady or abs(self._seat_rad) > self._config.seat_near_rad or abs(command.rate_m_s) <= limit:
             return command
         return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
 
