@@ -1071,8 +1071,8 @@ def test_a_seat_that_stays_off_level_is_held_and_left_alone() -> None:
     ],
 )
 def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: float) -> None:
-    """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves slowly,
-    for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
+    """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves
+    slowly, for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
     guard = Guard(GuardConfig())
     guard.notice(Plan(t_s=0.0, phase=phase, speed_m_s=0.1))
     for sign in (1.0, -1.0):

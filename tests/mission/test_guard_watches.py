@@ -650,6 +650,15 @@ def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_no
     assert watch.cause is not None
 
 
+def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
+    """Test: a chair that lies level, yawed by 120° and rolled by 0.1 rad; its first sample a shock. Expected result: judged as on
+    the level from the first reading on."""
+    c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
+    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch.feel_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
+    assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
+
+
 def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
