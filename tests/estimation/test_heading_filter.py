@@ -417,6 +417,15 @@ def test_a_gyro_sample_that_is_not_a_number_changes_nothing() -> None:
         assert poisoned.estimates[-1] == clean.estimates[-1]
 
 
+def test_a_rate_beyond_the_gyros_range_is_left_out_and_told() -> None:
+    broken = Climb(3, seconds=11.0, imu=lambda t, rate: rate - 300.0 * DEG if within(t, 10.0, 0.1) else rate)
+    assert np.abs(broken.errors_deg(since_s=2.0)).max() < 1.0
+    health = broken.filter.health
+    assert health is not None
+    assert health.fault == "jump"
+    assert health.since_s == pytest.approx(10.0, abs=0.02)
+
+
 @pytest.mark.parametrize("stamp", [np.nan, np.inf])
 def test_a_stamp_that_is_not_a_number_changes_nothing(stamp: float) -> None:
     heading = HeadingFilter()

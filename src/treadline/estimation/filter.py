@@ -137,7 +137,7 @@ class HeadingFilter:
 
     def _predict(self, sample: ImuSample) -> None:
         t_s, rate = sample.t_s, float(sample.angular_velocity_rad_s[2])
-        if not (math.isfinite(t_s) and abs(rate) <= FULL_SCALE_RAD_S):  # NaN fails too
+        if not (math.isfinite(t_s) and math.isfinite(rate)):
             return
         if self._imu_s is not None and not t_s > self._imu_s:
             return  # a repeated or earlier stamp carries no new motion
@@ -170,11 +170,15 @@ class HeadingFilter:
         return True
 
     def _is_impossible(self, sample: ImuSample) -> bool:
-        """Say whether a sample tells of a turn that the belts cannot have made: it is left out, as if it had not come."""
+        """Say whether a sample tells of a turn that no gyro measures or no belts have made: it is left out as if it never came."""
         belts, limits = self._belts, self._config
+        said = float(sample.angular_velocity_rad_s[2])
+        if abs(said) > FULL_SCALE_RAD_S:
+            self._tell("jump", sample.t_s, f"gyro says {said / DEG:+.0f} °/s, beyond its range of {FULL_SCALE_RAD_S / DEG:.0f}")
+            return True
         if belts is None or abs(sample.t_s - belts.t_s) > limits.belts_fresh_s:
             return False
-        rate = float(sample.angular_velocity_rad_s[2]) - self._bank.belief.bias
+        rate = said - self._bank.belief.bias
         most = abs(belts.right_m_s - belts.left_m_s) / limits.belts_gauge_m + limits.belts_spare_rad_s
         if abs(rate) <= most:
             return False
