@@ -37,7 +37,7 @@ test: setup
 test-gazebo: setup
 	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
-	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest tests/gazebo
+	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo
 
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
 	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-ros
@@ -47,7 +47,7 @@ test-ros1: setup
 		{ echo "treadline: ROS 1 is not installed, and only root of a Debian can: apt-get install $(ROS1)" >&2; exit 2; }
 	@command -v rostest >/dev/null || { apt-get -q update && \
 		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(ROS1); }
-	TREADLINE_ROS1=1 $(BIN)/python -m pytest tests/ros1
+	TREADLINE_ROS1=1 $(BIN)/python -m pytest -n 2 tests/ros1
 
 check: setup
 	$(BIN)/ruff format --check .

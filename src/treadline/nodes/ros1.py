@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import TreadlineError
-from treadline.nodes.channels import Channel
+from treadline.nodes.channels import IMAGE, Channel
 from treadline.nodes.wire import WireTransport
 from treadline.signals import PinholeCamera
 
@@ -61,7 +61,7 @@ class Ros1Transport(WireTransport):
             _raw(kind),
             lambda message: inbox.put(topic, _bytes_of(message)),
             queue_size=max(depth, 10),
-            buff_size=BUFFER,
+            buff_size=IMAGE_BUFFER if kind == IMAGE else BUFFER,
             tcp_nodelay=True,
         )
 
@@ -73,8 +73,10 @@ class Ros1Transport(WireTransport):
 
 QUEUE = 30
 """Messages that rospy keeps for a listener that is late: three seconds of pictures. The listener's own queue says what counts."""
-BUFFER = 1 << 22
-"""Bytes: two frames of VGA with depth; a smaller one reads an image in pieces, late."""
+IMAGE_BUFFER = 1 << 22
+"""Bytes: two frames of VGA with depth; a smaller one reads an image in pieces, late …"""
+BUFFER = 1 << 16
+"""… but each read allocates a whole one, which costs a small message more than all the rest of its way."""
 
 
 def _raw(kind: str) -> Any:
