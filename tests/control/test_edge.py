@@ -204,6 +204,21 @@ def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 
 
+def test_an_arm_that_no_longer_folds_props_the_chair_up_and_ends_its_backing() -> None:
+    chair = Chassis().lifted()
+    command = chair.until("barred", tip_n=300.0, pitch_deg_s=2.0)
+    assert command.speed_m_s == 0.0
+    assert chair.pitch_deg < LIFTED_DEG + 3.5
+
+
+def test_an_arm_that_does_not_lower_is_given_up_where_it_stands() -> None:
+    chair = Chassis().pressed()
+    chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
+    chair.until("lower", tip_n=200.0)
+    chair.run(2.0 * CONFIG.patience_s - 0.1, tip_n=200.0)
+    assert chair.run(0.3, tip_n=200.0).stage == "barred"
+
+
 def test_a_better_place_of_the_nosing_is_taken_until_contact() -> None:
     chair = Chassis()
     chair.edge.nosing_seen(0.20)

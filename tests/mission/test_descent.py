@@ -254,7 +254,9 @@ def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
     world.run("edge")
     while world.tick().hold is None:
         assert world.t_s < 60.0
-    assert world.plans[-1].hold == "the arm could not let the chair down over the edge; it stands on the landing again"
+    hold = world.plans[-1].hold
+    assert hold is not None
+    assert hold.startswith("the arm could not let the chair down over the edge; it stands")
     assert world.plans[-1].phase == "edge"
 
 

@@ -26,6 +26,8 @@ CLOSE_RAD = 0.5 * DEG
 """To the pitch it is lifted to."""
 SUNK_RAD = 4.0 * DEG
 """Below the pitch it was lifted to: the arm has given way."""
+PROPPED_RAD = 3.0 * DEG
+"""Above that pitch: the arm stands where it is to fold, and props the chair up as it backs."""
 CLEAR_M = 0.15
 """Of the front pulley before the nosing: no nearer while the arm hangs below the belts' line."""
 STOWED_RAD = 5.0 * DEG
@@ -126,9 +128,11 @@ class Edge(Sequencer[Stage]):
                 self._stage = "settle"
             case "press" | "lift" if self._waited_s > config.patience_s:
                 self._begin("lower", pitch)
+            case "settle" | "leave" if pitch > self._lifted_rad + PROPPED_RAD:
+                self._stage = "barred"
             case "settle" if pitch < self._lifted_rad - SUNK_RAD:
                 self._begin("lift", pitch)
-            case "lower" if pitch < self._level_rad + LIFTED_RAD:
+            case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * config.patience_s:
                 self._stage = "barred"
             case "settle" if self._com_beyond(self._slope_rad) < -config.let_go_m:
                 self._begin("leave", pitch)

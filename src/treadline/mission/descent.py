@@ -121,8 +121,9 @@ class Descent(Traversal):
             return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
         self._note(command)
         turn = self._level.keep(estimate)
-        lowered = "the arm could not let the chair down over the edge; it stands on the landing again"
-        barred = lowered if command.stage == "barred" else None
+        pitch = self._where.pitch_rad
+        stands = "stands on the landing again" if abs(pitch) < LEVEL_RAD else f"stands at {pitch / DEG:.0f}°"
+        barred = f"the arm could not let the chair down over the edge; it {stands}" if command.stage == "barred" else None
         return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
     def _note(self, command: EdgeCommand) -> None:
