@@ -163,9 +163,30 @@ def test_okid_era_holds_the_true_poles_95_times_in_100_whatever_the_lags(
 def test_lags_of_akaikes_criterion_leave_little_bias_where_noise_remembers(eq_12: LinearModel, method: str) -> None:
     found = [identify(record_of(eq_12, seed, 1000, 0.2, 0.8), order=2, method=method).intervals for seed in range(120)]
     poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
-    # 240 hits scatter by 1.4 %: 92 and 90 were counted. With the two or three lags of Schwarz's criterion it was 84.
+    # 240 hits scatter by 1.4 %: 92 and 90 to 95 were counted. With the two or three lags of Schwarz's criterion it was 84.
     assert len(poles) == 240
     assert np.mean(poles) >= 0.88
+
+
+def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
+    """Two modes of 0.5 % damping under 1 % of white noise: the width is the error's, not a multiple of it."""
+    A = np.zeros((4, 4))
+    for at, w in ((0, 0.7), (2, 1.9)):
+        A[at : at + 2, at : at + 2] = np.exp(-0.005 * w) * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]])
+    rng = np.random.default_rng(5)
+    B, C, D = rng.standard_normal((4, 2)), rng.standard_normal((2, 4)), rng.standard_normal((2, 2))
+    true = LinearModel(A=A, B=B, C=C, D=D, dt_s=1.0, input_offset=np.zeros(2), output_offset=np.zeros(2))
+    errors, radii = [], []
+    for seed in range(12):
+        found = identify(record_of(true, seed, 2000, 0.01), order=4, method="okid-era").intervals
+        assert found is not None
+        poles = np.linalg.eigvals(found.system.A)
+        errors += np.abs(poles[:, None] - np.linalg.eigvals(A)).min(axis=1).tolist()
+        radii += found.pole_radii().tolist()
+    # A disc that holds 95 % has 1.73 times the root mean square distance, known of 24 pairs to a seventh: 1.39 was found, and
+    # 2.33 where weights fell from the start.
+    assert np.median(radii) < 2.0 * np.sqrt(np.mean(np.square(errors)))
+    assert np.mean(np.array(errors) <= radii) >= 0.85
 
 
 def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:

@@ -18,7 +18,7 @@ from scipy.linalg import solve_discrete_are
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd
-from treadline.identification.gram import Gram, Units
+from treadline.identification.gram import Gram, Units, gram_of
 from treadline.identification.modal import linear_sums, modes_of
 from treadline.identification.okid import ObserverMarkov, scaled_observer
 from treadline.identification.pbsid import StateMap, pbsid, state_map
@@ -44,6 +44,8 @@ SLOWEST_OBSERVER = 0.95
 """Pole of an observer that is always allowed: five seconds at 4 Hz."""
 GAIN_RUN = 50
 """Shortest unbroken run that tells of a gain: in a shorter one the initial state explains as much."""
+RECORD_PER_LAG = 10
+"""Samples of the shortest record per lag of sums that are made for intervals alone: more lags would cost windows that tell."""
 GROWTH = 1e3
 """Growth of a mode over a record from which a free run shows nothing else."""
 
@@ -119,6 +121,14 @@ class Fitting:
         if recipe.step == "inputs-again":
             return system
         return refined(system, experiments, fixed=self.fixed, effort=effort)
+
+    def remembering(self, lags: int) -> Gram:
+        """Return the sums with so many lags, where the records are all the data, whole and much longer; else those at hand."""
+        lengths = [len(record) for record in self.records]
+        lags = min(lags, min(lengths) // RECORD_PER_LAG)
+        if lags <= self.data.lags or self.data.count != sum(length - self.data.lags for length in lengths):
+            return self.data
+        return gram_of(self.records, lags, self.data.units)
 
     def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
         """Return the system with the innovation gain that predicts best, all else kept."""

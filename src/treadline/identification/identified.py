@@ -15,7 +15,7 @@ from treadline.identification.delays import input_delays
 from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Fitting, Recipe
 from treadline.identification.gram import Gram, Units
-from treadline.identification.intervals import Intervals, of_observer, of_predicting, of_refined
+from treadline.identification.intervals import MEMORY_PER_LAG, Intervals, of_observer, of_predicting, of_refined
 from treadline.identification.intervals_of_correlations import of_correlations
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.order import OrderChoice
@@ -84,7 +84,9 @@ class Identified:
         if recipe.step == "subspace" and recipe.method != "pbsid":
             law = of_correlations if recipe.method == "era-dc" else of_observer
             observer, svd = fitting.observer(recipe.lags, recipe.order)
-            return law(observer, svd, found.system, found.units, fitting.data)
+            # The observer's own lags, and as many more as its residuals may remember.
+            data = fitting.remembering((1 + MEMORY_PER_LAG) * recipe.lags)
+            return law(observer, svd, found.system, found.units, data)
         if recipe.step in ("subspace", "prediction-error") and found.system.K is not None:
             runs = fitting.predictors(4 * recipe.order + 4)
             if not runs:

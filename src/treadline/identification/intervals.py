@@ -2,9 +2,9 @@
 
 A model carries directions, changes of (A, B, C, D) per unit of independent standard normal numbers. For OKID/ERA they
 follow from the covariance of the regression through Markov parameters and realisation. For refined models they follow
-from the curvature of what was minimised, widened by what residuals remember (a sandwich with Bartlett weights: Newey and
-West, 1987). Neither knows of a wrong order, of a nonlinearity, of the bias that few lags leave a subspace method, or of the
-choice between recipes.
+from the curvature of what was minimised. Both are widened by what residuals remember (a sandwich: Newey and West, 1987).
+Neither knows of a wrong order, of a nonlinearity, of the bias that few lags leave a subspace method, or of the choice
+between recipes.
 """
 
 from collections.abc import Sequence
@@ -16,9 +16,10 @@ from scipy.stats import chi2
 
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd
+from treadline.identification.factor import inverse
 from treadline.identification.gram import Gram, Units
 from treadline.identification.kernels import observability, tangents, unroll
-from treadline.identification.okid import ObserverMarkov
+from treadline.identification.okid import ObserverMarkov, regression
 from treadline.identification.refine import Directions, Experiment, directions, jacobian
 from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
 
@@ -29,8 +30,8 @@ ROWS_MOST = 20_000
 """Samples from which the curvature is taken; beyond, it is scaled."""
 SANDWICH_MOST = 400
 """Coefficients up to which residuals of few lags are allowed to remember: their covariance has the square of it."""
-MEMORY_OF_FEW_LAGS = 10
-"""Lags over which they may."""
+MEMORY_PER_LAG = 2
+"""Lags over which they may, per lag of the observer: white noise on the outputs leaves it a moving average as long as its lags."""
 MEMORY = 1.3
 """Lags over which residuals may remember, per cube root of the samples (the rate of Bartlett weights)."""
 DOUBT = 0.05
@@ -152,16 +153,18 @@ def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarr
 
     Few lags leave residuals that remember. Then the covariance is the sandwich ``P (Σ_l w_l R_l ⊗ Γ_l) P``, P the inverse of
     the regressors' sums, R_l those sums l samples apart and Γ_l the residuals' covariance: all stand in sums of more lags.
+    Weights are one up to half the memory (Politis and Romano, 1995): at a light mode residuals have no power, which weights
+    that fall from the start would fill from beside it.
     """
     lags, p, m = observer.alpha.shape
-    P = observer.parameter_covariance
+    found = regression(data, lags, feedthrough=observer.feedthrough)
+    P, theta = inverse(found.information), found.theta
     q, r = len(P), m + p
-    memory = min(data.lags - lags, MEMORY_OF_FEW_LAGS)
+    memory = min(data.lags - lags, MEMORY_PER_LAG * lags)
     if memory < 1 or q * p > SANDWICH_MOST:
         return np.einsum("qa,ps->qpas", _root(P), _root(observer.residual_covariance)).reshape(q, p, q * p)
     width = len(data.sums)
     columns = np.concatenate([np.arange(1 + m if observer.feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
-    theta = P @ data.sums[np.ix_(columns, np.arange(1 + m, 1 + r))]
     S = np.zeros((q, p, q, p))
     for lag in range(memory + 1):
         later = columns + np.where(columns > 0, r * lag, 0)
@@ -171,7 +174,7 @@ def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarr
             row[np.arange(p), y + np.arange(p)] += 1.0
         cross = residual[0] @ data.sums @ residual[1].T / max(data.count - q, 1.0)
         term = np.einsum("ab,ij->aibj", data.sums[np.ix_(columns, later)], cross)
-        S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.transpose(2, 3, 0, 1))
+        S += term if lag == 0 else min(1.0, 2.0 - 2.0 * lag / (memory + 1.0)) * (term + term.transpose(2, 3, 0, 1))
     covariance = np.einsum("ab,bicj,cd->aidj", P, S, P, optimize=True).reshape(q * p, q * p)
     return _root(covariance).reshape(q, p, q * p)
 
