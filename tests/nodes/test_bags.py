@@ -46,22 +46,29 @@ def before(run: Path) -> dict[str, Any]:
     return treadline("replay", run / "log.mcap", "--out", run / "before")
 
 
-def test_a_ros_1_copy_is_replayed_to_the_same_heading(run: Path, before: dict[str, Any], tmp_path: Path) -> None:
-    copy = tmp_path / "copy.bag"
-    assert main(["record", str(run), "--out", str(copy)]) == 0
-    after = treadline("replay", copy, "--out", tmp_path / "after")
+@pytest.fixture(scope="module")
+def copies(run: Path) -> dict[str, Path]:
+    """The drive in each kind of bag."""
+    made = {kind: run.with_name(f"copy.{kind}") for kind in ("bag", "db3", "mcap")}
+    for copy in made.values():
+        assert main(["record", str(run), "--out", str(copy)]) == 0
+    return made
+
+
+def test_a_ros_1_copy_is_replayed_to_the_same_heading(
+    run: Path, copies: dict[str, Path], before: dict[str, Any], tmp_path: Path
+) -> None:
+    after = treadline("replay", copies["bag"], "--out", tmp_path / "after")
     keys = ("frames", "accepted", "rms_difference_deg", "rms_error_deg")
     assert [after[key] for key in keys] == [before[key] for key in keys]
     assert (tmp_path / "after" / "series.csv").read_bytes() == (run / "before" / "series.csv").read_bytes()
 
 
 @pytest.mark.parametrize("kind", ["bag", "db3", "mcap"])
-def test_a_copy_is_read_for_identification(run: Path, tmp_path: Path, kind: str) -> None:
-    copy = tmp_path / f"copy.{kind}"
-    assert main(["record", str(run), "--out", str(copy)]) == 0
+def test_a_copy_is_read_for_identification(run: Path, copies: dict[str, Path], kind: str) -> None:
     inputs, outputs = ("/tracks/cmd.velocity[0]", "/tracks/cmd.velocity[1]"), ("/stair/heading/detail.position[0]",)
     ours = read_record(run / "log.mcap", inputs, outputs, period_s=0.25)
-    theirs = read_record(copy, inputs, outputs, period_s=0.25)
+    theirs = read_record(copies[kind], inputs, outputs, period_s=0.25)
     np.testing.assert_array_equal(theirs.u, ours.u)
     np.testing.assert_array_equal(theirs.y, ours.y)
 
@@ -73,10 +80,8 @@ def test_the_recorder_leaves_a_record_for_identification(run: Path) -> None:
     assert abs(record.y[-1, 0]) < abs(record.y[0, 0])
 
 
-def test_a_ros_2_bag_is_one_sqlite_file(run: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "copy.db3"
-    assert main(["record", str(run), "--out", str(copy)]) == 0
-    with sqlite3.connect(copy) as base:
+def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
+    with sqlite3.connect(copies["db3"]) as base:
         topics = dict(base.execute("SELECT name, type FROM topics"))
         query = "SELECT data FROM messages JOIN topics ON topics.id = topic_id WHERE name = '/imu' ORDER BY timestamp"
         times = [imu(CdrReader(data)).t_s for (data,) in base.execute(query)]
