@@ -54,7 +54,7 @@ FLOOR = {"start": {"place": "floor"}, "sensors": {"camera": "statistical"}}
     ("values", "seconds", "held"),
     [
         pytest.param(FLIGHT, 1.5, False, id="images, on the flight"),
-        pytest.param(FLOOR, 9.0, False, id="a camera that measures, from the floor, arm and all"),
+        pytest.param(FLOOR, 6.0, False, id="a camera that measures, from the floor, arm and all"),
         pytest.param(FLOOR | {"fault": [{"kind": "imu_nan", "at_s": 1.0, "for_s": 5.0}]}, 2.5, True, id="IMU of NaN: held"),
         pytest.param(FLIGHT | {"fault": [{"kind": "camera_frozen", "at_s": 0.5, "for_s": 0.6}]}, 1.5, False, id="frozen camera"),
         pytest.param(FLOOR | {"fault": [{"kind": "operator_stop", "at_s": 0.8}]}, 1.2, True, id="operator stop"),
