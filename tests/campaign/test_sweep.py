@@ -145,6 +145,20 @@ def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
         Journal(tmp_path, {"seed": 1}, resume=True)
 
 
+def test_ctrl_c_between_a_line_and_its_note_loses_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
+        with monkeypatch.context() as patch:
+            patch.setattr("treadline.campaign.journal.os.fsync", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                journal.add({"index": 3, "verdict": "arrived"})
+        assert journal.rows == {}
+        journal.look_again()
+        assert list(journal.rows) == [3]
+
+
 def test_a_disk_that_fills_keeps_what_is_done(tmp_path: Path) -> None:
     row: Row = {"index": 0, "verdict": "arrived", "note": "x" * 60}
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -187,7 +187,7 @@ def test_a_turn_of_the_plan_reaches_the_belts_at_each_tick_and_the_driver_forget
 
 
 def test_the_plans_arm_passes_the_guard_and_no_arm_stays_none() -> None:
-    moving = Plan(t_s=0.0, phase="crest", speed_m_s=0.1, arm=ArmCommand(t_s=0.0, rate_rad_s=0.2))
+    moving = Plan(t_s=0.0, phase="climb", speed_m_s=0.1, arm=ArmCommand(t_s=0.0, rate_rad_s=0.2))
     still = Plan(t_s=0.1, phase="climb", speed_m_s=0.1)
     plant = RecordedPlant(stream(0.2))
     mission, _, _ = counting_mission(plant, Scripted(moving, still))

@@ -26,6 +26,7 @@ class Journal:
             SettingsError: If there is one and ``resume`` is not asked for, or it is another sweep's, or broken.
         """
         self._path = folder / NAME
+        self._sweep = sweep
         self.rows: dict[int, Row] = {}
         kept = 0
         if self._path.exists():
@@ -60,6 +61,10 @@ class Journal:
         """
         self._append(row)
         self.rows[row["index"]] = row
+
+    def look_again(self) -> None:
+        """Take what is on disk for what is done: Ctrl-C may have fallen between a line and the note of it."""
+        self._read(self._sweep)
 
     def _append(self, value: Mapping[str, Any]) -> None:
         line = json.dumps(value, allow_nan=False).encode() + b"\n"

@@ -114,6 +114,7 @@ def fly_sweep(
             else:
                 fly(first)
         except KeyboardInterrupt:
+            journal.look_again()
             with suppress(SettingsError):
                 write_results(plan, folder, journal.rows, flown)
             raise
