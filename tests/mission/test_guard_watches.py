@@ -603,6 +603,32 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
     assert turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16, watch).cause is None
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_belts_that_answer_a_push_may_turn_further(sign: float) -> None:
+    """Test: 0.25 rad/s on the flight, the heading on the limit, not known, once beyond it. Expected result: a cause past 0.5 rad,
+    and past 0.75 rad; four seconds after the push 0.5 rad are too much again."""
+    config = GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, blind_square_rad=0.125, blind_push_rad=0.75)
+    apart = 0.25 / FLIGHT_RAD_M
+
+    def pushed(heading_rad: float, ticks: int) -> BlindTurnWatch:
+        watch = BlindTurnWatch(config)
+        watch.feel_belts(1 / 16, 0.0, plan("climb"), sign * heading_rad)
+        return turning(apart, "climb", ticks, watch)
+
+    assert pushed(0.125, 33).cause is not None
+    assert pushed(math.inf, 33).cause is not None
+    assert pushed(0.13, 48).cause is None
+    assert pushed(0.13, 49).cause is not None
+    late = BlindTurnWatch(config)
+    late.feel_belts(1 / 16, 0.0, plan("climb"), sign)
+    assert turning(0.0, "climb", 32, late).cause is None
+    assert turning(apart, "climb", 33, late).cause is not None
+    again = BlindTurnWatch(config)
+    again.feel_belts(1 / 16, 0.0, plan("climb"), sign)
+    again.forget()
+    assert turning(apart, "climb", 34, again).cause is not None
+
+
 def test_a_slow_turn_leaves_the_window() -> None:
     """Test: 0.125 rad/s, of which four seconds count. Expected result: never a cause; by an eighth faster, one."""
     assert turning(0.1249 / FLIGHT_RAD_M, "climb", 200).cause is None

@@ -186,7 +186,7 @@ class Guard:
         usable = finite(reading.left_m_s, reading.right_m_s)
         if usable:
             self._belts.feel(reading)
-            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
+            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan, self._heading_rad)
         return usable
 
     def _feel_seat(self, reading: SeatReading) -> bool:
