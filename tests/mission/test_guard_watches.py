@@ -623,6 +623,9 @@ def test_belts_that_answer_a_push_may_turn_further(sign: float) -> None:
     late.feel_belts(1 / 16, 0.0, plan("climb"), sign)
     assert turning(0.0, "climb", 32, late).cause is None
     assert turning(apart, "climb", 33, late).cause is not None
+    over = BlindTurnWatch(config)
+    over.feel_belts(1 / 16, 0.0, plan("crest"), sign)
+    assert turning(0.25 / LEVEL_RAD_M, "crest", 33, over).cause is not None  # over a nosing it is askew without a push
     again = BlindTurnWatch(config)
     again.feel_belts(1 / 16, 0.0, plan("climb"), sign)
     again.forget()

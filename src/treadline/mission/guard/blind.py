@@ -64,7 +64,8 @@ class BlindTurnWatch:
         while t_s - self._window[0][0] > self._config.blind_turn_s:
             self._window.popleft()
         turned = self._turned_rad - self._window[0][1]
-        pushed = t_s - self._pushed_s < self._config.blind_turn_s
+        # Over a nosing the chair swings, and is askew by a degree without a push.
+        pushed = plan.phase in FLIGHT and t_s - self._pushed_s < self._config.blind_turn_s
         limit = self._config.blind_push_rad if pushed else self._config.blind_turn_rad
         if abs(turned) > limit and not plan.needs_stair:
             since_s = t_s - self._window[0][0]

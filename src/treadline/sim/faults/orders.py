@@ -15,6 +15,9 @@ SILENCE_S = 0.3
 """Without an order before the actuators brake: more than a control period of 0.25 s, and what is left of hazard 11's 0.8 s
 once the belts have stopped."""
 
+RATE_SILENCE_S = 0.05
+"""Without an order before seat and arm stand: a rate is for the moment, and they are told one a hundred times a second."""
+
 
 class Order(NamedTuple):
     """One write."""
@@ -67,6 +70,7 @@ class Watchdog:
 
     def __init__(self) -> None:
         self._heard_s: float | None = None
+        self._last: Order | None = None
         self._latched = False
 
     def step(self, t_s: float, order: Order | None, *, powered: bool) -> Order | None:
@@ -75,8 +79,16 @@ class Watchdog:
         silent = order is None and self._heard_s is not None and t_s - self._heard_s > SILENCE_S + SAME_TIME_S
         self._latched = was_latched or silent or not powered
         if order is None:
-            return Order.stop(t_s) if self._latched and not was_latched else None
-        self._heard_s = t_s
+            return Order.stop(t_s) if self._latched and not was_latched else self._stilled(t_s)
+        self._heard_s, self._last = t_s, order
         if powered and order.tracks.left_m_s == 0.0 and order.tracks.right_m_s == 0.0:
             self._latched = False
         return order._replace(tracks=TrackCommand.stop(t_s)) if self._latched else order
+
+    def _stilled(self, t_s: float) -> Order | None:
+        """Return the last order with seat and arm at rest, once it is too old for them; None before, and after."""
+        if self._last is None or self._heard_s is None or self._latched or t_s - self._heard_s <= RATE_SILENCE_S + SAME_TIME_S:
+            return None
+        arm = None if self._last.arm is None else ArmCommand(t_s=t_s, rate_rad_s=0.0)
+        stilled, self._last = self._last._replace(seat=SeatCommand(t_s=t_s, rate_m_s=0.0), arm=arm), None
+        return stilled
