@@ -1,6 +1,7 @@
 """Angles: wrapping, blending and the one place where degrees meet radians."""
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -48,6 +49,13 @@ def rotation_of(quaternion: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
+
+
+def tilt_of(quaternion: Sequence[float]) -> tuple[float, float]:
+    """Return pitch, front up positive, and roll, left side up positive, of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    pitch, roll = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)
+    return math.asin(min(max(pitch, -1.0), 1.0)), math.asin(min(max(roll, -1.0), 1.0))
 
 
 def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:

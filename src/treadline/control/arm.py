@@ -6,7 +6,7 @@ What crest and edge share (``control/crest.py``, ``control/edge.py``). ``ImuSamp
 import math
 from dataclasses import dataclass
 
-from treadline.angles import DEG
+from treadline.angles import DEG, tilt_of
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import Arm, ChairDescription
 from treadline.signals import ArmReading, ImuSample
@@ -144,8 +144,7 @@ def plumb(loading: Loading, pitch_rad: float) -> float:
 
 def pitch_of(imu: ImuSample) -> float:
     """Return the chassis' pitch, front up positive."""
-    w, x, y, z = (float(q) for q in imu.orientation)
-    return math.asin(min(max(2.0 * (x * z - w * y), -1.0), 1.0))
+    return tilt_of(imu.orientation.tolist())[0]
 
 
 def geometry_of(chair: ChairDescription) -> ArmGeometry:

@@ -4,7 +4,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from treadline.angles import DEG
+from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.config import GuardConfig
 from treadline.signals import HeadingEstimate, Plan
 
@@ -38,8 +38,7 @@ class BlindTurnWatch:
 
     def feel_motion(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
         """Take one IMU sample: the attitude's quaternion (w, x, y, z) and the pitch rate."""
-        w, x, y, z = orientation
-        self._pitch_rad = math.asin(min(max(2.0 * (x * z - w * y), -1.0), 1.0))
+        self._pitch_rad, _ = tilt_of(orientation)
         dt_s = 0.0 if self._imu_s is None else t_s - self._imu_s
         self._imu_s = t_s
         self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))

@@ -1,9 +1,8 @@
 """How the chair lies and turns (row 18), and how its seat does (row 19)."""
 
-import math
 from collections.abc import Sequence
 
-from treadline.angles import DEG
+from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.config import GuardConfig
 
 LASTING_S = 0.05
@@ -38,8 +37,7 @@ class TiltWatch:
 
     def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
         limits = self._config
-        w, x, y, z = orientation
-        pitch, roll = _angle(2.0 * (x * z - w * y)), _angle(2.0 * (y * z + w * x))
+        pitch, roll = tilt_of(orientation)
         if abs(pitch_rate_rad_s) > limits.pitch_rate_rad_s:
             return f"pitch rate {pitch_rate_rad_s / DEG:.0f} °/s, pitch {pitch / DEG:.0f}°"
         if not -limits.front_down_rad <= pitch <= limits.front_up_rad:
@@ -70,7 +68,3 @@ class SeatWatch:
     def forget(self) -> None:
         """Start anew."""
         self._since = self.cause = None
-
-
-def _angle(sine: float) -> float:
-    return math.asin(min(max(sine, -1.0), 1.0))
