@@ -254,6 +254,9 @@ class Plan:
     """Half the belts' difference, right less left; None leaves steering to the heading controller."""
     heading_rad: float = 0.0
     """What the heading controller steers to."""
+    slowest_share: float | None = None
+    """Of the speed, kept by the slower belt of a chair that climbs and turns: less turns faster and slides further. None leaves it
+    to the heading controller."""
     arm: ArmCommand | None = None
     needs_stair: bool = True
     """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""

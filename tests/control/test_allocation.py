@@ -4,7 +4,16 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.control.allocate import BeltLimits, back_safe, climb_safe, clipped
+from treadline.control.allocate import (
+    SLID_M,
+    SLOWEST_SLIDING,
+    SLOWEST_WITH_GRIP,
+    BeltLimits,
+    back_safe,
+    climb_safe,
+    clipped,
+    slowest_share,
+)
 
 ROUNDING = 1e-12
 asked_m_s = st.floats(min_value=-1e3, max_value=1e3)
@@ -19,8 +28,29 @@ def limits(climb: float) -> BeltLimits:
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
 def test_the_slower_belt_never_lets_the_chair_slide_nor_the_faster_pass_its_limit(left: float, right: float, climb: float) -> None:
     given_m_s = climb_safe(np.array([left, right]), limits(climb))
-    assert given_m_s.min() >= 0.5 * climb - ROUNDING
+    assert given_m_s.min() >= 0.25 * climb - ROUNDING
     assert given_m_s.max() <= 1.0 + ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(left=asked_m_s, right=asked_m_s, climb=climb_m_s, slid=st.floats(min_value=-1.0, max_value=1.0))
+def test_whatever_has_slid_the_slower_belt_keeps_that_share_and_the_faster_its_limit(
+    left: float, right: float, climb: float, slid: float
+) -> None:
+    share = slowest_share(slid)
+    kept = BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0, slowest_share=share)
+    given_m_s = climb_safe(np.array([left, right]), kept)
+    assert given_m_s.min() >= share * climb - ROUNDING
+    assert given_m_s.max() <= 1.0 + ROUNDING
+    assert climb - ROUNDING <= given_m_s.mean() <= 0.55 + ROUNDING
+
+
+@settings(deadline=None, derandomize=True)
+@given(slid=st.floats(min_value=-1.0, max_value=1.0), more=st.floats(min_value=0.0, max_value=1.0))
+def test_the_more_a_chair_slides_the_more_both_belts_pull(slid: float, more: float) -> None:
+    assert SLOWEST_WITH_GRIP <= slowest_share(slid) <= slowest_share(slid + more) <= SLOWEST_SLIDING
+    assert slowest_share(0.0) == SLOWEST_WITH_GRIP
+    assert slowest_share(SLID_M) == SLOWEST_SLIDING
 
 
 @settings(deadline=None, derandomize=True)

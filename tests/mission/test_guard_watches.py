@@ -303,6 +303,17 @@ def test_slip_is_told_after_its_time_and_held_after_twice() -> None:
     assert slipping(config, (0.0625, -0.03125, 8)).cause is not None
 
 
+def test_a_chair_that_catches_up_with_its_belts_is_not_held_and_one_that_does_not_is() -> None:
+    """Test: slip of 1.5 falls by half each three eighths of a second down to 0.38; it falls to 0.5 and stays there. Expected
+    result: no cause, though it lasts 1.4 s; a cause half a second after the last fall."""
+    falls = ((0.0625, 0.09375, 4), (0.0625, 0.046875, 3), (0.0625, 0.0234375, 3), (0.0625, 0.01, 2))
+    assert slipping(GuardConfig(), *falls[:2]).slip > 0.3
+    assert slipping(GuardConfig(), *falls).cause is None
+    # The window has half forgotten the worst after three maps; it is 0.75 then, and 0.5 is no fall by 40 % from there.
+    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 6)).cause is None
+    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 7)).cause is not None
+
+
 def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
     """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
     assert slipping(GuardConfig(slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0

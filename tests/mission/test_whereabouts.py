@@ -148,6 +148,27 @@ def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: 
     assert len(where.ahead_m()) == 3
 
 
+def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and_forgets_it_as_it_climbs_on() -> None:
+    """Test: 0.2 m up; 0.06 m back in six maps while the belts run up by as much; 0.1 m up. Expected result: nothing slid, then
+    0.06 m, then nothing; none told once no map has come for half a second."""
+    chair = Chair(pitch_rad=SLOPE_RAD, first_m=RUN_M)
+    where = seen(chair, 1, 2, 3)
+    for _ in range(4):
+        chair.drive(where, 0.05)
+        chair.feel(where, 1, 2, 3)
+    assert where.slid_m(chair.t_s) == pytest.approx(0.0, abs=1e-6)
+    for _ in range(6):
+        chair.drive(where, 0.01, slip=2.0)
+        chair.feel(where, 1, 2, 3)
+    # The maps' share of a half in each frame leaves the last frame's two centimetres of slip in part.
+    assert where.slid_m(chair.t_s) == pytest.approx(0.06, abs=0.025)
+    for _ in range(4):
+        chair.drive(where, 0.025)
+        chair.feel(where, 1, 2, 3)
+    assert where.slid_m(chair.t_s) == pytest.approx(0.0, abs=1e-3)
+    assert where.slid_m(chair.t_s + 0.5) is None
+
+
 def test_slip_is_corrected_for_the_nosings_out_of_view_too() -> None:
     chair = Chair()
     where = seen(chair, 0, 1, 2, 3, times=5)

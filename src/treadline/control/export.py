@@ -14,8 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import BeltLimits
-from treadline.control.heading import FASTEST_TURN_RAD_S, ControllerConfig, HeadingController
+from treadline.control.allocate import SLID_M, SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, slowest_share
+from treadline.control.heading import FASTEST_TURN_RAD_S, ControllerConfig, HeadingController, share_kept
 from treadline.control.observer import DISTURBANCE_LIMIT
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
@@ -75,7 +75,14 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
 
 def _rehearsed(share: float, t_s: float, speed_m_s: float) -> Plan:
     speed = speed_m_s if share < 0.5 else 0.0 if share < 0.55 else 0.5 * speed_m_s if share < 0.7 else -0.75 * speed_m_s
-    return Plan(t_s=t_s, phase="drive", speed_m_s=speed, heading_rad=0.1 if 0.3 < share < 0.4 else 0.0)
+    slid_m = 0.0 if share < 0.1 else 0.02 if share < 0.2 else SLID_M
+    return Plan(
+        t_s=t_s,
+        phase="drive",
+        speed_m_s=speed,
+        heading_rad=0.1 if 0.3 < share < 0.4 else 0.0,
+        slowest_share=None if share < 0.05 else slowest_share(slid_m),
+    )
 
 
 def _seen(k: int, t_s: float, y: Float[np.ndarray, " 2"]) -> HeadingEstimate | None:
@@ -99,6 +106,8 @@ def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
         "HEADING_PERIOD_S": repr(design.period_s),
         "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
         "HEADING_MAX_MEAN_M_S": repr(BeltLimits(climb_speed_m_s=0.0, max_speed_m_s=config.max_speed_m_s).max_mean_m_s),
+        "HEADING_SLOWEST_CLIMBING": repr(SLOWEST_CLIMBING),
+        "HEADING_SLOWEST_BACKING": repr(SLOWEST_BACKING),
         "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
         "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
         "HEADING_CLIMB_SAFE": str(int(config.allocation == "climb-safe")),
@@ -148,7 +157,7 @@ def _log(log: Sequence[Exchange]) -> str:
             f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
             f"#define HEADING_LOG_LENGTH {len(log)}",
             "static const struct {",
-            "    heading_input input; /* is there an estimate; heading, rate, speed, heading to steer to */",
+            "    heading_input input; /* is there an estimate; heading, rate, speed, heading to steer to, share */",
             "    heading_command answer;",
             "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
             f"    {rows},",
@@ -160,7 +169,7 @@ def _log(log: Sequence[Exchange]) -> str:
 def _row(exchange: Exchange) -> str:
     seen, plan, answer = exchange.estimate, exchange.plan, exchange.answer
     heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
-    told = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad))
+    told = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, share_kept(plan)))
     said = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
     return f"{{{{{_truth(seen is not None)}, {told}}}, {{{said}, {_truth(answer.brake)}}}}}"
 
@@ -212,6 +221,7 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
             "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
             "speed_m_s": exchange.plan.speed_m_s,
             "target_heading_rad": exchange.plan.heading_rad,
+            "slowest_share": share_kept(exchange.plan),
             "left_m_s": exchange.answer.left_m_s,
             "right_m_s": exchange.answer.right_m_s,
             "brake": exchange.answer.brake,
@@ -241,6 +251,8 @@ def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str,
         **asdict(config),
         "reconstruct": "static" if is_static(design, config) else "observer",
         "max_mean_m_s": limits.max_mean_m_s,
+        "slowest_climbing": SLOWEST_CLIMBING,
+        "slowest_backing": SLOWEST_BACKING,
         "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
         "disturbance_limit_m_s": DISTURBANCE_LIMIT,
         "belt_difference": BELT_DIFFERENCE.tolist(),

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import BeltLimits, back_safe, climb_safe, clipped
+from treadline.control.allocate import SLOWEST_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
 from treadline.control.lqr import closed_loop_poles
 from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
@@ -76,13 +76,13 @@ class HeadingController:
         target = 0.0 if plan is None else plan.heading_rad
         y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
         asked = self._asked(y, speed)
-        given = self._allocated(asked, speed)
+        given = self._allocated(asked, speed, share_kept(plan))
         limited = abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9
         self._last = (given, y, limited)
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
 
-    def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float) -> Float[np.ndarray, " 2"]:
-        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s)
+    def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float, share: float) -> Float[np.ndarray, " 2"]:
+        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s, slowest_share=share)
         if speed_m_s < 0.0:
             return back_safe(asked, limits)
         return (climb_safe if self._config.allocation == "climb-safe" else clipped)(asked, limits)
@@ -101,6 +101,11 @@ class HeadingController:
         seen = y - model.output_offset - model.C @ self._observer.state
         x = self._observer.state + self._correction @ seen
         return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
+
+
+def share_kept(plan: Plan | None) -> float:
+    """Return the share of the climb speed that the slower belt keeps."""
+    return SLOWEST_CLIMBING if plan is None or plan.slowest_share is None else plan.slowest_share
 
 
 def usable(estimate: HeadingEstimate) -> bool:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 from treadline.angles import DEG
+from treadline.control.allocate import slowest_share
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
@@ -220,7 +221,14 @@ class Ascent(Traversal):
             self._crest = None  # a nosing came into view beyond what was taken for the last
         if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
             rest = config.chair.tracks.approach_angle_deg * DEG
-            return self._plan(t_s, config.cruise_m_s, heading_rad=self._aside(), arm=self._arm_to(t_s, rest))
+            slid_m = where.slid_m(t_s)
+            return self._plan(
+                t_s,
+                config.cruise_m_s,
+                heading_rad=self._aside(),
+                slowest_share=None if slid_m is None else slowest_share(slid_m),
+                arm=self._arm_to(t_s, rest),
+            )
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)
         command = self._crest.step(self._imu, self._arm, self._tracks)

@@ -37,6 +37,8 @@ MAPS_MAX = 50
 """Weight of the mean shape: five seconds of frames."""
 BLEND_LEAST = 0.02
 """Share of a new sight in a nosing's place, at least."""
+TELLING_S = 0.35
+"""After a map, for which belts alone carry on what it told about slip."""
 SLIP_SHARE = 0.5
 """Share of a frame in where the chair is against the nosings: belts slip by a few per cent, a frame errs by millimetres."""
 
@@ -76,6 +78,7 @@ class Whereabouts:
         self.map_count = 0
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
+        self._highest_m = -math.inf
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
         self._known: list[_Nosing] = []
@@ -136,6 +139,14 @@ class Whereabouts:
         ahead = self.ahead_m()
         return ahead[0] if ahead else None
 
+    def slid_m(self, t_s: float) -> float | None:
+        """Return how far the chair has come back along the flight from where it was furthest up; None where no nosings tell."""
+        return self._highest_m - self._up_m if t_s - self.map_s <= TELLING_S else None
+
+    @property
+    def _up_m(self) -> float:
+        return self._x_m * math.cos(self.slope_rad) + self._z_m * math.sin(self.slope_rad)
+
     @property
     def top_ends(self) -> bool:
         """Whether frames have shown that nothing follows the highest known nosing."""
@@ -163,6 +174,7 @@ class Whereabouts:
         self.travel_m += moved
         self._x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
         self._z_m += moved * math.sin(self.pitch_rad)
+        self._highest_m = max(self._highest_m, self._up_m)
 
     def _is_across(self, seen: StairMap) -> bool:
         """Say whether a map shows another flight than this one, across a landing."""

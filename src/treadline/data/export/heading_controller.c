@@ -14,7 +14,7 @@ static double within(double value, double limit) { return value < -limit ? -limi
 static bool is_usable(const heading_input *input) {
     return input->has_estimate && magnitude(input->heading_rad) <= PI &&
            magnitude(input->heading_rate_rad_s) <= HEADING_FASTEST_TURN_RAD_S && magnitude(input->target_heading_rad) <= PI &&
-           magnitude(input->speed_m_s) <= HEADING_MAX_SPEED_M_S;
+           magnitude(input->speed_m_s) <= HEADING_MAX_SPEED_M_S && magnitude(input->slowest_share) <= 1.0;
 }
 
 #if HEADING_STATIC
@@ -96,9 +96,9 @@ static void find_state(heading_state *memory, const double y[2], double speed_m_
 #endif
 
 #if HEADING_CLIMB_SAFE
-/* Steering as asked for, as far as the limits let it be; the slower belt keeps half the climb speed at least. */
-static void allocate(const double asked[2], double speed_m_s, double given[2]) {
-    const double slowest = 0.5 * speed_m_s;
+/* Steering as asked for, as far as the limits let it be; the slower belt keeps its share of the climb speed. */
+static void allocate(const double asked[2], double speed_m_s, double share, double given[2]) {
+    const double slowest = share * speed_m_s;
     const double by_belt = 0.5 * (HEADING_MAX_SPEED_M_S - slowest);
     const double by_mean = HEADING_MAX_MEAN_M_S - slowest;
     const double half = within(0.5 * (asked[1] - asked[0]), by_belt < by_mean ? by_belt : by_mean);
@@ -108,8 +108,9 @@ static void allocate(const double asked[2], double speed_m_s, double given[2]) {
     given[1] = common + half;
 }
 #else
-static void allocate(const double asked[2], double speed_m_s, double given[2]) {
+static void allocate(const double asked[2], double speed_m_s, double share, double given[2]) {
     (void)speed_m_s;
+    (void)share;
     given[0] = within(asked[0], HEADING_MAX_SPEED_M_S);
     given[1] = within(asked[1], HEADING_MAX_SPEED_M_S);
 }
@@ -117,7 +118,7 @@ static void allocate(const double asked[2], double speed_m_s, double given[2]) {
 
 /* Backing down: no belt may run uphill while the other lets down, and none may let down faster than half as much again. */
 static void allocate_down(const double asked[2], double speed_m_s, double given[2]) {
-    const double half = within(0.5 * (asked[1] - asked[0]), 0.5 * magnitude(speed_m_s));
+    const double half = within(0.5 * (asked[1] - asked[0]), (1.0 - HEADING_SLOWEST_BACKING) * magnitude(speed_m_s));
     given[0] = speed_m_s - half;
     given[1] = speed_m_s + half;
 }
@@ -149,7 +150,7 @@ heading_command heading_step(heading_state *memory, const heading_input *input) 
     if (input->speed_m_s < 0.0) {
         allocate_down(asked, input->speed_m_s, given);
     } else {
-        allocate(asked, input->speed_m_s, given);
+        allocate(asked, input->speed_m_s, input->slowest_share, given);
     }
     for (int m = 0; m < 2; m++) {
         memory->given_m_s[m] = given[m];

@@ -91,13 +91,16 @@ MATCH_S = 0.35
 """Between two maps whose nosings are compared."""
 DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
 """Of travel in a window: below, noise of the nosings' places would be slip."""
+FALLING = 0.6
+"""Share of the slip that a wait began with; below it the chair catches up. A steady slip of 0.5 is noisy by less than 0.1."""
 
 
 class SlipWatch:
     """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
 
     A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not
-    turn, rolling back wherever it does.
+    turn, rolling back wherever it does. Slip that falls belongs to a chair that catches up with its belts, as where they slow down
+    after a turn: the wait begins anew with each fall, at most three times on the way from two to the limit.
     """
 
     def __init__(self, config: GuardConfig) -> None:
@@ -109,6 +112,7 @@ class SlipWatch:
         self._furthest_m = -math.inf
         self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
+        self._since_slip = 0.0
         self.slip = 0.0
         """Share of the belts' travel, if it is too much; else zero."""
         self.cause: str | None = None
@@ -154,8 +158,8 @@ class SlipWatch:
         self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
-        elif self._since_s is None:
-            self._since_s = t_s
+        elif self._since_s is None or self.slip < FALLING * self._since_slip:
+            self._since_s, self._since_slip = t_s, self.slip
         elif t_s - self._since_s >= window_s:
             self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
 
