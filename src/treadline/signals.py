@@ -178,6 +178,8 @@ class FrameQuality:
     """Standard deviation of the colour image, 0 to 0.5; a quarter where nobody looked."""
     valid_share: float
     """Of the depth image that has a depth, 0 to 1."""
+    obstacle_m: float | None = None
+    """How far ahead of mid-track, level, something stands on the ground where the camera looks; None if nothing, or not asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1241,6 +1241,16 @@ def test_an_obstacle_is_held_off(direction: str, sign: float, lead_m: float) -> 
     assert (drive.guard.holding or "").startswith("obstacle 0.4")
 
 
+@pytest.mark.parametrize("told", [0.9, math.nan])
+def test_something_on_the_landing_is_held_off(told: float) -> None:
+    """Test: over the crest frames show something 0.9 m from mid-track; a number that is none. Expected result: HOLD; no HOLD."""
+    drive = Drive()
+    drive.spoil = lambda reading: replace(reading, obstacle_m=told) if isinstance(reading, FrameQuality) else reading
+    drive.guard.notice(Plan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False))
+    drive.run(1.0)
+    assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(told)
+
+
 def test_something_seen_once_is_nothing() -> None:
     """Test: every other map shows something at 0.5 m. Expected result: no HOLD; two maps in a row hold."""
     drive = Drive()

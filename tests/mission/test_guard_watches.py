@@ -482,6 +482,31 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
     assert watch.doubt(limit_m) is None
 
 
+@pytest.mark.parametrize("phase", ["climb", "crest", "land", "descend", "edge", "leave"])
+def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -> None:
+    """Test: frames show something 2 m away on the level, a stair in view or not; then 0.5 m on none; then one clear frame from
+    further off. Expected result: held before it where no stair is to be in view; what is too near to be seen is still there; what
+    is gone is gone."""
+    watch = ahead(LENGTHS, ends=True)
+
+    def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadWatch:
+        watch.look_on(obstacle_m, replace(plan(phase), **{"needs_stair": False} | changes), travel_m)
+        return watch
+
+    assert shown(2.0, 0.0).cause(0.7, 0.25) is None  # seen once
+    assert shown(2.0, 0.0).cause(0.7, 0.25) == "obstacle 0.30 m ahead"
+    assert shown(None, 0.9).cause(0.9, 0.25) == "obstacle 0.10 m ahead"
+    assert shown(None, 0.7).cause(0.9, 0.25) is None
+    shown(2.0, 0.0)
+    assert shown(2.0, 0.0).cause(0.9, 0.25) is not None
+    assert shown(2.0, 0.0, needs_stair=True).cause(0.9, 0.25) is None
+    shown(2.0, 0.0)
+    assert shown(2.0, 0.0, phase="mount").cause(0.9, 0.25) is None
+    watch.look_on(2.0, None, 0.0)
+    watch.look_on(2.0, None, 0.0)
+    assert watch.cause(0.9, 0.25) is None
+
+
 def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
     """Test: a gap that begins 1.75 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
     watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))
@@ -616,31 +641,34 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_belts_that_answer_a_push_may_turn_further(sign: float) -> None:
-    """Test: 0.25 rad/s on the flight, the heading on the limit, not known, once beyond it. Expected result: a cause past 0.5 rad,
-    and past 0.75 rad; four seconds after the push 0.5 rad are too much again."""
+    """Test: 0.25 rad/s down the flight, the heading on the limit, not known, once beyond it; up it. Expected result: a cause past
+    0.5 rad, and past 0.75 rad; four seconds after the push, and on the way up, 0.5 rad are too much."""
     config = GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, blind_square_rad=0.125, blind_push_rad=0.75)
     apart = 0.25 / FLIGHT_RAD_M
 
     def pushed(heading_rad: float, ticks: int) -> BlindTurnWatch:
         watch = BlindTurnWatch(config)
-        watch.feel_belts(1 / 16, 0.0, plan("climb"), sign * heading_rad)
-        return turning(apart, "climb", ticks, watch)
+        watch.feel_belts(1 / 16, 0.0, plan("descend"), sign * heading_rad)
+        return turning(apart, "descend", ticks, watch)
 
     assert pushed(0.125, 33).cause is not None
     assert pushed(math.inf, 33).cause is not None
     assert pushed(0.13, 48).cause is None
     assert pushed(0.13, 49).cause is not None
     late = BlindTurnWatch(config)
-    late.feel_belts(1 / 16, 0.0, plan("climb"), sign)
-    assert turning(0.0, "climb", 32, late).cause is None
-    assert turning(apart, "climb", 33, late).cause is not None
+    late.feel_belts(1 / 16, 0.0, plan("descend"), sign)
+    assert turning(0.0, "descend", 32, late).cause is None
+    assert turning(apart, "descend", 33, late).cause is not None
     over = BlindTurnWatch(config)
     over.feel_belts(1 / 16, 0.0, plan("crest"), sign)
     assert turning(0.25 / LEVEL_RAD_M, "crest", 33, over).cause is not None  # over a nosing it is askew without a push
     again = BlindTurnWatch(config)
-    again.feel_belts(1 / 16, 0.0, plan("climb"), sign)
+    again.feel_belts(1 / 16, 0.0, plan("descend"), sign)
     again.forget()
-    assert turning(apart, "climb", 34, again).cause is not None
+    assert turning(apart, "descend", 34, again).cause is not None
+    up = BlindTurnWatch(config)
+    up.feel_belts(1 / 16, 0.0, plan("climb"), sign)
+    assert turning(apart, "climb", 33, up).cause is not None
 
 
 def test_a_slow_turn_leaves_the_window() -> None:

@@ -59,6 +59,17 @@ def test_keeping_a_heading_is_gentle_and_the_right_way_round(heading: float, tar
     assert half * (target - heading) >= 0.0
 
 
+@settings(derandomize=True)
+@given(heading=st.floats(-90.0, 90.0), spare=st.floats(0.0, 5.0))
+def test_within_what_is_spared_nothing_is_steered_and_beyond_it_gently(heading: float, spare: float) -> None:
+    steering = LevelSteering(CONFIG)
+    half = steering.keep(estimate(heading), spare_rad=spare * DEG)
+    if abs(heading) <= spare:
+        assert half == 0.0
+    assert abs(half) <= abs(steering.keep(estimate(heading)))
+    assert half * heading <= 0.0
+
+
 def test_without_an_estimate_nothing_is_steered() -> None:
     assert LevelSteering(CONFIG).keep(None, 0.05) == 0.0
 

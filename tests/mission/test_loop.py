@@ -160,6 +160,16 @@ def test_a_tick_acts_on_what_was_read_in_the_same_tick() -> None:
     assert plant.written[0][1].rate_m_s == 0.01
 
 
+def test_a_seats_rate_counts_for_a_tenth_of_a_second() -> None:
+    """Test: seat readings end at 0.2 s. Expected result: the last rate is written up to 0.3 s, and then rest."""
+    plant = RecordedPlant([reading for reading in stream(1.0) if not isinstance(reading, SeatReading) or reading.t_s <= 0.2])
+    mission, _, _ = counting_mission(plant)
+    for _ in range(50):
+        mission.tick()
+    rates = [seat.rate_m_s for _, seat in plant.written]
+    assert rates == [0.01] * 31 + [0.0] * 19
+
+
 def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() -> None:
     readings = [
         imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.7)

@@ -88,6 +88,37 @@ def test_19_a_seat_that_does_not_follow_over_the_crest() -> None:
     stands_still(run)
 
 
+def test_11_late_orders_before_the_crest() -> None:
+    """Test: orders come half a second late, and readings in bursts. Expected result: HOLD; the seat stands within 5°, for what
+    answered an old reading moves it no more."""
+    run = ride(fault("late_tick", 0.5, at_s=CREST_S - 4.0, for_s=3.0), place="flight")
+    assert run.verdict == "held", run.cause
+    assert float(np.abs(run.trace["seat_pitch_rad"]).max()) <= 0.5 * SEAT
+    stands_still(run)
+
+
+@pytest.mark.parametrize("side", [0.85, -0.85])
+def test_14_a_belt_without_grip_near_the_crest(side: float) -> None:
+    """Test: one belt slips for six seconds where the last nosings have left the view. Expected result: within 8°, rolled back by
+    0.3 m at most; if it is held, it stands."""
+    run = ride(fault("track_slip", side, at_s=5.9, for_s=6.0), place="flight")
+    assert float(np.abs(run.trace["heading_rad"]).max()) <= 8.0 * DEG
+    assert run.scores.roll_back_m <= 0.30
+    if run.verdict == "held":
+        stands_still(run)
+
+
+@pytest.mark.parametrize(("direction", "step", "at_s"), [("up", 3, 5.8), ("down", 7, 4.9)])
+def test_25_something_on_the_level_beyond_the_stair(direction: str, step: int, at_s: float) -> None:
+    """Test: a box comes to stand 1.2 m ahead, on the landing or the floor, where no stair is in view any more. Expected result:
+    HOLD for what stands in the way, 0.3 m before it."""
+    run = ride(fault("obstacle", 1.2, at_s=at_s), place="flight", direction=direction, step=step)
+    assert run.verdict == "held", run.cause
+    assert run.cause is not None
+    assert run.cause.startswith("obstacle 0.3")
+    stands_still(run)
+
+
 def test_22_a_dead_controller() -> None:
     """Test: nothing is proposed any more. Expected result: HOLD, still within 0.8 s of the third missed period."""
     run = ride(fault("process_killed", Process.CONTROLLER, at_s=1.0), place="flight", until_s=6.0)

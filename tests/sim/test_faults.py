@@ -520,6 +520,21 @@ def test_an_obstacle_is_in_the_depth_image_and_in_the_map_of_a_camera_without_im
         assert seen.obstacle_m is None or seen.obstacle_m == pytest.approx(end_m + 0.3, abs=0.06)
 
 
+@pytest.mark.parametrize(("direction", "step", "ahead_m"), [("up", 6, 1.5), ("down", 4, 2.0)])
+def test_a_camera_without_images_tells_of_a_box_on_the_level_beyond_the_flight(direction: str, step: int, ahead_m: float) -> None:
+    asked = scenario(fault("obstacle", ahead_m, at_s=0.0, for_s=9.0), direction=direction)
+    asked = asked.model_copy(update={"stair": asked.stair.model_copy(update={"steps": 8})})
+    asked = asked.model_copy(update={"start": Start(place="flight", step=step)})
+    came, _ = run(asked, 0.5, orders=standing)
+    told = [seen.obstacle_m for seen in of(came, FrameQuality)]
+    lead_m = read_chair("wheelchair").nose_m[0] + 0.07 if direction == "up" else 0.55
+    # Put there along the belts, from the end that leads; told is how far it is level.
+    assert told
+    assert all(value == pytest.approx((lead_m + ahead_m) * math.cos(SLOPE_DEG * DEG), abs=0.1) for value in told)
+    on_a_step = scenario(fault("obstacle", 0.3, at_s=0.0), direction=direction)
+    assert all(seen.obstacle_m is None for seen in of(run(on_a_step, 0.5, orders=standing)[0], FrameQuality))
+
+
 def test_a_false_edge_lies_in_colour_and_depth_askew_and_still() -> None:
     frames = of(run(scenario(fault("false_edges"), camera="kinect1"), 0.9, orders=standing)[0], RgbdFrame)
     clear = np.median([frame.depth_m for frame in frames[:5]], axis=0)  # NaN where one of them has none

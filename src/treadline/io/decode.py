@@ -328,6 +328,7 @@ def _quality(r: CdrReader) -> FrameQuality:
         brightness=values["brightness"],
         contrast=values["contrast"],
         valid_share=values["valid_share"],
+        obstacle_m=values.get("obstacle_m"),
     )
 
 

@@ -200,9 +200,9 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
 
 
 def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]:
-    names = ("fingerprint", "brightness", "contrast", "valid_share")
-    values = (float(quality.fingerprint), quality.brightness, quality.contrast, quality.valid_share)
-    return [joints(topic, quality.t_s, names, values, (), "camera", writer)]
+    values = {name: float(getattr(quality, name)) for name in ("fingerprint", "brightness", "contrast", "valid_share")}
+    values |= {} if quality.obstacle_m is None else {"obstacle_m": quality.obstacle_m}
+    return [joints(topic, quality.t_s, tuple(values), tuple(values.values()), (), "camera", writer)]
 
 
 def _plan(plan: Plan, topic: str, writer: Writer) -> list[Message]:

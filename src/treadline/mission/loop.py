@@ -25,7 +25,7 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
-from treadline.mission.rates import TICK_S, Rate
+from treadline.mission.rates import TICK_S, Rate, seat_now
 from treadline.perception.quality import quality_of
 from treadline.ports import Plant
 from treadline.signals import (
@@ -166,6 +166,7 @@ class Mission:
         proposed = self._propose(plan)
         guard = self._blocks.guard
         tracks, arm = guard.step(t_s, self._estimate), guard.pass_arm(plan.arm)
+        self._seat = seat_now(self._seat, t_s)
         self._plant.write(tracks, self._seat, arm)
         self._tell(tracks, arm, plan, proposed=proposed)
         self._tick += 1
@@ -222,9 +223,10 @@ class Mission:
                 pass
 
     def _look(self, frame: RgbdFrame) -> None:
-        if not self._blocks.guard.admit(quality_of(frame)):
+        gravity_C = self._gravity_in(frame)
+        if not self._blocks.guard.admit(quality_of(frame, gravity_C)):
             return
-        seen = self._blocks.detector.see(frame, self._gravity_in(frame))
+        seen = self._blocks.detector.see(frame, gravity_C)
         measurement, stair_map = seen.measurement, seen.stair_map
         if measurement is not None:
             self._log(measurement)

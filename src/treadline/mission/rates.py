@@ -1,9 +1,13 @@
-"""Which blocks run at which tick: 100 Hz base, 4 Hz control (Table I)."""
+"""Which blocks run at which tick: 100 Hz base, 4 Hz control (Table I); and for how long a rate asked of the seat counts."""
 
 from treadline import paper
+from treadline.signals import SeatCommand
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
 """Base period of the mission: the IMU's."""
+SEAT_S = 0.1
+"""For which a seat's rate counts: it answers one reading, and readings come a hundred times a second."""
+ROUNDING_S = 1e-6
 
 
 class Rate:
@@ -17,3 +21,8 @@ class Rate:
     def due(self, tick: int) -> bool:
         """Say whether the block runs at this tick."""
         return tick % self._every == 0
+
+
+def seat_now(command: SeatCommand, t_s: float) -> SeatCommand:
+    """Return what the seat is asked for now: a rate that answers an old reading would carry it past its level."""
+    return command if t_s - command.t_s <= SEAT_S + ROUNDING_S else SeatCommand(t_s=t_s, rate_m_s=0.0)

@@ -14,7 +14,7 @@ from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
-from treadline.mission.rates import TICK_S
+from treadline.mission.rates import TICK_S, seat_now
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.words import Beat, Drive, GuardState, Mounts
@@ -132,11 +132,11 @@ class CameraNode:
         self._gate.admits(reading)
 
     def _look(self, frame: RgbdFrame) -> None:
-        quality = quality_of(frame)
+        gravity_C = None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
+        quality = quality_of(frame, gravity_C)
         self._say(on.QUALITY, quality)
         if not (self._gate.admits(frame) and self._gate.admits(quality)):
             return
-        gravity_C = None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
         seen = self._detector.see(frame, gravity_C)
         measurement, stair_map = seen.measurement, seen.stair_map
         if measurement is not None:
@@ -474,7 +474,7 @@ class PlantNode:
 
     def _write(self, tracks: TrackCommand) -> None:
         self._heard_s, self.commanded_s = self._t_s, tracks.t_s
-        self._plant.write(tracks, self._seat, self._arm)
+        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), self._arm)
 
     def _level(self, command: SeatCommand) -> None:
         self._seat = command

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 
 from treadline.mission.guard.config import GuardConfig
-from treadline.signals import StairMap
+from treadline.signals import Plan, StairMap
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 3
 """That must show a thing in a row, or a gap more often than not."""
@@ -13,6 +13,12 @@ SAME_M = 0.15
 """Half a nosing pitch: within it, two findings are of one gap."""
 NEAR_M = 1.9
 """Of a gap from mid-track: from further away a nosing is missed too often, and a metre is enough to stop in."""
+
+
+OUT_OF_VIEW_M = 1.2
+"""From mid-track: nearer the camera sees a thing's upper part at best."""
+BEYOND = ("climb", "crest", "land", "descend", "edge", "leave")
+"""Phases whose way ends on a level, once no stair is to be in view."""
 
 
 class ObstacleWatch:
@@ -30,6 +36,15 @@ class ObstacleWatch:
     def distance_m(self, travel_m: float) -> float:
         """Return the distance from mid-track, or infinity."""
         return self._place_m - travel_m if self._count >= OBSTACLE_MAPS else math.inf
+
+
+class LevelWatch(ObstacleWatch):
+    """The same for the level beyond the stair: what has come too near to be in view is still there."""
+
+    def look(self, obstacle_m: float | None, travel_m: float) -> None:
+        """Take one frame's answer."""
+        if obstacle_m is not None or self._place_m - travel_m > OUT_OF_VIEW_M:
+            super().look(obstacle_m, travel_m)
 
 
 class GapWatch:
@@ -78,6 +93,7 @@ class AheadWatch:
         self._config = config
         self._sign = 1.0
         self._obstacle = ObstacleWatch()
+        self._level = LevelWatch()
         self._gap = GapWatch(config.track_span_m)
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
@@ -85,6 +101,13 @@ class AheadWatch:
         self._sign = 1.0 if stair.direction == "up" else -1.0
         self._obstacle.look(stair.obstacle_m, travel_m)
         self._gap.look(places, travel_m)
+
+    def look_on(self, obstacle_m: float | None, plan: Plan | None, travel_m: float) -> None:
+        """Take what one frame shows on the level where the camera looks; at a stair's foot that is its first step."""
+        if plan is None or plan.needs_stair or plan.phase not in BEYOND:
+            self._level = LevelWatch()
+        else:
+            self._level.look(obstacle_m, self._sign * travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:
         """Return what the chair would come too near to, driving on; None if nothing.
@@ -97,7 +120,7 @@ class AheadWatch:
         if speed <= 0.0:
             return None
         stopping_m = speed * limits.stopping_s
-        obstacle_m = self._obstacle.distance_m(self._sign * travel_m) - self._lead_m
+        obstacle_m = min(watch.distance_m(self._sign * travel_m) for watch in (self._obstacle, self._level)) - self._lead_m
         if obstacle_m < limits.obstacle_clear_m + stopping_m:
             return f"obstacle {obstacle_m:.2f} m ahead"
         gap_m = self._gap_m(travel_m)

@@ -48,7 +48,8 @@ class BlindTurnWatch:
 
         Args:
             heading_rad: As believed; infinite where it is not known. A gyro that drifts slowly leaves it at zero, for the belts
-                follow. What pushes the chair, a belt without grip, does not, and a chair held while it is pushed would slide.
+                follow. What pushes the chair, a belt without grip, does not, and a chair held while it is pushed down the flight
+                would turn further; on its way up it stands.
         """
         dt_s, self.t_s = t_s - self.t_s, t_s
         if self._config.blind_square_rad < abs(heading_rad) < math.inf:
@@ -64,7 +65,7 @@ class BlindTurnWatch:
             self._window.popleft()
         turned = self._turned_rad - self._window[0][1]
         # Over a nosing the chair swings, and is askew by a degree without a push.
-        pushed = plan.phase in FLIGHT and t_s - self._pushed_s < self._config.blind_turn_s
+        pushed = plan.phase == "descend" and t_s - self._pushed_s < self._config.blind_turn_s
         limit = self._config.blind_push_rad if pushed else self._config.blind_turn_rad
         if abs(turned) > limit and not plan.needs_stair:
             since_s = t_s - self._window[0][0]

@@ -207,6 +207,8 @@ class Guard:
         needs_stair = self._plan is None or self._plan.needs_stair
         if usable or (self._sight.is_alive and not needs_stair):
             self._senses.frame(quality.t_s, self._belts.travel_m)
+        if usable and (quality.obstacle_m is None or math.isfinite(quality.obstacle_m)):
+            self._ahead.look_on(quality.obstacle_m, self._plan, self._belts.travel_m)
         return usable
 
     def _feel_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:

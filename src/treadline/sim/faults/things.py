@@ -13,7 +13,7 @@ from jaxtyping import Float
 from treadline.angles import rotation_z
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase
-from treadline.signals import Reading, StairMap
+from treadline.signals import FrameQuality, Reading, StairMap
 from treadline.sim.camera.camera import Camera
 from treadline.sim.camera.eye import Eye
 from treadline.sim.camera.solids import Shadow, Solid, beam
@@ -27,6 +27,8 @@ OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
 BOX_COLOUR = (150.0, 40.0, 38.0)
 GRAIN_M = 0.02
 """Between the points of the box that are asked whether the chair would sweep them."""
+SHOWN_M = 3.0
+"""From mid-track, for a camera to see what stands on the ground."""
 BAR_M = (1.1, 0.04, 0.04)
 """Length, width and height of the false edge: a broomstick, a rail left lying, the rim of a mat."""
 BAR_COLOUR = (200.0, 198.0, 190.0)
@@ -63,9 +65,15 @@ class Surroundings:
 
     def told(self, seen: Reading, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Reading:
         """Return what a camera without images says, with what stands in the way."""
-        if self.box is None or not isinstance(seen, StairMap):
+        if self.box is None:
             return seen
-        return replace(seen, obstacle_m=distance_m(self.box, self._chair, R_WB, p_WB, self._way))
+        match seen:
+            case StairMap():
+                return replace(seen, obstacle_m=distance_m(self.box, self._chair, R_WB, p_WB, self._way))
+            case FrameQuality():
+                return replace(seen, obstacle_m=on_the_level_m(self.box, self._staircase, R_WB, p_WB, self._way))
+            case _:
+                return seen
 
     def gap_m(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> float | None:
         """Return how far the leading end is from what stands in the way, along the belts; None where nothing does."""
@@ -114,6 +122,17 @@ def distance_m(
     swept = (np.abs(y) <= 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)) & (way * x > 0.0)
     swept &= (z >= SWEPT_HEIGHT_M[0]) & (z <= SWEPT_HEIGHT_M[1])
     return float((way * x[swept]).min()) if swept.any() else None
+
+
+def on_the_level_m(
+    box: Solid, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], way: int
+) -> float | None:
+    """Return how far ahead of mid-track a box on the level beyond the stair is; None if it is on a step, or far off."""
+    stands_m = float(box.centre_W[2] - box.half_m[2])
+    level_m = staircase.steps[-1].z_m if way > 0 else 0.0
+    ahead = way * R_WB[:2, 0] / np.linalg.norm(R_WB[:2, 0])
+    far_m = float(ahead @ (box.centre_W - p_WB)[:2]) - float(box.half_m[0])
+    return far_m if abs(stands_m - level_m) < GRAIN_M and 0.0 < far_m < SHOWN_M else None
 
 
 def bar_in_view(

@@ -1,0 +1,91 @@
+"""What stands in the chair's way on the level that it comes to: a landing beyond the crest, the floor at the foot.
+
+``RgbdFrame, gravity -> distance``. Where no stair is seen there is no map, and nothing in it to stand in the way; a person at the
+head of the stair stands there all the same. It asks for no more than gravity and a stretch of level ground wider than a chair.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from treadline.angles import DEG
+from treadline.perception.geometry import way_of
+from treadline.signals import PinholeCamera, RgbdFrame
+
+STRIDE_AT_240 = 4
+"""Rows and columns from one point to the next: a leg two metres away is four points wide."""
+LEVEL = float(np.cos(20.0 * DEG))
+"""Of a patch's normal with up; noise tilts a patch two metres away by ten degrees."""
+GROUND_BIN_M, GROUND_POINTS = 0.03, 40
+"""Heights that are one ground, and the patches that it needs."""
+GROUND_HALF_M = 0.5
+"""To one side of the other, at least: a suitcase's lid is level too, and narrower."""
+SWEPT_HALF_M, CLEAR_M, SWEPT_HEIGHT_M = 0.40, 0.10, 1.5
+"""Half the tracks' width with an inch to spare; above the ground, what is lower may be noise; a seated person's height."""
+FAR_M = 3.0
+"""From mid-track: depth further away is noise, and a chair stops within one."""
+CROWD_M, CROWD_POINTS = 0.10, 6
+"""Points that stand together, for something to be there."""
+
+
+def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) -> float | None:
+    """Return how far ahead of mid-track, level, something stands on the ground where the camera looks; None if nothing does.
+
+    Ahead of a chair that climbs its ground is the highest level in view, behind one that backs down it is the lowest.
+
+    Args:
+        gravity_C: Unit vector that points down, in the camera's frame.
+    """
+    up = -gravity_C
+    points = _points(frame)
+    camera = frame.camera
+    way = way_of(camera.R_BC)
+    ahead = way * camera.R_BC[0] - float(way * camera.R_BC[0] @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up)
+    p_C = camera.R_BC.T @ np.array(camera.mount_m)
+    far, aside, height = np.moveaxis((points + p_C) @ np.stack([ahead, right, up], axis=1), -1, 0)
+    ground = _is_level(points, up) & (far < FAR_M)
+    level_m = _ground(height[ground], aside[ground], highest=way > 0.0)
+    if level_m is None:
+        return None
+    above = (height > level_m + CLEAR_M) & (height < level_m + SWEPT_HEIGHT_M)
+    above &= (np.abs(aside) < SWEPT_HALF_M) & (far > 0.0) & (far < FAR_M)
+    if way < 0.0:  # the steps that lead down to the floor are above it, but not above the belts
+        above &= (points + p_C) @ camera.R_BC[2] > CLEAR_M
+    return _first_crowd(np.sort(far[above]))
+
+
+def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
+    """Return every so manieth pixel as a point of C; NaN where there is no depth."""
+    camera: PinholeCamera = frame.camera
+    stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
+    z = frame.depth_m[::stride, ::stride].astype(float)
+    z[~(z > 0.0)] = np.nan
+    v, u = np.meshgrid(np.arange(z.shape[0]) * stride, np.arange(z.shape[1]) * stride, indexing="ij")
+    return np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1)
+
+
+def _is_level(points: Float[np.ndarray, "rows columns 3"], up: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, "rows columns"]:
+    """Say which points lie in level patches, five points wide."""
+    across, along = np.full_like(points, np.nan), np.full_like(points, np.nan)
+    across[:, 2:-2] = points[:, 4:] - points[:, :-4]
+    along[2:-2] = points[4:] - points[:-4]
+    normals = np.cross(along, across)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(normals @ up) > LEVEL * np.linalg.norm(normals, axis=-1))
+
+
+def _ground(height: Float[np.ndarray, " k"], aside: Float[np.ndarray, " k"], *, highest: bool) -> float | None:
+    """Return the height of the highest or lowest level that is wide enough to drive on."""
+    bins = np.floor(height / GROUND_BIN_M).astype(int)
+    for place in sorted(set(bins.tolist()), reverse=highest):
+        within = (bins == place) | (bins == place - 1 if highest else bins == place + 1)
+        if within.sum() >= GROUND_POINTS and np.ptp(aside[within]) > 2.0 * GROUND_HALF_M:
+            return float(np.median(height[within]))
+    return None
+
+
+def _first_crowd(places: Float[np.ndarray, " k"]) -> float | None:
+    together = np.searchsorted(places, places + CROWD_M) - np.arange(places.size)
+    first = np.flatnonzero(together >= CROWD_POINTS)
+    return float(places[first[0]]) if first.size else None

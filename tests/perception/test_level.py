@@ -1,0 +1,112 @@
+"""What stands on the level beyond a stair: told by depth and gravity alone, and nothing where nothing stands."""
+
+import math
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.perception.level import obstacle_on_the_level
+from treadline.scenario import Stair
+from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.sim.camera import Camera
+from treadline.sim.camera.solids import Solid, solids_of
+
+CHAIR = read_chair("wheelchair")
+BOX_HALF_M = np.array([0.125, 0.3, 0.25])
+LEG_HALF_M = np.array([0.06, 0.06, 0.4])
+SEES_M = 0.05
+"""A box's face is told to within the crowd's bin and the noise of its depth."""
+
+
+def seen(
+    scene: list[Solid], pitch_rad: float, p_WB: Float[np.ndarray, " 3"], *, rear: bool = False, seed: int = 0, yaw_rad: float = 0.0
+) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    """Return a frame from a chair that stands at a pose, and down in C."""
+    calibration: PinholeCamera = CHAIR.camera_at(240, rear=rear)
+    R_WB = rotation_z(yaw_rad) @ rotation_y(-pitch_rad)
+    R_WC = R_WB @ calibration.R_BC
+    camera = Camera(scene, calibration, rng=np.random.default_rng(seed))
+    return camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m)), R_WC.T @ np.array([0.0, 0.0, -1.0])
+
+
+def flight() -> Staircase:
+    return build_staircase(Stair(slope_deg=28.0, steps=8, landing_m=4.0), np.random.default_rng(1))
+
+
+def thing(x_m: float, y_m: float, floor_m: float, half_m: Float[np.ndarray, " 3"] = BOX_HALF_M) -> Solid:
+    centre = np.array([x_m, y_m, floor_m + half_m[2]])
+    return Solid(kind="bag", centre_W=centre, half_m=half_m, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
+
+
+def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """Return pitch and place of a chair on the flight, its middle ``before_m`` of the last nosing."""
+    last, slope = staircase.steps[-1], staircase.slope_rad
+    return slope, np.array([last.x_m - before_m * math.cos(slope), 0.0, last.z_m - before_m * math.sin(slope)])
+
+
+@pytest.mark.parametrize("before_m", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("beyond_m", [1.2, 1.6, 2.0])
+def test_a_box_on_the_landing_is_told_from_the_flight_by_its_distance(before_m: float, beyond_m: float) -> None:
+    staircase = flight()
+    pitch, p_WB = at_the_crest(staircase, before_m)
+    last = staircase.steps[-1]
+    box = thing(p_WB[0] + beyond_m + BOX_HALF_M[0], 0.1, last.z_m)
+    for seed in range(3):
+        told = obstacle_on_the_level(*seen([*solids_of(staircase.boxes()), box], pitch, p_WB, seed=seed))
+        assert told == pytest.approx(beyond_m, abs=SEES_M)
+
+
+@pytest.mark.parametrize("before_m", [-0.2, 0.0, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("askew_deg", [-10.0, 0.0, 10.0])
+def test_an_empty_landing_is_empty(before_m: float, askew_deg: float) -> None:
+    staircase = flight()
+    pitch, p_WB = at_the_crest(staircase, before_m)
+    for seed in range(3):
+        assert obstacle_on_the_level(*seen(solids_of(staircase.boxes()), pitch, p_WB, seed=seed, yaw_rad=askew_deg * DEG)) is None
+
+
+@pytest.mark.parametrize("far_m", [0.9, 1.2, 1.5])
+def test_a_leg_on_the_floor_behind_a_chair_that_backs_down_is_told_and_no_step(far_m: float) -> None:
+    staircase = flight()
+    slope, first = staircase.slope_rad, staircase.steps[0]
+    p_WB = np.array([first.x_m + 0.45 * math.cos(slope), 0.0, first.z_m + 0.45 * math.sin(slope)])
+    solids = solids_of(staircase.boxes())
+    for seed in range(3):
+        assert obstacle_on_the_level(*seen(solids, slope, p_WB, rear=True, seed=seed)) is None
+        leg = thing(p_WB[0] - far_m - LEG_HALF_M[0], -0.2, 0.0, LEG_HALF_M)
+        told = obstacle_on_the_level(*seen([*solids, leg], slope, p_WB, rear=True, seed=seed))
+        assert told == pytest.approx(far_m, abs=SEES_M)
+
+
+@pytest.mark.parametrize("walls", ["none", "both"])
+@pytest.mark.parametrize("down_m", [-0.6, 0.0, 0.6, 1.2])
+def test_a_flight_that_falls_away_behind_is_no_obstacle(walls: str, down_m: float) -> None:
+    staircase = build_staircase(Stair.model_validate({"slope_deg": 28.0, "steps": 8, "walls": walls}), np.random.default_rng(2))
+    solids = solids_of(staircase.boxes())
+    slope, last = staircase.slope_rad, staircase.steps[-1]
+    level = down_m < 0.0
+    p_WB = np.array([last.x_m - down_m * (1.0 if level else math.cos(slope)), 0.0, last.z_m - max(down_m, 0.0) * math.sin(slope)])
+    for seed in range(3):
+        assert obstacle_on_the_level(*seen(solids, 0.0 if level else slope, p_WB, rear=True, seed=seed)) is None
+
+
+@pytest.mark.parametrize(("y_m", "half_m"), [(0.9, BOX_HALF_M), (0.0, np.array([0.3, 0.3, 0.03]))])
+def test_what_is_beside_the_way_or_low_is_no_obstacle(y_m: float, half_m: Float[np.ndarray, " 3"]) -> None:
+    staircase = flight()
+    pitch, p_WB = at_the_crest(staircase, 0.3)
+    aside = thing(p_WB[0] + 1.5, y_m, staircase.steps[-1].z_m, half_m)
+    assert obstacle_on_the_level(*seen([*solids_of(staircase.boxes()), aside], pitch, p_WB)) is None
+
+
+def test_without_ground_nothing_is_told() -> None:
+    """Test: no depth at all; a wall before the camera and nothing else. Expected result: None."""
+    staircase = flight()
+    frame, down_C = seen(solids_of(staircase.boxes()), *at_the_crest(staircase, 0.3))
+    frame.depth_m[:] = np.nan
+    assert obstacle_on_the_level(frame, down_C) is None
+    frame.depth_m[:] = 1.0
+    assert obstacle_on_the_level(frame, np.array([0.0, 1.0, 0.0])) is None
