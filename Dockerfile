@@ -10,12 +10,15 @@ RUN apt-get update \
 
 ENV TREADLINE_GAZEBO=/
 
-# The plugin alone first: it changes less often than the rest.
+# The plugin alone first: it changes less often than the rest. A build that fails takes its log with it, so it is shown.
 COPY ros/gazebo /opt/treadline-source/ros/gazebo
-RUN /opt/treadline-source/ros/gazebo/environment.sh
+RUN /opt/treadline-source/ros/gazebo/environment.sh || { cat /tmp/tmp.* >&2; exit 1; }
 
 COPY pyproject.toml README.md LICENSE /opt/treadline-source/
 COPY src /opt/treadline-source/src
 RUN python -m pip install --no-cache-dir "/opt/treadline-source[ros]"
+
+# Any user may run it (docker run --user): what is compiled on first use needs a home that everybody can write to.
+ENV HOME=/tmp
 
 ENTRYPOINT ["treadline"]

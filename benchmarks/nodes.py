@@ -131,6 +131,8 @@ def tell(what: str, delays_ms: list[float]) -> None:
 
 if __name__ == "__main__":
     transport = sys.argv[1] if len(sys.argv) > 1 else "zenoh"
+    if transport not in ("zenoh", "ros1"):
+        sys.exit(__doc__)
     length_s = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
     roles = {"source": source, "sink": sink, "graph": graph}
     if len(sys.argv) > 3:
