@@ -29,6 +29,7 @@ from treadline.experiments.pool import default_workers, run_jobs
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
+from treadline.mission.guard.phases import TIPPING
 from treadline.mission.loop import Tick
 from treadline.mission.rates import TICK_S
 from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
@@ -48,7 +49,6 @@ AFTERWARDS_S = 3.0
 """Driven on after a fault that has passed."""
 HEARD_S = 0.12
 """A handset speaks ten times a second, and a tick later the command is zero."""
-PITCHING = ("crest", "edge")
 TOLD = ("slow", "hold", "re-referenced", "vision_dim", "back_off", "refused")
 """Events that say that something was noticed."""
 
@@ -318,13 +318,13 @@ class Disturbed:
                 yield f"{what} {value:.2f} {unit}, {limit:g} wanted"
         if seen.roll_back_m > ROLL_BACK_M:
             yield f"rolled back {seen.roll_back_m:.2f} m"
-        if self.phase in PITCHING and case.kind == "arm_lost":
+        if self.phase in TIPPING and case.kind == "arm_lost":
             return
         if seen.slide_m > SLIDE_M:
             yield f"slides {seen.slide_m * 1000.0:.0f} mm"
         if seen.turn_deg > TURN_DEG:
             yield f"turns {seen.turn_deg:.1f}° while held"
-        if self.phase not in PITCHING and seen.margin_deg < MARGIN_DEG:
+        if self.phase not in TIPPING and seen.margin_deg < MARGIN_DEG:
             yield f"margin {seen.margin_deg:.1f}°"
 
 

@@ -11,7 +11,7 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.guard import GuardConfig
 from treadline.mission.guard.ahead import AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, PITCHED_RAD_M, BlindTurnWatch, askew
+from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Latch
 from treadline.mission.guard.limits import limited, mean_limit
@@ -702,9 +702,9 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
         (0.0, LEVEL_RAD_M),
         (0.034, LEVEL_RAD_M),
         (-0.034, LEVEL_RAD_M),
-        (0.036, PITCHED_RAD_M),
-        (-0.036, PITCHED_RAD_M),
-        (2.0, PITCHED_RAD_M),
+        (0.036, OVER_RAD_M),
+        (-0.036, OVER_RAD_M),
+        (2.0, OVER_RAD_M),
     ],
 )
 def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
@@ -732,16 +732,16 @@ def test_a_chair_that_swings_is_not_judged() -> None:
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
         watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
         watch.feel_motion(0.0, tilted(0.3, 0.0), rate)
-        assert turning(0.3 / PITCHED_RAD_M, "leave", 2, watch).cause is None
+        assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
         for k in range(1, 100):
             watch.feel_motion(k / 64, tilted(0.3, 0.0), rate)
-        turning(0.3 / PITCHED_RAD_M, "leave", 30, watch)
+        turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
     watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     watch.feel_motion(0.0, tilted(0.3, 0.0), 0.0)
     watch.feel_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
-    assert turning(0.3 / PITCHED_RAD_M, "leave", 29, watch).cause is not None
+    assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
 
 
 @pytest.mark.parametrize("phase", ["crest", "land", "edge", "leave"])

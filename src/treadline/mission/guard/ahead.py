@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import Plan, StairMap
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 3
@@ -17,8 +18,6 @@ NEAR_M = 1.9
 
 OUT_OF_VIEW_M = 1.2
 """From mid-track: nearer the camera sees a thing's upper part at best."""
-BEYOND = ("climb", "crest", "land", "descend", "edge", "leave")
-"""Phases whose way ends on a level, once no stair is to be in view."""
 
 
 class ObstacleWatch:
@@ -104,7 +103,7 @@ class AheadWatch:
 
     def look_on(self, obstacle_m: float | None, plan: Plan | None, travel_m: float) -> None:
         """Take what one frame shows on the level where the camera looks; at a stair's foot that is its first step."""
-        if plan is None or plan.needs_stair or plan.phase not in BEYOND:
+        if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
             self._level = LevelWatch()
         else:
             self._level.look(obstacle_m, self._sign * travel_m)

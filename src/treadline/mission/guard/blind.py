@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, Plan
 
-FLIGHT = ("climb", "descend")
-PITCHED = ("crest", "land", "edge", "leave")
-FLIGHT_RAD_M, PITCHED_RAD_M, LEVEL_RAD_M = 0.38, 0.24, 0.8
+FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M = 0.38, 0.24, 0.8
 """Turn of the chair per metre that one belt runs further: on nosings, over one, and on the level (measured on the plant)."""
 LEVEL_RAD = 2.0 * DEG
 SWINGS_RAD_S = 4.5 * DEG
@@ -54,7 +53,7 @@ class BlindTurnWatch:
         dt_s, self.t_s = t_s - self.t_s, t_s
         if self._config.blind_square_rad < abs(heading_rad) < math.inf:
             self._pushed_s = t_s
-        if plan is None or plan.phase not in FLIGHT + PITCHED:
+        if plan is None or plan.phase not in FLIGHT + OVER:
             self._window.clear()
             return
         if not self._window:
@@ -82,11 +81,11 @@ class BlindTurnWatch:
             return FLIGHT_RAD_M
         if abs(self._swing_rad_s) > SWINGS_RAD_S:
             return 0.0
-        return PITCHED_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M
+        return OVER_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M
 
 
 def askew(config: GuardConfig, estimate: HeadingEstimate | None, plan: Plan | None) -> str | None:
     """Return that a chair that pitches over a nosing, which it began square, is said to be askew; None if not."""
-    if estimate is None or plan is None or plan.phase not in PITCHED or abs(estimate.heading_rad) <= config.askew_rad:
+    if estimate is None or plan is None or plan.phase not in OVER or abs(estimate.heading_rad) <= config.askew_rad:
         return None
     return f"heading {estimate.heading_rad / DEG:+.1f}° in {plan.phase}: the chair has turned, or the gyro errs"

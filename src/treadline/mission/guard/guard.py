@@ -13,8 +13,9 @@ from treadline.mission.guard.blind import BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.latch import Latch
-from treadline.mission.guard.limits import ENDS, FLIGHT, STEADY, finite, limited, mean_limit, stands
+from treadline.mission.guard.limits import finite, limited, mean_limit, stands
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
+from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
 from treadline.signals import (

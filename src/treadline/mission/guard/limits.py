@@ -4,15 +4,8 @@ import math
 from dataclasses import replace
 
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.phases import ENDS, FLIGHT, PITCHING
 from treadline.signals import HeadingEstimate, Plan, TrackCommand
-
-PITCHING = ("mount", "crest", "edge", "leave")
-"""Phases in which the chair pitches; there steering gives way to a slow mean even while it turns."""
-FLIGHT = ("drive", "climb", "descend")
-"""Phases on the flight itself: there the cruise limit holds, whatever the plan's speed, for steering adds to the mean."""
-STEADY = ("search", "align", "approach", *FLIGHT)
-"""Phases in which the chair keeps its pitch: its seat, once level, needs no haste."""
-ENDS = ("arrived", "refused")
 
 
 def stands(plan: Plan) -> bool:

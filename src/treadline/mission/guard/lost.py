@@ -4,10 +4,8 @@ import math
 
 from treadline.estimation.health import HeadingHealth
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.phases import TIPPING
 from treadline.signals import Event, HeadingEstimate
-
-PITCHING = ("crest", "edge")
-"""Phases in which the arm follows the pitch: without an IMU nobody knows it."""
 
 
 class SenseWatch:
@@ -66,7 +64,7 @@ class SenseWatch:
         if no_imu is not None:
             if frame_s > limits.frame_timeout_s:
                 return f"{no_imu}, and {no_frame}"
-            if imu_s > limits.vision_only_s or phase in PITCHING:
+            if imu_s > limits.vision_only_s or phase in TIPPING:
                 return no_imu
         if frame_s > limits.blind_timeout_s:
             return no_frame
