@@ -12,7 +12,7 @@ ENV TREADLINE_GAZEBO=/
 
 # The plugin alone first: it changes less often than the rest. A build that fails takes its log with it, so it is shown.
 COPY ros/gazebo /opt/treadline-source/ros/gazebo
-RUN /opt/treadline-source/ros/gazebo/environment.sh || { cat /tmp/tmp.* >&2; exit 1; }
+RUN mkdir /opt/log && TMPDIR=/opt/log /opt/treadline-source/ros/gazebo/environment.sh || { cat /opt/log/* >&2; exit 1; }
 
 COPY pyproject.toml README.md LICENSE /opt/treadline-source/
 COPY src /opt/treadline-source/src
