@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import kernels
-from treadline.perception.geometry import normal_of, points_of, way_of
+from treadline.perception.geometry import first_crowd, normal_of, points_of, way_of
 from treadline.perception.nosings import Axes, Nosing
 from treadline.perception.planes import Blocks
 from treadline.perception.sight import StairShape
@@ -158,14 +158,7 @@ def _obstacle(
         within &= aside < right_m - RAIL_THICK_M
     x, y, _ = (standing[within] @ R_BC.T + p_BC).T
     far = way_of(R_BC) * x
-    return _first_crowd(np.sort(far[(np.abs(y) < SWEPT_HALF_M) & (far > 0.0)]))
-
-
-def _first_crowd(places: Float[np.ndarray, " k"]) -> float | None:
-    """Return the smallest place with enough others close behind it."""
-    together = np.searchsorted(places, places + BIN_M) - np.arange(places.size)
-    first = np.flatnonzero(together >= LEAST_POINTS)
-    return float(places[first[0]]) if first.size else None
+    return first_crowd(far[(np.abs(y) < SWEPT_HALF_M) & (far > 0.0)], BIN_M, LEAST_POINTS)
 
 
 def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None:

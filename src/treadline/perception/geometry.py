@@ -22,6 +22,14 @@ SHAPE_SIGMA_M = 0.0055
 """Of a nosing's place: noise of the sensor and the stair's own irregularity."""
 
 
+def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> float | None:
+    """Return the smallest place with enough others close behind it, or None."""
+    places = np.sort(places)
+    together = np.searchsorted(places, places + within) - np.arange(places.size)
+    first = np.flatnonzero(together >= least)
+    return float(places[first[0]]) if first.size else None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levelled:
     """The stair's axes with what level is taken from."""

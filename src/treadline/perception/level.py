@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
-from treadline.perception.geometry import way_of
-from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.perception.geometry import first_crowd, way_of
+from treadline.signals import RgbdFrame
 
 STRIDE_AT_240 = 4
 """Rows and columns from one point to the next: a leg two metres away is four points wide."""
@@ -52,12 +52,12 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
     above &= (np.abs(aside) < SWEPT_HALF_M) & (far > 0.0) & (far < FAR_M)
     if way < 0.0:  # the steps that lead down to the floor are above it, but not above the belts
         above &= (points + p_C) @ camera.R_BC[2] > CLEAR_M
-    return _first_crowd(np.sort(far[above]))
+    return first_crowd(far[above], CROWD_M, CROWD_POINTS)
 
 
 def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
     """Return every so manieth pixel as a point of C; NaN where there is no depth."""
-    camera: PinholeCamera = frame.camera
+    camera = frame.camera
     stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
     z = frame.depth_m[::stride, ::stride].astype(float)
     z[~(z > 0.0)] = np.nan
@@ -83,9 +83,3 @@ def _ground(height: Float[np.ndarray, " k"], aside: Float[np.ndarray, " k"], *, 
         if within.sum() >= GROUND_POINTS and np.ptp(aside[within]) > 2.0 * GROUND_HALF_M:
             return float(np.median(height[within]))
     return None
-
-
-def _first_crowd(places: Float[np.ndarray, " k"]) -> float | None:
-    together = np.searchsorted(places, places + CROWD_M) - np.arange(places.size)
-    first = np.flatnonzero(together >= CROWD_POINTS)
-    return float(places[first[0]]) if first.size else None
