@@ -179,7 +179,7 @@ class FrameQuality:
     valid_share: float
     """Of the depth image that has a depth, 0 to 1."""
     obstacle_m: float | None = None
-    """How far ahead of mid-track, level, something stands on the ground where the camera looks; None if nothing, or not asked."""
+    """How far ahead of mid-track something stands on the ground where the camera looks; None if nothing, or not asked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

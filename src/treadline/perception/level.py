@@ -28,9 +28,10 @@ CROWD_M, CROWD_POINTS = 0.10, 6
 
 
 def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) -> float | None:
-    """Return how far ahead of mid-track, level, something stands on the ground where the camera looks; None if nothing does.
+    """Return how far ahead of mid-track something stands on the ground where the camera looks; None if nothing does.
 
-    Ahead of a chair that climbs its ground is the highest level in view, behind one that backs down it is the lowest.
+    Ahead of a chair that climbs its ground is the highest level in view, behind one that backs down it is the lowest. Distances are
+    level, or along the belts where that is less.
 
     Args:
         gravity_C: Unit vector that points down, in the camera's frame.
@@ -50,8 +51,11 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
         return None
     above = (height > level_m + CLEAR_M) & (height < level_m + SWEPT_HEIGHT_M)
     above &= (np.abs(aside) < SWEPT_HALF_M) & (far > 0.0) & (far < FAR_M)
-    if way < 0.0:  # the steps that lead down to the floor are above it, but not above the belts
+    if (
+        way < 0.0
+    ):  # the steps that lead down to the floor are above it, but not above the belts; a thing's top leans towards the chair
         above &= (points + p_C) @ camera.R_BC[2] > CLEAR_M
+        far = np.minimum(far, way * ((points + p_C) @ camera.R_BC[0]))
     return first_crowd(far[above], CROWD_M, CROWD_POINTS)
 
 
