@@ -37,25 +37,23 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
         gravity_C: Unit vector that points down, in the camera's frame.
     """
     up = -gravity_C
-    points = _points(frame)
     camera = frame.camera
+    points = _points(frame) + camera.R_BC.T @ np.array(camera.mount_m)
     way = way_of(camera.R_BC)
     ahead = way * camera.R_BC[0] - float(way * camera.R_BC[0] @ up) * up
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, up)
-    p_C = camera.R_BC.T @ np.array(camera.mount_m)
-    far, aside, height = np.moveaxis((points + p_C) @ np.stack([ahead, right, up], axis=1), -1, 0)
+    far, aside, height = np.moveaxis(points @ np.stack([ahead, right, up], axis=1), -1, 0)
     ground = _is_level(points, up) & (far < FAR_M)
     level_m = _ground(height[ground], aside[ground], highest=way > 0.0)
     if level_m is None:
         return None
     above = (height > level_m + CLEAR_M) & (height < level_m + SWEPT_HEIGHT_M)
     above &= (np.abs(aside) < SWEPT_HALF_M) & (far > 0.0) & (far < FAR_M)
-    if (
-        way < 0.0
-    ):  # the steps that lead down to the floor are above it, but not above the belts; a thing's top leans towards the chair
-        above &= (points + p_C) @ camera.R_BC[2] > CLEAR_M
-        far = np.minimum(far, way * ((points + p_C) @ camera.R_BC[0]))
+    if way < 0.0:
+        # The steps that lead down to the floor are above it, but not above the belts; a thing's top leans towards the chair.
+        above &= points @ camera.R_BC[2] > CLEAR_M
+        far = np.minimum(far, way * (points @ camera.R_BC[0]))
     return first_crowd(far[above], CROWD_M, CROWD_POINTS)
 
 

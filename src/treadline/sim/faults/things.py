@@ -72,8 +72,10 @@ class Surroundings:
                 return replace(seen, obstacle_m=distance_m(self.box, self._chair, R_WB, p_WB, self._way))
             case FrameQuality():
                 far_m = on_the_level_m(self.box, self._staircase, R_WB, p_WB, self._way)
-                near_m = distance_m(self.box, self._chair, R_WB, p_WB, self._way) if far_m is not None and self._way < 0 else None
-                return replace(seen, obstacle_m=far_m if far_m is None or near_m is None else min(far_m, near_m))
+                if far_m is not None and self._way < 0:  # its top leans towards the chair
+                    along_m = distance_m(self.box, self._chair, R_WB, p_WB, self._way)
+                    far_m = far_m if along_m is None else min(far_m, along_m)
+                return replace(seen, obstacle_m=far_m)
             case _:
                 return seen
 
