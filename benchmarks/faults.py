@@ -43,6 +43,7 @@ SETTLED_S = 0.5
 """After a hold the chair stands still within this time; from then on rule H counts."""
 SLIDE_M, TURN_DEG, MARGIN_DEG = 0.020, 2.0, 7.0
 PITCH_RATE_DEG_S, SEAT_DEG, ROLL_BACK_M = 20.0, 5.0, 0.30
+MOVING_M_S = 0.02
 CLEAR_M = 0.3
 """Before what stands in the way."""
 AFTERWARDS_S = 3.0
@@ -99,6 +100,8 @@ class Case:
     still_s: float = math.inf
     heading_deg: float = 6.0
     seat_deg: float = SEAT_DEG
+    moving: bool = False
+    """Whether only a chair that moves can know: then its times count from where the belts run."""
 
     @property
     def name(self) -> str:
@@ -122,7 +125,7 @@ CASES = (
     Case("7", "imu_bias", 5.0, 3.0, ends=ANY, heading_deg=5.0),
     Case("7", "imu_bias", 20.0, 3.0, ends=ANY, found_s=0.5, heading_deg=5.0),
     Case("7", "imu_bias", -30.0, 3.0, ends=ANY, found_s=0.5, heading_deg=5.0),
-    Case("8", "imu_stuck", found_s=0.3, held_s=1.3),
+    Case("8", "imu_stuck", found_s=0.3, held_s=1.3, moving=True),
     Case("9", "camera_lost", also="imu_lost", held_s=0.5),
     Case("10", "clock_back", 0.5, 3.0, ends=ANY),
     Case("10", "clock_back", 2.0, 3.0, held_s=0.5),
@@ -276,6 +279,8 @@ class Disturbed:
         x, y, heading = trace["x_m"][rest], trace["y_m"][rest], trace["heading_rad"][rest]
         rests = not math.isnan(held_s) and len(x) > 0
         moving = np.flatnonzero((np.abs(trace["left_m_s"]) > 1e-3) | (np.abs(trace["right_m_s"]) > 1e-3))
+        runs = np.flatnonzero(np.maximum(np.abs(trace["left_m_s"]), np.abs(trace["right_m_s"])) > MOVING_M_S)
+        due_s = self.at_s + (int(runs[0]) * TICK_S if self.case.moving and runs.size else 0.0)
         onward = trace["x_m"] if self.leg.direction == "up" else -trace["x_m"]
         backs_s = next((t_s - self.at_s for t_s, name in told if name == "back_off"), math.inf)
         onward = onward[: max(round(min(backs_s / TICK_S, len(onward))), 1)]  # what it backs off, it was told to
@@ -287,8 +292,8 @@ class Disturbed:
             seed=self.seed,
             verdict=ride.verdict,
             cause=ride.cause or "",
-            found_s=next((t_s - self.at_s for t_s, name in told if name in TOLD), math.nan),
-            held_s=held_s - self.at_s,
+            found_s=next((t_s - due_s for t_s, name in told if name in TOLD), math.nan),
+            held_s=held_s - due_s,
             still_s=(int(moving[-1]) + 1) * TICK_S if moving.size else 0.0,
             slide_m=float(np.hypot(x - x[0], y - y[0]).max()) if rests else math.nan,
             turn_deg=float(np.ptp(heading)) / DEG if rests else math.nan,

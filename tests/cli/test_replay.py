@@ -28,11 +28,10 @@ width_m = 2.4
 [start]
 place = "flight"
 step = 6
-heading_deg = 2
+heading_deg = 8
 [drive]
 duration_s = 0.8
 """
-"""Nearly square: a recording of headings without images does not tell how far a chair slides that turns at its limits."""
 FRAMES = 9
 KEYS = {
     "rms_heading_deg", "steady_rms_heading_deg", "settle_s", "max_abs_heading_deg", "seat_rms_deg", "seat_max_deg",

@@ -204,6 +204,29 @@ def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 
 
+def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
+    """Test: the order comes while the front is lifted, and once it has been. Expected result: lowered, then barred; the second time
+    it is too late, and the chair backs on."""
+    chair = Chassis().pressed()
+    chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
+    assert chair.edge.turn_back()
+    assert chair.run(0.01, tip_n=200.0).stage == "lower"
+    chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
+    assert chair.edge.turn_back()
+
+    late = Chassis().lifted()
+    assert not late.edge.turn_back()
+    late.until("leave", tip_n=40.0)
+
+
+@pytest.mark.parametrize("stage", ["approach", "press"])
+def test_a_chair_that_is_told_to_turn_back_before_it_is_lifted_is_not(stage: str) -> None:
+    chair = Chassis()
+    chair.until(stage)
+    assert chair.edge.turn_back() == (stage == "press")
+    assert chair.run(0.01).stage == ("lower" if stage == "press" else "approach")
+
+
 def test_an_arm_that_no_longer_folds_props_the_chair_up_and_ends_its_backing() -> None:
     chair = Chassis().lifted()
     command = chair.until("barred", tip_n=300.0, pitch_deg_s=2.0)

@@ -140,6 +140,12 @@ class Script:
     def nosing_seen(self, behind_m: float) -> None:
         self.behind_m = behind_m
 
+    def turn_back(self) -> bool:
+        """As an arm does that can still let the chair down again."""
+        can = self.stages[min(self.steps // 10, len(self.stages) - 1)] in ("press", "lift")
+        self.stages = ("lower", "barred") if can else self.stages
+        return can or "barred" in self.stages
+
     def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> EdgeCommand:
         del arm, tracks
         near = self.behind_m < 0.02
@@ -240,12 +246,13 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
 
 
 @pytest.mark.usefixtures("edge")
-def test_a_foot_that_no_frame_shows_is_met_slowly_where_the_lowest_nosing_ever_seen_is() -> None:
+def test_a_nosing_beyond_which_nothing_was_ever_seen_is_not_driven_over() -> None:
+    """Test: no frame shows the flight's end. Expected result: slow, and HOLD a quarter of a metre before the lowest nosing seen."""
     world = World(shows_end=False)
-    world.run("leave", limit_s=90.0)
-    assert "no nosing seen beyond" in world.plans[-1].cause
+    plan = held(world, lambda _, seen: seen)
+    assert plan.phase == "descend"
+    assert plan.hold == "what follows the nosing 0.25 m before the rear pulley has not been seen"
     assert world.plans[-2].speed_m_s == -CONFIG.slow_m_s
-    world.run("arrived", limit_s=60.0)
 
 
 def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
@@ -258,6 +265,106 @@ def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
     assert hold is not None
     assert hold.startswith("the arm could not let the chair down over the edge; it stands")
     assert world.plans[-1].phase == "edge"
+
+
+def without(missing: int, from_phase: str = "", reach: float = 3.2) -> Callable[[World, StairMap], StairMap]:
+    """Return what a camera makes of a flight whose nosing so many below the edge is missing; before a phase it sees two at most."""
+
+    def spoil(world: World, seen: StairMap) -> StairMap:
+        phase = world.plans[-1].phase if world.plans else "search"
+        edge_x, edge_z = ((EDGE_M - world.x_m), STEPS * RISE_M - world.z_m)
+        c, s = math.cos(world.pitch_rad), math.sin(world.pitch_rad)
+        edge = edge_x * c + edge_z * s
+        pitch_m = math.hypot(RISE_M, RUN_M) if world.pitch_rad > 0.0 else RUN_M
+        below = np.round((edge - seen.nosings_B[:, 0]) / pitch_m)
+        kept = (below != missing) & (seen.nosings_B[:, 0] > -reach)
+        if from_phase and phase in ("search", "align", "approach") and from_phase not in world.phases:
+            kept &= below < 2
+        return replace(seen, nosings_B=seen.nosings_B[kept], ends=False)
+
+    return spoil
+
+
+def held(world: World, missing: Callable[[World, StairMap], StairMap]) -> Plan:
+    world.spoil = lambda seen: missing(world, seen)
+    while world.tick().hold is None:
+        assert world.t_s < 90.0
+    return world.plans[-1]
+
+
+@pytest.mark.usefixtures("edge")
+@pytest.mark.parametrize("missing", [1, 2, 3])
+def test_a_step_that_is_missing_below_the_edge_keeps_the_chair_on_the_landing(missing: int) -> None:
+    """Test: one of the first three nosings below the edge is missing, and seen to be. Expected result: it stands on the landing."""
+    world = World()
+    plan = held(world, without(missing))
+    assert plan.phase == "approach"
+    assert plan.hold is not None
+    assert re.match(r"a step is missing: 0\.6\d m from nosing to nosing, the upper \d\.\d\d m before the rear pulley", plan.hold)
+
+
+def test_a_step_that_is_seen_to_be_missing_while_the_chair_is_lifted_turns_it_back(edge: type[Script]) -> None:
+    """Test: what lies below the second nosing comes into view while the arm lifts, and there a step is missing. Expected result:
+    the arm lets the chair down again, and then it holds."""
+    edge.stages = ("press", "lift", "lift", "lift", "lift", "lift", "lift", "settle", "done")
+    world = World()
+    plan = held(world, without(2, "edge"))
+    assert plan.phase == "edge"
+    assert edge.made[0].stages == ("lower", "barred")
+    assert plan.hold is not None
+    assert plan.hold.startswith("a step is missing: 0.6")
+    assert "; it stands" in plan.hold
+
+
+def test_a_step_that_is_seen_to_be_missing_too_late_to_turn_back_stops_the_chair_there(edge: type[Script]) -> None:
+    edge.stages = ("settle",) * 50
+    world = World()
+    plan = held(world, without(2, "edge"))
+    assert plan.phase == "edge"
+    assert plan.hold is not None
+    assert "; it stands" not in plan.hold
+    assert (plan.speed_m_s, plan.arm) == (0.0, None)
+
+
+def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Script]) -> None:
+    """Test: while the arm lifts, no more than a metre below the edge comes into view. Expected result: let down again, HOLD."""
+    edge.stages = ("press", "lift", "lift", "lift", "settle", "done")
+    world = World()
+    seen_m = 1.0
+
+    def short(_: World, seen: StairMap) -> StairMap:
+        return replace(seen, nosings_B=seen.nosings_B[seen.nosings_B[:, 0] > EDGE_M - world.x_m - seen_m], ends=False)
+
+    plan = held(world, short)
+    assert edge.made[0].stages == ("lower", "barred")
+    assert plan.hold is not None
+    assert plan.hold.startswith("no more of the flight is in view than the chair needs to lie on, nor its end; it stands")
+
+
+@pytest.mark.usefixtures("edge")
+def test_a_step_that_seems_missing_far_below_the_edge_lets_it_come_nearer_before_it_stops() -> None:
+    """Test: the sixth nosing below is missing. Expected result: over the edge, and HOLD 0.4 m before the nosing above the gap."""
+    config = replace(CONFIG, gap_m=0.4)
+    world = World(planner=Descent(config))
+    plan = held(world, without(6))
+    assert plan.phase == "descend"
+    assert world.x_m - PIVOT_M * math.cos(SLOPE_RAD) - (EDGE_M - 5 * RUN_M) == pytest.approx(
+        config.gap_m * math.cos(SLOPE_RAD), abs=0.03
+    )
+
+
+def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() -> None:
+    """Test: a chair on a flight, its rear over a gap that has been out of view. Expected result: HOLD at once."""
+    world = World(x_m=0.5 * EDGE_M)
+    world.run("descend")
+    world.run(limit_s=0.3)
+    where = world.planner._where
+    assert world.planner._missing(CONFIG.gap_m) is None
+    behind = [n for n, ahead in zip(where._known, where.ahead_m(), strict=True) if ahead < -PIVOT_M]
+    where._known.remove(behind[-1])
+    missing = world.planner._missing(CONFIG.gap_m)
+    assert missing is not None
+    assert "past the rear pulley" in missing
 
 
 def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_descends() -> None:
@@ -286,7 +393,9 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Sc
         kept = rng.random(len(seen.nosings_B)) < 0.8
         kept[:1] = True
         error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
-        return None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=False)
+        return (
+            None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=seen.ends and bool(kept[-1]))
+        )
 
     world = World(heading_rad=-10.0 * DEG, spoil=flicker)
     world.run("arrived", limit_s=120.0)

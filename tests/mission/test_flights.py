@@ -117,7 +117,7 @@ def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(
         assert not where.shows_another
         where.feel(told(0.3 + 0.1 * k, second, up=up))
     assert where.ahead_m() == before
-    assert where.gap_ahead_m() is None
+    assert where.gaps_ahead_m() == []
     assert where.shows_another
     assert where.top_ends is up
     assert where.bottom_ends is not up
@@ -129,7 +129,7 @@ def test_missing_steps_stay_a_gap_in_this_flight(missing: int) -> None:
     beyond = [(FIRST[-1][0] + (missing + 1 + k) * RUN_M, FIRST[-1][1] + (missing + 1 + k) * RISE_M) for k in range(3)]
     for k in range(2 * NEXT_MAPS):
         where.feel(told(0.1 * k, FIRST if k < NEXT_MAPS else beyond))
-    assert where.gap_ahead_m() == pytest.approx((FIRST[-1][0], beyond[0][0]))
+    assert where.gaps_ahead_m() == [pytest.approx((FIRST[-1][0], beyond[0][0]))]
     assert not where.shows_another
 
 

@@ -132,7 +132,7 @@ def test_the_graph_drives_and_the_guard_holds_when_a_node_is_killed(start: Any, 
     truths = [truth for _, truth in seen.heard[on.TRUTH] if round(100 * truth.t_s) in places]
     first, last = (places[round(100 * truth.t_s)] for truth in (truths[0], truths[-1]))
     driven_m = math.hypot(truths[-1].x_m - truths[0].x_m, truths[-1].y_m - truths[0].y_m)
-    assert np.linalg.norm(last - first) == pytest.approx(driven_m, rel=0.25)  # it turns meanwhile, and belts slip
+    assert np.linalg.norm(last - first) == pytest.approx(driven_m, rel=0.4)  # it turns meanwhile, and belts slip by a third then
     headings = [truth.heading_rad for _, truth in seen.heard[on.TRUTH]]
     assert abs(headings[-1]) < 0.6 * abs(headings[0])  # it has steered until then
 

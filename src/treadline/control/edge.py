@@ -96,10 +96,16 @@ class Edge(Sequencer[Stage]):
         self._level_rad = 0.0
         self._lead_rad = self._lead_rad_s = 0.0
         self._highest_rad = self._waited_s = 0.0
+        self._turns_back = False
 
     def nosing_seen(self, behind_m: float) -> None:
         """Take a better place of the nosing, as long as no contact tells it."""
         self._see(-behind_m)
+
+    def turn_back(self) -> bool:
+        """Let the chair down on the landing again, as long as the arm can; say whether it can."""
+        self._turns_back |= self._stage in ("press", "lift")
+        return self._turns_back
 
     @property
     def _behind_m(self) -> float:
@@ -124,9 +130,9 @@ class Edge(Sequencer[Stage]):
                 self._level_rad = pitch
             case "press" if self._tip.carries or pitch > self._level_rad + LIFTED_RAD:
                 self._begin("lift", pitch)
-            case "lift" if pitch > self._lifted_rad - CLOSE_RAD:
+            case "lift" if pitch > self._lifted_rad - CLOSE_RAD and not self._turns_back:
                 self._stage = "settle"
-            case "press" | "lift" if self._waited_s > config.patience_s:
+            case "press" | "lift" if self._turns_back or self._waited_s > config.patience_s:
                 self._begin("lower", pitch)
             case "settle" | "leave" if pitch > self._lifted_rad + PROPPED_RAD:
                 self._stage = "barred"

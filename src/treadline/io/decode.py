@@ -128,7 +128,7 @@ class Decoder:
             return None
         if topic == "/camera/color/camera_info":
             return self._frame(CdrReader(data))
-        read = OURS.get(topic)
+        read = OURS.get(topic) or (BETWEEN[topic] if topic in LOOKED else None)
         return None if read is None else read[1](CdrReader(data))
 
     def _frame(self, r: CdrReader) -> RgbdFrame:

@@ -202,8 +202,8 @@ class Ascent(Traversal):
 
     def _missing(self) -> str | None:
         """Return that a missing step is so near that the chair must stop, or None."""
-        gap = self._where.gap_ahead_m()
-        if gap is None or not 0.0 < gap[0] - self._pivot_m < self._config.gap_m:
+        gap = next((gap for gap in self._where.gaps_ahead_m() if gap[0] > self._pivot_m), None)
+        if gap is None or gap[0] - self._pivot_m > self._config.gap_m:
             return None
         before_m, wide_m = gap[0] - self._pivot_m, gap[1] - gap[0]
         return f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the front pulley"

@@ -32,10 +32,16 @@ class DescentConfig:
     askew_rad: float = 4.0 * DEG
     """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
     square_rad: float = 1.0 * DEG
+    past_m: float = 0.1
+    """Of the front pulley past the edge, at most, when the chair lies on the flight."""
+    tell_m: float = 1.9
+    """From mid-track, to which a nosing that is not seen is not there; further away some are missed while the chair stands."""
     gap_m: float = 0.45
     """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing."""
+    unseen_m: float = 0.25
+    """Of the rear pulley before a nosing beyond which nothing was seen, neither another nor the floor: there the chair stops."""
     left_m: float = 0.45
     """Of the front pulley past the last nosing when the chair, its front section too, has left the stair."""
 
@@ -50,6 +56,8 @@ class Descent(Traversal):
         super().__init__(config.chair, config.flights)
         self._config = config
         self._edge: Edge | None = None
+        self._missed = ""
+        """Why the chair was let down on the landing again."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Return what to do now."""
@@ -111,9 +119,14 @@ class Descent(Traversal):
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
             return self._stand(t_s)
-        if self._phase == "approach" and (missing := self._missing()) is not None:
-            return self._stand(t_s, missing)
         edge = self._where.top_ahead_m()
+        onto_m = -math.inf if edge is None else self._onto_m - edge
+        missing = self._missing(min(onto_m, self._config.tell_m) - self._pivot_m)
+        if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
+            return self._stand(t_s, missing)
+        if missing is None and self._unseen(onto_m) and self._edge.turn_back():
+            missing = "no more of the flight is in view than the chair needs to lie on, nor its end"
+        self._missed = missing or self._missed
         if edge is not None:
             self._edge.nosing_seen(-edge)
         command = self._edge.step(self._imu, self._arm, self._tracks)
@@ -123,8 +136,21 @@ class Descent(Traversal):
         turn = self._level.keep(estimate)
         pitch = self._where.pitch_rad
         stands = "stands on the landing again" if abs(pitch) < LEVEL_RAD else f"stands at {pitch / DEG:.0f}°"
-        barred = f"the arm could not let the chair down over the edge; it {stands}" if command.stage == "barred" else None
+        why = self._missed or "the arm could not let the chair down over the edge"
+        barred = f"{why}; it {stands}" if command.stage == "barred" else None
         return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
+
+    @property
+    def _onto_m(self) -> float:
+        """How far below the edge the flight must be whole: there the chair will lie, and its rear must still be able to stop."""
+        return 2.0 * self._pivot_m + self._config.past_m + self._config.gap_m
+
+    def _unseen(self, onto_m: float) -> bool:
+        """Say whether the chair is lifted, and too little of the flight below has been seen to back onto it."""
+        where = self._where
+        bottom = where.bottom_ahead_m()
+        lifted = where.pitch_rad > where.slope_rad - LEVEL_RAD
+        return lifted and not where.bottom_ends and (bottom is None or -bottom < onto_m)
 
     def _note(self, command: EdgeCommand) -> None:
         if self._phase == "approach" and command.stage != "approach":
@@ -136,24 +162,25 @@ class Descent(Traversal):
             return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
         return self._plan(t_s, self._config.cruise_m_s)
 
-    def _missing(self) -> str | None:
-        """Return that a missing step is so near that the chair must stop, or None."""
-        gap = self._where.gap_ahead_m()
-        if gap is None or not 0.0 < -gap[1] - self._pivot_m < self._config.gap_m:
+    def _missing(self, within_m: float) -> str | None:
+        """Return that a step is missing so near the rear pulley that the chair must stop, or already under it; None if none is."""
+        gap = next((gap for gap in reversed(self._where.gaps_ahead_m()) if -gap[0] > self._pivot_m), None)
+        if gap is None or -gap[1] - self._pivot_m > within_m:
             return None
         before_m, wide_m = -gap[1] - self._pivot_m, gap[1] - gap[0]
-        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the rear pulley"
+        where = f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m past"
+        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, the upper {where} the rear pulley"
 
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if (missing := self._missing()) is not None:
+        if (missing := self._missing(config.gap_m)) is not None:
             return self._stand(t_s, missing)
         foot = where.bottom_ahead_m()
         before = math.inf if foot is None else -foot - self._pivot_m
-        ends = where.bottom_ends
+        if self._phase == "descend" and before < config.unseen_m and not where.bottom_ends:
+            return self._stand(t_s, f"what follows the nosing {before:.2f} m before the rear pulley has not been seen")
         if self._phase == "descend" and (before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)):
-            seen = "seen" if ends else "no nosing seen beyond"
-            self._phase, self._cause = "leave", f"rear pulley at the last nosing, {seen}"
+            self._phase, self._cause = "leave", "rear pulley at the last nosing, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
                 self._edge = None

@@ -224,7 +224,9 @@ class Mission:
 
     def _look(self, frame: RgbdFrame) -> None:
         gravity_C = self._gravity_in(frame)
-        if not self._blocks.guard.admit(quality_of(frame, gravity_C)):
+        quality = quality_of(frame, gravity_C)
+        self._log(quality)
+        if not self._blocks.guard.admit(quality):
             return
         seen = self._blocks.detector.see(frame, gravity_C)
         measurement, stair_map = seen.measurement, seen.stair_map
@@ -232,6 +234,7 @@ class Mission:
             self._log(measurement)
             self._feel_heading(measurement)
         if stair_map is not None:
+            self._log(stair_map)
             self._feel_stair(stair_map)
 
     def _feel_heading(self, measurement: HeadingMeasurement) -> None:

@@ -157,11 +157,11 @@ class Whereabouts:
         """Whether frames have shown that nothing follows the lowest known nosing."""
         return self._ends(0)
 
-    def gap_ahead_m(self) -> tuple[float, float] | None:
-        """Return how far ahead of mid-track, along the belts, a step is missing: the nosings below and above; the lowest such."""
+    def gaps_ahead_m(self) -> list[tuple[float, float]]:
+        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first."""
         ahead = self.ahead_m()
         pitch_m = math.hypot(self.rise_m, self.run_m)
-        return next(((low, high) for low, high in itertools.pairwise(ahead) if high - low > MISSING * pitch_m), None)
+        return [(low, high) for low, high in itertools.pairwise(ahead) if high - low > MISSING * pitch_m]
 
     def _ends(self, index: int) -> bool:
         return bool(self._known) and self._known[index].end_count >= KNOWN_AFTER
