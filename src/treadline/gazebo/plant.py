@@ -4,7 +4,7 @@ Mission time runs in ticks of 10 ms, ten steps of ODE each. The bodies move in g
 frames: drawn from where Gazebo has the chair, by what draws them for MuJoCo.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -14,6 +14,7 @@ from treadline.angles import DEG, rotation_of
 from treadline.devices import kernels
 from treadline.devices.drives import TICK_S, Drives
 from treadline.devices.instruments import ChairState, Instruments, Streams
+from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
 from treadline.gazebo import server
 from treadline.gazebo.environment import PLUGIN, Environment, find_environment
@@ -21,9 +22,7 @@ from treadline.gazebo.world import world_sdf
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim.camera.eye import look, open_eye
 
 STEPS = 10
@@ -34,7 +33,7 @@ SETTLE_FRICTION = (1.0, 1.0)
 """The stair's own: ODE takes the smaller of two."""
 
 
-class GazeboPlant:
+class GazeboPlant(InstrumentedPlant):
     """A chair, its stair and its sensors, in a gzserver of its own."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
@@ -43,16 +42,13 @@ class GazeboPlant:
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
-        self._instruments = Instruments(scenario, chair, self.staircase, apart, partial(look, eye))
-        self._drives = Drives(scenario, chair)
+        super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
         self._server: server.GazeboServer | None = None
         self._tick = 0
         self._arm_rad = 0.0
         self._began_s = 0.0
         self._row = np.zeros(server.COLUMNS)
         self._pending: list[ChairState] = []
-        self._readings: list[Reading] = []
-        self._truth: list[Truth] = []
 
     def start(self) -> None:
         """Put the chair on its nosings in a new world, belts at rest, at ``t = 0``.
@@ -69,8 +65,7 @@ class GazeboPlant:
         self._drives.command[:] = 0.0
         self._tick = 0
         self._began_s = float(rows[-1][server.T])
-        self._readings.clear()
-        self._truth.clear()
+        self._forget()
         first = self._state_of(rows[-2], rows[-1])
         self._row = rows[-1]
         self._instruments.start(first.velocity_W)
@@ -89,22 +84,6 @@ class GazeboPlant:
             self._check(row)
             self._pending.append(self._state_of(self._row, row))
             self._row = row
-
-    def read(self) -> Sequence[Reading]:
-        """Return the samples since the last call, in time order."""
-        self._sense()
-        readings, self._readings = self._readings, []
-        return readings
-
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        """Take the commands; they hold until the next call."""
-        self._drives.take(tracks, seat, arm)
-
-    def truth(self) -> Sequence[Truth]:
-        """Return the truth of every tick since the last call."""
-        self._sense()
-        truth, self._truth = self._truth, []
-        return truth
 
     def close(self) -> None:
         """End gzserver."""
@@ -156,13 +135,10 @@ class GazeboPlant:
             reach_m=row[server.REACH : server.REACH + 4],
         )
 
-    def _sense(self) -> None:
-        """Turn the states not yet looked at into truth and sensor samples, in time order."""
-        for state in self._pending:
-            readings, truth = self._instruments.read(state)
-            self._readings.extend(readings)
-            self._truth.append(truth)
-        self._pending.clear()
+    def _passed(self) -> Iterator[tuple[ChairState, float]]:
+        pending, self._pending = self._pending, []
+        for state in pending:
+            yield state, 1.0
 
 
 def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:

@@ -5,7 +5,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 """
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,13 +17,13 @@ from treadline.angles import DEG, quaternion_of, rotation_of
 from treadline.devices import kernels as drives
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
+from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SimulationDiverged
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import Reading
 from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
@@ -37,7 +37,7 @@ SETTLE_FRICTION = 4.0
 CONTACTS_MAX = 128
 
 
-class MujocoPlant:
+class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
@@ -49,15 +49,12 @@ class MujocoPlant:
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)
         apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
-        self._instruments = Instruments(scenario, chair, self.staircase, apart, self._look)
-        self._drives = Drives(scenario, chair)
+        super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
         self._build_physics()
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
-        self._readings: list[Reading] = []
-        self._truth: list[Truth] = []
 
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
@@ -68,8 +65,7 @@ class MujocoPlant:
         self._settle()
         self._data.time = 0.0
         self._tick = 0
-        self._readings.clear()
-        self._truth.clear()
+        self._forget()
         self._instruments.start(self._data.qvel[:3].copy())
         self._pending = [(0, self._log_row())]
 
@@ -86,22 +82,6 @@ class MujocoPlant:
         self._run(ticks, log, self._friction)
         self._pending.extend(enumerate(log, start=self._tick + 1))
         self._tick += ticks
-
-    def read(self) -> Sequence[Reading]:
-        """Return the samples since the last call, in time order."""
-        self._sense()
-        readings, self._readings = self._readings, []
-        return readings
-
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        """Take the commands; they hold until the next call."""
-        self._drives.take(tracks, seat, arm)
-
-    def truth(self) -> Sequence[Truth]:
-        """Return the truth of every tick since the last call."""
-        self._sense()
-        truth, self._truth = self._truth, []
-        return truth
 
     def lose_arm_motor(self) -> None:
         """Let the arm's motor die: no torque from now on, and the damping of its shorted windings."""
@@ -254,14 +234,14 @@ class MujocoPlant:
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
         return row
 
-    def _sense(self) -> None:
-        """Turn the states not yet looked at into truth and sensor samples, in time order."""
-        for tick, row in self._pending:
-            self._record(tick, row)
-        self._pending.clear()
+    def _passed(self) -> Iterator[tuple[ChairState, float]]:
+        pending, self._pending = self._pending, []
+        grip = 0.5 * sum(self._damage.grip)
+        for tick, row in pending:
+            yield self._state_of(tick, row), grip
 
-    def _record(self, tick: int, row: Float[np.ndarray, " c"]) -> None:
-        state = ChairState(
+    def _state_of(self, tick: int, row: Float[np.ndarray, " c"]) -> ChairState:
+        return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
             R_WB=row[kernels.ROTATION :].reshape(3, 3),
@@ -275,9 +255,6 @@ class MujocoPlant:
             arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
         )
-        readings, truth = self._instruments.read(state, grip=0.5 * sum(self._damage.grip))
-        self._readings.extend(readings)
-        self._truth.append(truth)
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
         return [self._around.told(seen, state.R_WB, state.p_WB) for seen in look(self._around.eye, state)]
