@@ -25,13 +25,14 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.campaign.scenario_file import scenario_toml
-from treadline.experiments.pool import default_workers, run_jobs
+from treadline.experiments.pool import run_jobs
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
 from treadline.mission.guard.phases import TIPPING
 from treadline.mission.loop import Tick
 from treadline.mission.rates import TICK_S
+from treadline.processes import default_workers
 from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant

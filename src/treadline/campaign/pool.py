@@ -6,18 +6,18 @@ process has its own pipe, so the run that killed it is known.
 
 import os
 import signal
-import threading
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from types import TracebackType
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from treadline.campaign.run import Flight, Fly, Row, failed, run_one
+from treadline.processes import end_with_parent
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
 """Read by libraries as they are loaded: the same sums in the same order, and no fight for cores."""
@@ -141,18 +141,10 @@ def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
 
 
 def _work(fly: Fly, pipe: Connection) -> None:
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     while True:
         try:
             flight = pipe.recv()
         except EOFError:
             return
         pipe.send(run_one(fly, flight))
-
-
-def _end_with_parent() -> None:
-    """A parent killed outright cannot end its processes: they must notice."""
-    parent: Any = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

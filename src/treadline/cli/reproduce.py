@@ -30,8 +30,8 @@ def reproduce(
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
     from treadline.experiments.plan import QUICK, WHOLE
-    from treadline.experiments.pool import default_workers
     from treadline.experiments.reproduce import job_count, reproduce_paper
+    from treadline.processes import default_workers
     from treadline.report import write_report
 
     if workers is not None and workers < 1:

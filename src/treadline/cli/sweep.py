@@ -50,7 +50,7 @@ def sweep(
     from treadline.campaign.summary import FAILED, lines
     from treadline.campaign.sweep import Plan, fly_sweep
     from treadline.errors import SettingsError
-    from treadline.experiments.pool import default_workers
+    from treadline.processes import default_workers
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")

@@ -1,6 +1,5 @@
 """Runs on a process pool: each job is data, each result is data, order does not depend on timing."""
 
-import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -8,6 +7,8 @@ from functools import partial
 from multiprocessing import active_children, get_context
 from types import TracebackType
 from typing import Protocol, TypeVar, runtime_checkable
+
+from treadline.processes import end_with_parent
 
 R_co = TypeVar("R_co", covariant=True)
 R = TypeVar("R")
@@ -39,7 +40,7 @@ class Pool:
         # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
         spawn = get_context("spawn")
         self._workers = (
-            ProcessPoolExecutor(max_workers=workers, mp_context=spawn, initializer=_die_quietly) if workers > 1 else None
+            ProcessPoolExecutor(max_workers=workers, mp_context=spawn, initializer=_begin_worker) if workers > 1 else None
         )
 
     def __enter__(self) -> "Pool":
@@ -79,20 +80,16 @@ def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None
         return pool.begin(jobs)()
 
 
-def default_workers() -> int:
-    """Return the number of cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-
-
 def _results(futures: list[Future[R]]) -> list[R]:
     for future in as_completed(futures):
         future.result()  # the first that fails ends it all
     return [future.result() for future in futures]
 
 
-def _die_quietly() -> None:
+def _begin_worker() -> None:
     """Let Ctrl-C end a worker at once and without a traceback: the parent tells what happened."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_with_parent()
 
 
 def _run(job: Job[R]) -> R:
