@@ -101,6 +101,8 @@ class Case:
     still_s: float = math.inf
     heading_deg: float = 6.0
     seat_deg: float = SEAT_DEG
+    beyond_sound: bool = False
+    """Whether heading counts by what the fault adds to a sound run: where no stair is in view, sight makes no difference."""
     moving: bool = False
     """Whether only a chair that moves can know: then its times count from where the belts run."""
 
@@ -116,9 +118,9 @@ ON = ("time_up", "arrived")
 CASES = (
     Case("1", "camera_lost", found_s=0.4, held_s=3.5),
     Case("2", "camera_frozen", found_s=0.4, held_s=3.9),
-    Case("3", "camera_dark", 0.02, 3.0, ends=ON, heading_deg=3.0),
+    Case("3", "camera_dark", 0.02, 3.0, ends=ON, heading_deg=3.0, beyond_sound=True),
     Case("3", "camera_dark", -0.02, found_s=0.4, held_s=3.5),
-    Case("4", "depth_holes", 0.4, 5.0, ends=ON, heading_deg=2.0),
+    Case("4", "depth_holes", 0.4, 5.0, ends=ON, heading_deg=2.0, beyond_sound=True),
     Case("4", "depth_holes", 0.95, 10.0, ends=ANY, heading_deg=5.0),
     Case("6", "imu_nan", found_s=0.3, held_s=1.3),
     Case("6", "imu_lost", found_s=0.3, held_s=1.3),
@@ -179,8 +181,8 @@ class Undisturbed:
         """Return a word for the progress line."""
         return f"{self.leg.direction} from the {self.leg.place}, seed {self.seed}"
 
-    def run(self) -> dict[tuple[str, float], float]:
-        """Return when a fault is due: at each place in each phase."""
+    def run(self) -> dict[tuple[str, float], tuple[float, float]]:
+        """Return when a fault is due, at each place in each phase, and by how many degrees the heading grows without one."""
         scenario = scenario_of(self.leg, self.load, 90.0)
         ride = traverse(scenario, controller=shipped_controller(scenario.chair.model), seed=self.seed)
         begins = [*ride.scores.phases, (ride.scores.duration_s, "")]
@@ -188,7 +190,9 @@ class Undisturbed:
         for (begin_s, phase), (end_s, _) in itertools.pairwise(begins):
             for place in self.places:
                 due.setdefault((phase, place), round((1.0 - place) * begin_s + place * end_s, 2))
-        return {key: at_s for key, at_s in due.items() if key[0] in self.leg.phases}
+        heading = np.abs(ride.trace["heading_rad"]) / DEG
+        grown = {key: float(heading[round(at_s / TICK_S) :].max() - heading[round(at_s / TICK_S)]) for key, at_s in due.items()}
+        return {key: (at_s, grown[key]) for key, at_s in due.items() if key[0] in self.leg.phases}
 
 
 @dataclass(frozen=True)
@@ -228,6 +232,8 @@ class Disturbed:
     phase: str
     seed: int
     at_s: float
+    sound_deg: float
+    """By how much the heading grows from then on without a fault."""
     rest_s: float
 
     @property
@@ -300,7 +306,8 @@ class Disturbed:
             turn_deg=float(np.ptp(heading)) / DEG if rests else math.nan,
             margin_deg=float(trace["stability_margin_rad"][rest].min()) / DEG if rests else math.nan,
             roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
-            heading_deg=float(np.abs(trace["heading_rad"]).max() - abs(trace["heading_rad"][0])) / DEG,
+            heading_deg=float(np.abs(trace["heading_rad"]).max() - abs(trace["heading_rad"][0])) / DEG
+            - (self.sound_deg if self.case.beyond_sound else 0.0),
             pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
             seat_deg=float(np.abs(trace["seat_pitch_rad"]).max()) / DEG,
             toml=scenario_toml(scenario, f"{self.name}: {ride.verdict}, {ride.cause}"),
@@ -398,10 +405,10 @@ def main() -> None:
                 print(f"{one.name}, {one.load.payload_kg:g} kg at {one.load.slope_deg:g}°: no phase {phase}")
     cases = [case for case in CASES if not asked.kinds or case.kind in asked.kinds]
     jobs = [
-        Disturbed(case, one.leg, one.load, phase, one.seed, at_s, asked.rest)
+        Disturbed(case, one.leg, one.load, phase, one.seed, at_s, sound_deg, asked.rest)
         for case in cases
         for one, times in zip(first, due, strict=True)
-        for (phase, _), at_s in times.items()
+        for (phase, _), (at_s, sound_deg) in times.items()
         if not asked.phases or phase in asked.phases
     ]
     outcomes = run_jobs(jobs, workers=asked.workers, done=lambda _: None)

@@ -352,6 +352,38 @@ def test_a_gyro_that_repeats_itself_under_a_chair_that_stands_is_believed() -> N
     assert heading.health.fault is None
 
 
+def standing(heading: HeadingFilter, from_s: float, to_s: float, rate: float, belts_m_s: float) -> list[str | None]:
+    """Run a filter under steady belts and a gyro that repeats itself; return what it says of the gyro, tick by tick."""
+    said = []
+    for k in range(round(from_s / IMU_S), round(to_s / IMU_S)):
+        heading.step(TrackReading(t_s=k * IMU_S, left_m_s=belts_m_s, right_m_s=belts_m_s, brake_on=belts_m_s == 0.0))
+        heading.step(gyro(k * IMU_S, rate))
+        said.append(None if heading.health is None else heading.health.fault)
+    return said
+
+
+def test_a_stuck_gyro_stays_stuck_under_a_chair_that_stops_for_it() -> None:
+    """Test: the gyro sticks while the belts run, and they stop for it. Expected result: stuck until it says something else."""
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, 0.01))
+    heading.step(seen(0.0, 0.1))
+    assert "stuck" in standing(heading, 0.01, 0.5, 0.02, 0.2)
+    assert set(standing(heading, 0.5, 2.0, 0.02, 0.0)) == {"stuck"}
+    heading.step(gyro(2.0, 0.021))
+    assert heading.health is not None
+    assert heading.health.fault != "stuck"
+
+
+def test_a_gyro_that_repeats_itself_from_where_the_belts_stop_is_believed() -> None:
+    """Test: a gyro of coarse steps, at rest from the moment that the belts stop. Expected result: no alarm."""
+    heading = HeadingFilter()
+    heading.step(seen(0.0, 0.1))
+    for k in range(1, 100):
+        heading.step(TrackReading(t_s=k * IMU_S, left_m_s=0.2, right_m_s=0.2, brake_on=False))
+        heading.step(gyro(k * IMU_S, 0.001 * (k % 3)))
+    assert set(standing(heading, 1.0, 3.0, 0.0, 0.0)) == {None}
+
+
 def test_a_stuck_gyro_that_comes_back_is_used_again() -> None:
     climb = Climb(3, seconds=25.0, belts=True, imu=lambda t, rate: 0.003 if within(t, 10.0, 3.0) else rate)
     assert np.abs(climb.errors_deg(since_s=16.0)).max() < 0.5

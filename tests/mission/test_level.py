@@ -68,6 +68,11 @@ def test_within_what_is_spared_nothing_is_steered_and_beyond_it_gently(heading: 
         assert half == 0.0
     assert abs(half) <= abs(steering.keep(estimate(heading)))
     assert half * heading <= 0.0
+    firmly = steering.keep(estimate(heading), spare_rad=spare * DEG, keep_m_s_rad=2.0 * CONFIG.keep_m_s_rad)
+    assert (
+        firmly == pytest.approx(max(min(2.0 * half, CONFIG.keep_limit_m_s), -CONFIG.keep_limit_m_s))
+        or abs(half) == CONFIG.keep_limit_m_s
+    )
 
 
 def test_without_an_estimate_nothing_is_steered() -> None:

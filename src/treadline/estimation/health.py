@@ -47,7 +47,9 @@ class StuckRule:
     """No sensor with noise repeats all three rates this closely."""
     moving_m_s: float = 0.02
     belts_s: float = 0.3
-    """How long a belt's reading tells that the chair moves."""
+    """How old a belt's reading may be to tell that the chair moves …"""
+    late_s: float = 0.05
+    """… and for how long after it the chair does."""
 
 
 class StuckWatch:
@@ -58,6 +60,7 @@ class StuckWatch:
         self._rates: list[float] = []
         self._since_s = 0.0
         self._moved_s: float | None = None
+        self._found = False
 
     def belts(self, reading: TrackReading) -> None:
         """Note whether the belts run."""
@@ -65,13 +68,17 @@ class StuckWatch:
             self._moved_s = reading.t_s
 
     def stuck_s(self, sample: ImuSample) -> float:
-        """Return for how long the gyro has repeated itself under a moving chair; zero while it may be honest."""
+        """Return for how long the gyro has repeated itself; zero unless it did so while the chair moved.
+
+        Once found it stays so on a chair that stops, until the gyro says something else.
+        """
         rates = sample.angular_velocity_rad_s.tolist()
         if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
-            self._rates, self._since_s = rates, sample.t_s
-        moves = self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s
-        same_s = sample.t_s - self._since_s
-        return same_s if moves and same_s >= self._rule.for_s - 1e-6 else 0.0
+            self._rates, self._since_s, self._found = rates, sample.t_s, False
+        if self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s:
+            # What it repeated after the belts had stopped tells nothing.
+            self._found |= min(sample.t_s, self._moved_s + self._rule.late_s) - self._since_s >= self._rule.for_s - 1e-6
+        return sample.t_s - self._since_s if self._found else 0.0
 
 
 class Scatter:

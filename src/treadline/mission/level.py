@@ -51,17 +51,26 @@ class LevelSteering:
         rate = config.turn_gain_per_s * (target_rad - estimate.heading_rad)
         return self._half(min(max(rate, -config.turn_rad_s), config.turn_rad_s))
 
-    def keep(self, estimate: HeadingEstimate | None, target_rad: float = 0.0, *, spare_rad: float = 0.0) -> float:
+    def keep(
+        self,
+        estimate: HeadingEstimate | None,
+        target_rad: float = 0.0,
+        *,
+        spare_rad: float = 0.0,
+        keep_m_s_rad: float | None = None,
+    ) -> float:
         """Return half the belts' difference that keeps a heading while the chair drives or pitches; gently.
 
         Args:
             spare_rad: How far off the chair may be.
+            keep_m_s_rad: Per heading error beyond that, where it is not as elsewhere.
         """
         if estimate is None:
             return 0.0
         config = self._config
         off = target_rad - estimate.heading_rad
-        half = config.keep_m_s_rad * math.copysign(max(abs(off) - spare_rad, 0.0), off)
+        gain = config.keep_m_s_rad if keep_m_s_rad is None else keep_m_s_rad
+        half = gain * math.copysign(max(abs(off) - spare_rad, 0.0), off)
         return min(max(half, -config.keep_limit_m_s), config.keep_limit_m_s)
 
     def is_square(self, estimate: HeadingEstimate, t_s: float) -> bool:
