@@ -12,7 +12,7 @@ from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.seat import Leveller, LevellerConfig, PitchLeveller
-from treadline.seat.feed_forward import FRESH_S, QUIET_RAD_S
+from treadline.seat.feed_forward import FRESH_S, QUIET_RAD_S, QUIET_S
 from treadline.signals import ImuSample, SeatCommand, SeatReading
 
 TICK_S = 0.01
@@ -88,6 +88,30 @@ def test_a_noisy_gyro_on_a_resting_chair_moves_nothing() -> None:
     crossing.run()
     # 0.3 °/s of track vibration have a mean of 0.24: below the one degree a second from which there is something to lead.
     assert crossing.rates == [0.0] * len(crossing.rates)
+
+
+@pytest.mark.parametrize("hertz", [3.0, 3.3, 3.7])
+def test_a_chair_that_rocks_is_not_rocked_on(hertz: float) -> None:
+    """Test: a chair that rocks by ±8 °/s. Expected result: the loop alone answers; once the chair pitches over, it is led."""
+    led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
+    for k in range(300):
+        reading = SeatReading(t_s=k * TICK_S, pitch_rad=0.01, stroke_m=0.05)
+        rocking = 8.0 * DEG * math.sin(2.0 * math.pi * hertz * k * TICK_S)
+        answer = led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=rocking))
+        assert answer == alone.step(reading) or k * TICK_S < QUIET_S
+    for k in range(300, 330):
+        answer = led.step(SeatReading(t_s=k * TICK_S, pitch_rad=0.0, stroke_m=0.05), imu(k * TICK_S, pitch_rate_rad_s=8.0 * DEG))
+    assert answer.rate_m_s > 0.0
+
+
+def test_a_sample_that_is_no_number_leads_nothing_and_is_forgotten() -> None:
+    led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
+    for k in range(60):
+        reading = SeatReading(t_s=k * TICK_S, pitch_rad=0.01, stroke_m=0.05)
+        answer = led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=math.nan if k < 10 else 10.0 * DEG))
+        assert math.isfinite(answer.rate_m_s)
+        assert k >= 10 or answer == alone.step(reading)
+    assert answer.rate_m_s > alone.step(reading).rate_m_s
 
 
 def test_the_sign_of_the_lead_is_that_of_the_pitch_rate() -> None:

@@ -5,6 +5,7 @@ the chassis turns 10° in a second, and a gain of 2/s would leave the seat 5° b
 """
 
 import math
+from collections import deque
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import Seat
@@ -12,9 +13,10 @@ from treadline.mechanics.linkage import SeatLinkage
 from treadline.seat.leveller import Leveller, LevellerConfig
 from treadline.signals import ImuSample, SeatCommand, SeatReading
 
-QUIET_RAD_S, QUIET_SHARE = 1.0 * DEG, 0.05
-"""Mean pitch rate below which there is nothing to lead, and each sample's share in that mean: 0.2 s of them."""
+QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
+"""Mean pitch rate below which there is nothing to lead, and the time of that mean: chairs rock at 3 to 4 Hz on uneven nosings."""
 FRESH_S = 0.05
+ROUNDING_S = 1e-6
 SMOOTHING_S = 0.03
 """The lead 1 + lag·s needs a bound, or it would play the gyro's noise."""
 
@@ -47,19 +49,29 @@ class PitchFeedForward:
 class PitchLeveller:
     """The seat's loop with the feed-forward: what a chair that pitches needs.
 
-    Below ``QUIET_RAD_S`` of pitch rate the loop is alone: vibration is not a manoeuvre.
+    Below ``QUIET_RAD_S`` of mean pitch rate the loop is alone: rocking is not a manoeuvre, and a seat that follows it, by its
+    actuator's lag late, drives it on.
     """
 
     def __init__(self, config: LevellerConfig) -> None:
         self._leveller = Leveller(config)
         self._feed_forward = PitchFeedForward(config.seat)
-        self._slow_rad_s = 0.0
+        self._turned: deque[tuple[float, float]] = deque()
+        """Times and pitches, from rates alone, of the last ``QUIET_S``."""
 
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
         """Answer one reading; without a fresh IMU sample the loop is alone."""
         levelling = self._leveller.step(reading)
-        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S:
+        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(float(imu.angular_velocity_rad_s[1])):
             return levelling
-        self._slow_rad_s += (abs(float(imu.angular_velocity_rad_s[1])) - self._slow_rad_s) * QUIET_SHARE
         led = self._feed_forward.step(imu, reading, levelling)
-        return led if self._slow_rad_s > QUIET_RAD_S else levelling
+        return led if self._mean_rate_rad_s(imu) > QUIET_RAD_S else levelling
+
+    def _mean_rate_rad_s(self, imu: ImuSample) -> float:
+        """Return how fast the chair has pitched on average, whichever way."""
+        before_s, turned = self._turned[-1] if self._turned else (imu.t_s, 0.0)
+        turned += float(imu.angular_velocity_rad_s[1]) * min(max(imu.t_s - before_s, 0.0), FRESH_S)
+        self._turned.append((imu.t_s, turned))
+        while imu.t_s - self._turned[0][0] > QUIET_S + ROUNDING_S:
+            self._turned.popleft()
+        return abs(turned - self._turned[0][1]) / QUIET_S
