@@ -1,5 +1,6 @@
 """Ctrl-C: exit code 130, one line, and what was finished is readable."""
 
+import ctypes
 import json
 import os
 import signal
@@ -8,6 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
+
+from treadline.cli import main
 from treadline.io.mcap_read import read_log
 from treadline.ports import Truth
 
@@ -45,6 +49,20 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
     assert truth
     assert not (out / "result.json").exists()
+
+
+def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: Ctrl-C falls into a callback from compiled code, which cannot raise. Expected result: it is raised a moment later."""
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    assert main(["--version"]) == 0
+
+    @ctypes.CFUNCTYPE(None)
+    def callback() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        callback()
+        time.sleep(5.0)
 
 
 def test_an_interrupted_reproduction_ends_its_workers_and_says_one_line(tmp_path: Path) -> None:

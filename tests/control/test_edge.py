@@ -205,8 +205,8 @@ def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
 
 
 def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
-    """Test: the order comes while the front is lifted, and once it has been. Expected result: lowered, then barred; the second time
-    it is too late, and the chair backs on."""
+    """Test: the order comes while the front is lifted, just after, and once the centre of mass is past the nosing. Expected result:
+    lowered, then barred; the third time it is too late, and the chair backs on."""
     chair = Chassis().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     assert chair.edge.turn_back()
@@ -214,7 +214,12 @@ def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
     assert chair.edge.turn_back()
 
+    lifted = Chassis().lifted()
+    assert lifted.edge.turn_back()
+    assert lifted.run(0.01, tip_n=200.0).stage == "lower"
+
     late = Chassis().lifted()
+    late.run(2.0, tip_n=40.0)
     assert not late.edge.turn_back()
     late.until("leave", tip_n=40.0)
 

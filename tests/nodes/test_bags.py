@@ -80,6 +80,29 @@ def test_the_recorder_leaves_a_record_for_identification(run: Path) -> None:
     assert abs(record.y[-1, 0]) < abs(record.y[0, 0])
 
 
+@pytest.mark.parametrize("kind", ["mcap", "bag", "db3"])
+def test_a_drive_is_recorded_with_what_viewers_need_to_place_it(run: Path, tmp_path: Path, kind: str) -> None:
+    """Test: the recorder's own file in somebody else's reader. Expected result: odometry, its frame and the sensors' places."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    bag = tmp_path / f"drive.{kind}"
+    treadline("nodes", run.parent / "short.toml", "--duration", "1.0", "--out", bag)
+    if kind == "mcap":
+        from mcap.reader import make_reader
+
+        with bag.open("rb") as file:
+            topics = {channel.topic: schema.name for schema, channel, _ in make_reader(file).iter_messages()}
+    else:
+        with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            topics = {connection.topic: connection.msgtype for connection, _, _ in reader.messages()}
+            moved = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if c.topic == "/odom"]
+        assert moved[-1].pose.pose.position.x > moved[0].pose.pose.position.x
+        assert (moved[0].header.frame_id, moved[0].child_frame_id) == ("odom", "base_link")
+    assert topics["/odom"] == "nav_msgs/msg/Odometry"
+    assert topics["/tf"] == topics["/tf_static"] == "tf2_msgs/msg/TFMessage"
+
+
 def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
     with sqlite3.connect(copies["db3"]) as base:
         topics = dict(base.execute("SELECT name, type FROM topics"))

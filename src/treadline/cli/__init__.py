@@ -4,8 +4,10 @@ Exit codes: 0 done; 1 the job ran and the answer is no; 2 the input is bad (one 
 Nothing heavy is imported here: each verb imports what it needs.
 """
 
+import _thread
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Sequence
 from typing import Annotated
@@ -38,6 +40,8 @@ from treadline.cli import (
 from treadline.cli.answer import Answer, say
 from treadline.errors import SimulationDiverged, TreadlineError
 
+AGAIN_S = 0.05
+"""After which an interrupt that was swallowed comes again."""
 EPILOGUE = """\
 Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
 Start with: treadline doctor; treadline check paper-28; treadline climb paper-28 --out runs/first
@@ -103,6 +107,7 @@ def _launch(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    sys.unraisablehook = _lost_interrupts_again
     # One thread each for BLAS and OpenMP: the same sums in the same order, and no fight with the process pool.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -115,6 +120,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return int(code or 0)
+
+
+def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
+    """Interrupt anew: a Ctrl-C that falls into a callback from compiled code is swallowed there."""
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        again = threading.Timer(AGAIN_S, _thread.interrupt_main)
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _fail(message: str, code: int, *, debug: bool) -> int:

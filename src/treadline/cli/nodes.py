@@ -190,7 +190,7 @@ class _Watch:
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None) -> Answer:
     from treadline.cli.progress import SimulatedTime
     from treadline.mission.config import build_blocks, guard_config
-    from treadline.nodes.assembly import DRIVING
+    from treadline.nodes.assembly import DRIVING, mount_of
     from treadline.nodes.lockstep import LockStep
     from treadline.nodes.recorder import RecorderNode
 
@@ -198,7 +198,7 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
     limits = guard_config(config, blocks.driver.period_s)
     plant = plant_of()
     recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
-    graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,))
+    graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,), mount=mount_of(config))
     watch = _Watch(seconds)
     watch.listen(graph.transport)
     stop = stopping()

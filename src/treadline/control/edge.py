@@ -104,7 +104,8 @@ class Edge(Sequencer[Stage]):
 
     def turn_back(self) -> bool:
         """Let the chair down on the landing again, as long as the arm can; say whether it can."""
-        self._turns_back |= self._stage in ("press", "lift")
+        on_the_landing = self._stage == "settle" and self._com_beyond(self._slope_rad) > 0.0
+        self._turns_back |= on_the_landing or self._stage in ("press", "lift")
         return self._turns_back
 
     @property
@@ -132,7 +133,7 @@ class Edge(Sequencer[Stage]):
                 self._begin("lift", pitch)
             case "lift" if pitch > self._lifted_rad - CLOSE_RAD and not self._turns_back:
                 self._stage = "settle"
-            case "press" | "lift" if self._turns_back or self._waited_s > config.patience_s:
+            case "press" | "lift" | "settle" if self._gives_up():
                 self._begin("lower", pitch)
             case "settle" | "leave" if pitch > self._lifted_rad + PROPPED_RAD:
                 self._stage = "barred"
@@ -146,6 +147,10 @@ class Edge(Sequencer[Stage]):
                 self._stage = "done"
             case _:
                 pass
+
+    def _gives_up(self) -> bool:
+        """Tell whether the chair is to be let down again: it was told to, or the arm gets no further."""
+        return self._turns_back or (self._stage != "settle" and self._waited_s > self._config.patience_s)
 
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config

@@ -13,6 +13,8 @@ from treadline.control.arm import SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, 
 from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
 
 StageT = TypeVar("StageT", bound=str)
+STEP_MAX_S = 0.1
+"""A longer pause is not time in which belts or arm were waited for."""
 REFINE_S = 0.2
 """In which the arm's angle corrects the nosing's place."""
 
@@ -52,7 +54,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> PitchCommand[StageT]:
         """Answer one tick's readings."""
-        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
+        dt_s = 0.0 if self._t_s is None else min(max(imu.t_s - self._t_s, 0.0), STEP_MAX_S)
         self._t_s = imu.t_s
         speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
         self._ahead_m -= speed * dt_s

@@ -164,7 +164,7 @@ class HeadingFilter:
             return False
         if self._fault is None or self._fault[0] != "stuck" or sample.t_s > self._fault[2]:
             rate = float(sample.angular_velocity_rad_s[2]) / DEG
-            self._tell("stuck", sample.t_s, f"gyro has said {rate:.3f} °/s for {same_s:.2f} s while the belts run", math.inf)
+            self._tell("stuck", sample.t_s, f"gyro has said {rate:.3f} °/s for {same_s:.2f} s", math.inf)
             # All since it stuck was unseen.
             self._move_unseen(same_s)
         return True

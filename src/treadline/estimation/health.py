@@ -1,5 +1,6 @@
 """What the heading filter knows to be wrong with its sensors, for whoever must act on it."""
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Literal
@@ -22,7 +23,7 @@ class HeadingHealth:
 
     t_s: float
     fault: FaultKind | None
-    """``drift``: the gyro's bias has stepped. ``jump``: the gyro has jumped. ``stuck``: it repeats itself while the belts run.
+    """``drift``: the gyro's bias has stepped. ``jump``: the gyro has jumped. ``stuck``: it repeats itself since the belts ran.
     These three are found out and mended as far as vision can. ``disagreement``: vision and gyro differ, who errs is open."""
     since_s: float | None
     """When the fault was found."""
@@ -60,25 +61,33 @@ class StuckWatch:
         self._rates: list[float] = []
         self._since_s = 0.0
         self._moved_s: float | None = None
+        self._moves_since_s = 0.0
         self._found = False
+        self._found_since_s = math.inf
 
     def belts(self, reading: TrackReading) -> None:
         """Note whether the belts run."""
         if max(abs(reading.left_m_s), abs(reading.right_m_s)) > self._rule.moving_m_s:
+            if self._moved_s is None or reading.t_s - self._moved_s > self._rule.belts_s:
+                self._moves_since_s = reading.t_s
             self._moved_s = reading.t_s
 
     def stuck_s(self, sample: ImuSample) -> float:
-        """Return for how long the gyro has repeated itself; zero unless it did so while the chair moved.
+        """Return for how long the gyro has repeated itself under a chair that moves; zero where it may be honest.
 
         Once found it stays so on a chair that stops, until the gyro says something else.
         """
         rates = sample.angular_velocity_rad_s.tolist()
         if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
-            self._rates, self._since_s, self._found = rates, sample.t_s, False
+            self._rates, self._since_s, self._found, self._found_since_s = rates, sample.t_s, False, math.inf
+        since_s = max(self._since_s, self._moves_since_s)
         if self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s:
-            # What it repeated after the belts had stopped tells nothing.
-            self._found |= min(sample.t_s, self._moved_s + self._rule.late_s) - self._since_s >= self._rule.for_s - 1e-6
-        return sample.t_s - self._since_s if self._found else 0.0
+            # What it repeated before the belts ran, or after they had stopped, tells nothing.
+            self._found |= min(sample.t_s, self._moved_s + self._rule.late_s) - since_s >= self._rule.for_s - 1e-6
+        if not self._found:
+            return 0.0
+        self._found_since_s = min(self._found_since_s, since_s)
+        return sample.t_s - self._found_since_s
 
 
 class Scatter:

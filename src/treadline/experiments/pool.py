@@ -87,7 +87,7 @@ def _results(futures: list[Future[R]]) -> list[R]:
 
 
 def _begin_worker() -> None:
-    """Let Ctrl-C end a worker at once and without a traceback: the parent tells what happened."""
+    """Let Ctrl-C end a worker at once and without a traceback, and the parent's end too: the parent tells what happened."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     end_with_parent()
 

@@ -153,6 +153,16 @@ def ready(scenario: Scenario, chair: ChairDescription) -> tuple[Scenario, str | 
     return scenario, "; ".join(report.reasons), None
 
 
+def refusals(scenario: Scenario, controller: ControllerDesign | None) -> list[str]:
+    """Return why a run would be refused before it begins, empty if it may: experiments on the flight alone shift no seat."""
+    chair = read_chair(scenario.chair.model)
+    report = check(scenario, chair)
+    if not scenario.drive.check or report.verdict == "go":
+        return []
+    is_mended = is_whole(mission_config(scenario, controller), None) and ready(scenario, chair)[1] is None
+    return [] if is_mended else list(report.reasons)
+
+
 def traverse(
     scenario: Scenario,
     *,

@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from treadline.errors import GazeboError
 from treadline.gazebo.environment import BUILD, LIBRARIES, Environment
+from treadline.processes import killed_with_starter
 
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
@@ -105,7 +106,12 @@ class GazeboServer:
         words = ("/usr/bin/gzserver", "--lockstep", "-e", "ode", "--verbose", self._environment.inside(file))
         with self._log.open("wb") as log:
             self._process = subprocess.Popen(  # noqa: S603 - our own words
-                self._environment.command(*words), env=os.environ | variables, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+                self._environment.command(*words),
+                env=os.environ | variables,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                preexec_fn=killed_with_starter(),  # noqa: PLW1509 - it only tells the kernel
             )
         self._connect(port)
         self._greet()

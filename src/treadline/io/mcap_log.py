@@ -4,7 +4,7 @@ It grows under a temporary name and takes its own when closed; an interrupted ru
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from treadline.errors import TreadlineError
 from treadline.io.cdr import nanoseconds_of
-from treadline.io.messages import DEFINITIONS, messages_of
+from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
 
 LIBRARY = "treadline"
@@ -22,10 +22,11 @@ CHUNK_BYTES = 4 * 1024 * 1024
 
 
 class RunLog:
-    """Takes signals and truth; ``image_every`` keeps every n-th frame, 0 keeps none."""
+    """Takes signals and truth; ``image_every`` keeps every n-th frame, 0 keeps none; ``messages`` says what each is written as."""
 
-    def __init__(self, path: Path, *, image_every: int = 0) -> None:
+    def __init__(self, path: Path, *, image_every: int = 0, messages: Callable[[Any], list[Message]] = messages_of) -> None:
         self._path = path
+        self._messages = messages
         self._temporary = path.with_name(path.name + ".part")
         self._image_every = image_every
         self._frames = 0
@@ -50,7 +51,7 @@ class RunLog:
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
                 return
         time_ns = nanoseconds_of(signal.t_s)
-        for topic, kind, data in messages_of(signal):
+        for topic, kind, data in self._messages(signal):
             with self._told():
                 channel = self._channel(topic, kind)
                 self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])

@@ -71,6 +71,24 @@ DEFINITIONS = {
         "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
         _QUATERNION,
     ),
+    "nav_msgs/msg/Odometry": _definition(
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist",
+        "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
+        "MSG: geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance",
+        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
+        _VECTOR,
+        _QUATERNION,
+    ),
+    "tf2_msgs/msg/TFMessage": _definition(
+        "geometry_msgs/TransformStamped[] transforms",
+        "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
+        "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
+        _VECTOR,
+        _QUATERNION,
+    ),
     "sensor_msgs/msg/Image": _definition(
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data"
     ),

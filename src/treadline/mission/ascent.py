@@ -14,13 +14,13 @@ from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
 from treadline.signals import ArmCommand, HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.5 * DEG, 3.0
 """Heading left alone over the crest, and half the belts' difference per heading beyond. Nothing but the gyro tells it there, and
 one that drifts by 1 °/s would lead the chair along; yet on a single nosing the chair swings round by itself. Six seconds of drift
-cost 6.3° with nothing left alone, 4.9° so; with a sound gyro it is askew by 2.3° at most instead of 1.5° (28, 30°; four runs)."""
+cost 6.3° with nothing left alone, 4.9 to 5.0° so; with a sound gyro it is askew by 2.4° instead of 1.5° (28, 30°; four runs)."""
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing any more."""
 
@@ -203,11 +203,8 @@ class Ascent(Traversal):
 
     def _missing(self) -> str | None:
         """Return that a missing step is so near that the chair must stop, or None."""
-        gap = next((gap for gap in self._where.gaps_ahead_m() if gap[0] > self._pivot_m), None)
-        if gap is None or gap[0] - self._pivot_m > self._config.gap_m:
-            return None
-        before_m, wide_m = gap[0] - self._pivot_m, gap[1] - gap[0]
-        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, {before_m:.2f} m before the front pulley"
+        gap = self._gap(1.0)
+        return None if gap is None or gap[0] > self._config.gap_m else missing_step(gap, "front")
 
     def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where

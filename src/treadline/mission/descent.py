@@ -11,8 +11,9 @@ from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal
-from treadline.signals import HeadingEstimate, Plan
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
+from treadline.mission.whereabouts import NEAR_M
+from treadline.signals import ArmReading, HeadingEstimate, Plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +35,10 @@ class DescentConfig:
     square_rad: float = 1.0 * DEG
     past_m: float = 0.1
     """Of the front pulley past the edge, at most, when the chair lies on the flight."""
-    tell_m: float = 1.9
-    """From mid-track, to which a nosing that is not seen is not there; further away some are missed while the chair stands."""
+    stowed_rad: float = 5.0 * DEG
+    """Of the arm off its rest, on a chair that has been let down on the landing again …"""
+    stow_s: float = 8.0
+    """… and how long that may take."""
     gap_m: float = 0.45
     """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
@@ -56,8 +59,9 @@ class Descent(Traversal):
         super().__init__(config.chair, config.flights)
         self._config = config
         self._edge: Edge | None = None
-        self._missed = ""
-        """Why the chair was let down on the landing again."""
+        self._turned_back_for = ""
+        """Why the chair is let down on the landing again."""
+        self._barred_s = math.inf
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Return what to do now."""
@@ -120,13 +124,13 @@ class Descent(Traversal):
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
             return self._stand(t_s)
         edge = self._where.top_ahead_m()
-        onto_m = -math.inf if edge is None else self._onto_m - edge
-        missing = self._missing(min(onto_m, self._config.tell_m) - self._pivot_m)
+        whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
+        missing = self._missing(self._told_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
             return self._stand(t_s, missing)
-        if missing is None and self._unseen(onto_m) and self._edge.turn_back():
+        if missing is None and self._unseen(whole_to_m) and self._edge.turn_back():
             missing = "no more of the flight is in view than the chair needs to lie on, nor its end"
-        self._missed = missing or self._missed
+        self._turned_back_for = missing or self._turned_back_for
         if edge is not None:
             self._edge.nosing_seen(-edge)
         command = self._edge.step(self._imu, self._arm, self._tracks)
@@ -134,23 +138,37 @@ class Descent(Traversal):
             return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
         self._note(command)
         turn = self._level.keep(estimate)
-        pitch = self._where.pitch_rad
-        stands = "stands on the landing again" if abs(pitch) < LEVEL_RAD else f"stands at {pitch / DEG:.0f}°"
-        why = self._missed or "the arm could not let the chair down over the edge"
-        barred = f"{why}; it {stands}" if command.stage == "barred" else None
+        barred = self._barred(t_s, self._arm) if command.stage == "barred" else None
         return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
+    def _barred(self, t_s: float, arm: ArmReading) -> str | None:
+        """Return why the chair stands before the edge for good; None as long as its arm, the chair level, is still being stowed."""
+        config, pitch = self._config, self._where.pitch_rad
+        self._barred_s = min(self._barred_s, t_s)
+        is_level = abs(pitch) < LEVEL_RAD
+        off_rad = abs(arm.angle_rad - config.chair.tracks.approach_angle_deg * DEG)
+        if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
+            return None
+        why = self._turned_back_for or "the arm could not let the chair down over the edge"
+        return f"{why}; it " + ("stands on the landing again" if is_level else f"stands at {pitch / DEG:.0f}°")
+
     @property
-    def _onto_m(self) -> float:
+    def _whole_below_edge_m(self) -> float:
         """How far below the edge the flight must be whole: there the chair will lie, and its rear must still be able to stop."""
         return 2.0 * self._pivot_m + self._config.past_m + self._config.gap_m
 
-    def _unseen(self, onto_m: float) -> bool:
+    def _told_to_m(self, whole_to_m: float) -> float:
+        """Return how far from mid-track the nosing above a gap counts: from afar the one that is missing may be missed alone."""
+        if self._phase != "approach":
+            return whole_to_m
+        return min(whole_to_m, NEAR_M - math.hypot(self._where.rise_m, self._where.run_m))
+
+    def _unseen(self, whole_to_m: float) -> bool:
         """Say whether the chair is lifted, and too little of the flight below has been seen to back onto it."""
         where = self._where
         bottom = where.bottom_ahead_m()
         lifted = where.pitch_rad > where.slope_rad - LEVEL_RAD
-        return lifted and not where.bottom_ends and (bottom is None or -bottom < onto_m)
+        return lifted and not where.bottom_ends and (bottom is None or -bottom < whole_to_m)
 
     def _note(self, command: EdgeCommand) -> None:
         if self._phase == "approach" and command.stage != "approach":
@@ -164,12 +182,8 @@ class Descent(Traversal):
 
     def _missing(self, within_m: float) -> str | None:
         """Return that a step is missing so near the rear pulley that the chair must stop, or already under it; None if none is."""
-        gap = next((gap for gap in reversed(self._where.gaps_ahead_m()) if -gap[0] > self._pivot_m), None)
-        if gap is None or -gap[1] - self._pivot_m > within_m:
-            return None
-        before_m, wide_m = -gap[1] - self._pivot_m, gap[1] - gap[0]
-        where = f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m past"
-        return f"a step is missing: {wide_m:.2f} m from nosing to nosing, the upper {where} the rear pulley"
+        gap = self._gap(-1.0)
+        return None if gap is None or gap[0] > within_m else missing_step(gap, "rear")
 
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
@@ -177,13 +191,15 @@ class Descent(Traversal):
             return self._stand(t_s, missing)
         foot = where.bottom_ahead_m()
         before = math.inf if foot is None else -foot - self._pivot_m
-        if self._phase == "descend" and before < config.unseen_m and not where.bottom_ends:
-            return self._stand(t_s, f"what follows the nosing {before:.2f} m before the rear pulley has not been seen")
-        if self._phase == "descend" and (before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)):
-            self._phase, self._cause = "leave", "rear pulley at the last nosing, the floor beyond it seen"
+        tips = before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)
+        if self._phase == "descend" and not where.bottom_ends and (tips or before < config.unseen_m):
+            at = f"{before:.2f} m before" if before > 0.0 else f"{-before:.2f} m behind"
+            return self._stand(t_s, f"nothing was seen beyond the last nosing, {at} the rear pulley")
+        if self._phase == "descend" and tips:
+            self._phase, self._cause = "leave", f"last nosing {before:.2f} m before the rear pulley, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
-                self._edge = None
+                self._edge, self._turned_back_for, self._barred_s = None, "", math.inf
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m

@@ -17,6 +17,13 @@ ON_THE_FLIGHT_RAD = 10.0 * DEG
 LEVEL_RAD = 2.0 * DEG
 
 
+def missing_step(gap: tuple[float, float], pulley: str) -> str:
+    """Say that a step is missing, by the nosings before a pulley; negative where the pulley has passed."""
+    near_m, far_m = gap
+    where = f"{near_m:.2f} m before" if near_m > 0.0 else f"{-near_m:.2f} m behind"
+    return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {where} the {pulley} pulley"
+
+
 class Traversal:
     """Senses, phase and plan of one traversal."""
 
@@ -58,6 +65,15 @@ class Traversal:
                     self._where.feel(signal)
             case ArmReading():
                 self._arm = signal
+
+    def _gap(self, way: float) -> tuple[float, float] | None:
+        """Return the next gap that the leading pulley has not passed: its nearer and its further nosing before that pulley.
+
+        Args:
+            way: 1 for a chair that goes up, -1 for one that backs down.
+        """
+        sides = [(way * low - self._pivot_m, way * high - self._pivot_m) for low, high in self._where.gaps_ahead_m()]
+        return min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
 
     def _sweep(self, t_s: float, nowhere: str) -> Plan:
         """Turn to either side to find the stair; hold if it is nowhere."""

@@ -31,8 +31,14 @@ NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 """Maps that must have shown the next flight, the time without one after which it is looked at anew, and how near it must be."""
 MISSED_SHARE = 2.0
 """Maps that pass over a nosing, per map that shows it, from which on it was never there."""
+ABSENT_SHARE = 10.0
+"""The same for a nosing that would fill a gap."""
 KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
+NEAR_M = 1.9
+"""From mid-track: further away a nosing is missed too often to be called missing, and a metre is enough to stop in."""
+TOLD_AFTER = 6
+"""Maps that must show both nosings at a gap: by then one between them would have been in some map."""
 MAPS_MAX = 50
 """Weight of the mean shape: five seconds of frames."""
 BLEND_LEAST = 0.02
@@ -117,9 +123,7 @@ class Whereabouts:
 
     def ahead_m(self) -> list[float]:
         """Return how far along the belts each known nosing is ahead of mid-track, the lowest of the flight first."""
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        c /= math.cos(self.heading_rad)
-        return [(n.x_m - self._x_m) * c + (n.z_m - self._z_m) * s for n in self._known]
+        return [self._ahead_m(nosing) for nosing in self._known]
 
     def first_ahead_m(self) -> float | None:
         """Return how far the flight's lowest known nosing is ahead of mid-track, level."""
@@ -158,13 +162,29 @@ class Whereabouts:
         return self._ends(0)
 
     def gaps_ahead_m(self) -> list[tuple[float, float]]:
-        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first."""
-        ahead = self.ahead_m()
-        pitch_m = math.hypot(self.rise_m, self.run_m)
-        return [(low, high) for low, high in itertools.pairwise(ahead) if high - low > MISSING * pitch_m]
+        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first.
+
+        From afar every other map misses a nosing: one that was seen between them at all fills a gap, until next to none show it.
+        """
+        seen = [nosing for nosing in self._nosings if nosing.missed < ABSENT_SHARE * nosing.count]
+        far_m = MISSING * math.hypot(self.rise_m, self.run_m)
+        told = [
+            (low, high)
+            for low, high in itertools.pairwise(seen)
+            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= TOLD_AFTER
+        ]
+        return [(self._ahead_m(low), self._ahead_m(high)) for low, high in told]
+
+    def _ahead_m(self, nosing: _Nosing) -> float:
+        along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)
+        return (nosing.x_m - self._x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
 
     def _ends(self, index: int) -> bool:
-        return bool(self._known) and self._known[index].end_count >= KNOWN_AFTER
+        """Say whether frames have shown the flight's end at a nosing or its double: after a blind lift it may be there twice."""
+        if not self._known:
+            return False
+        place_m, same_m = self._known[index].x_m, SAME * self.run_m
+        return any(nosing.end_count >= KNOWN_AFTER and abs(nosing.x_m - place_m) < same_m for nosing in self._known)
 
     def _drive(self, reading: TrackReading) -> None:
         dt_s = 0.0 if self._tracks_s is None else min(max(reading.t_s - self._tracks_s, 0.0), 0.1)
@@ -256,9 +276,11 @@ class Whereabouts:
                 nosing.missed += 1
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
-        """Count the frames that show the flight's end at a nosing; one that shows another beyond takes all back."""
+        """Count the frames that show the flight's end at a nosing; another that is known beyond takes all back."""
         if seen.ends:
             last.end_count += 1
+        if not last.known:
+            return
         upward = seen.direction == "up"
         for nosing in self._nosings:
             before = nosing.x_m < last.x_m if upward else nosing.x_m > last.x_m

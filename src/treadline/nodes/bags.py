@@ -8,7 +8,10 @@ from typing import Any, Protocol, runtime_checkable
 from treadline.errors import SettingsError, TreadlineError
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
 from treadline.io.mcap_log import RunLog
-from treadline.io.messages import messages_of
+from treadline.io.messages import Message, messages_of
+from treadline.nodes import channels as on
+from treadline.nodes.codec import encoded
+from treadline.nodes.words import Mounts, Odometry
 
 
 @runtime_checkable
@@ -30,7 +33,7 @@ def open_bag(path: Path) -> Bag:
         TreadlineError: If rosbags is missing.
     """
     if path.suffix == ".mcap":
-        return RunLog(path, image_every=1)
+        return RunLog(path, image_every=1, messages=_messages)
     if path.suffix not in _OPENERS:
         raise SettingsError(f"{path}: '{path.suffix}' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)")
     if path.exists():
@@ -56,7 +59,7 @@ class _RosBag:
 
     def __call__(self, signal: Any) -> None:
         time_ns = nanoseconds_of(signal.t_s)
-        for topic, kind, data in messages_of(signal, writer=self._kind):
+        for topic, kind, data in _messages(signal, self._kind):
             if topic not in self._connections:
                 self._connections[topic] = self._connect(topic, kind)
             self._writer.write(self._connections[topic], time_ns, data)
@@ -74,11 +77,19 @@ class _RosBag:
             self._temporary.replace(self._path)
 
 
+def _messages(signal: Any, writer: type[CdrWriter] = CdrWriter) -> list[Message]:
+    """Return what a signal is written as: on its own topic, with what nodes tell others beside what a run's log knows."""
+    channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
+    return messages_of(signal, writer=writer) if channel is None else encoded(channel, signal, ros1=writer is Ros1Writer)
+
+
 def _ros1(path: Path) -> tuple[Path, Any, Callable[[str, str], Any], type[CdrWriter]]:
     from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
+    if on.FRAMES not in store.types:
+        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", on.FRAMES))
     temporary = path.with_name(path.name + ".part")
     temporary.unlink(missing_ok=True)
     writer = Writer(temporary)

@@ -8,6 +8,7 @@ from treadline.nodes.inproc import InProcess
 from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, PlantNode, SeatNode
 from treadline.nodes.words import Beat
 from treadline.ports import Plant, Transport
+from treadline.signals import PinholeCamera
 
 BEAT_TICKS = 25
 """Ticks between two signs of life: a third of what the guard waits for."""
@@ -16,13 +17,21 @@ BEAT_TICKS = 25
 class LockStep:
     """All nodes on one transport, turned in the loop's order."""
 
-    def __init__(self, plant: Plant, blocks: Blocks, config: GuardConfig, *, beside: tuple[Node, ...] = ()) -> None:
-        """Connect the nodes; those ``beside`` only listen."""
+    def __init__(
+        self,
+        plant: Plant,
+        blocks: Blocks,
+        config: GuardConfig,
+        *,
+        beside: tuple[Node, ...] = (),
+        mount: PinholeCamera | None = None,
+    ) -> None:
+        """Connect the nodes; those ``beside`` only listen, and ``mount`` is told to viewers."""
         self.transport: Transport = InProcess()
         self.guard = GuardNode(config)
         self._plant = PlantNode(plant)
         driver = DriverNode(blocks.planner, blocks.driver, config)
-        heading = HeadingNode(blocks.estimator, config)
+        heading = HeadingNode(blocks.estimator, config, mount)
         camera, seat = CameraNode(blocks.detector, config), SeatNode(blocks.leveller, config)
         # The guard takes each reading before anybody acts on it, and speaks after all others.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]

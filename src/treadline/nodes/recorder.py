@@ -37,6 +37,8 @@ LOGGED = (
     on.ARM_CMD,
     on.DIAGNOSTICS,
     on.TRUTH,
+    on.ODOM,
+    on.MOUNTS,
 )
 
 

@@ -13,9 +13,7 @@ OBSTACLE_MAPS, GAP_MAPS = 2, 3
 SAME_M = 0.15
 """Half a nosing pitch: within it, two findings are of one gap."""
 NEAR_M = 1.9
-"""Of a gap from mid-track: from further away a nosing is missed too often, and a metre is enough to stop in."""
-
-
+"""Of a gap from mid-track, as the planner's (``mission.whereabouts``), of which the guard must not know."""
 OUT_OF_VIEW_M = 1.2
 """From mid-track: nearer the camera sees a thing's upper part at best."""
 
