@@ -181,8 +181,8 @@ class Undisturbed:
         """Return a word for the progress line."""
         return f"{self.leg.direction} from the {self.leg.place}, seed {self.seed}"
 
-    def run(self) -> dict[tuple[str, float], tuple[float, float]]:
-        """Return when a fault is due, at each place in each phase, and by how many degrees the heading grows without one."""
+    def run(self) -> dict[tuple[str, float], tuple[float, np.ndarray]]:
+        """Return when a fault is due, at each place in each phase, and how far off the heading is from then on without one [°]."""
         scenario = scenario_of(self.leg, self.load, 90.0)
         ride = traverse(scenario, controller=shipped_controller(scenario.chair.model), seed=self.seed)
         begins = [*ride.scores.phases, (ride.scores.duration_s, "")]
@@ -191,8 +191,7 @@ class Undisturbed:
             for place in self.places:
                 due.setdefault((phase, place), round((1.0 - place) * begin_s + place * end_s, 2))
         heading = np.abs(ride.trace["heading_rad"]) / DEG
-        grown = {key: float(heading[round(at_s / TICK_S) :].max() - heading[round(at_s / TICK_S)]) for key, at_s in due.items()}
-        return {key: (at_s, grown[key]) for key, at_s in due.items() if key[0] in self.leg.phases}
+        return {key: (at_s, heading[round(at_s / TICK_S) :]) for key, at_s in due.items() if key[0] in self.leg.phases}
 
 
 @dataclass(frozen=True)
@@ -232,8 +231,8 @@ class Disturbed:
     phase: str
     seed: int
     at_s: float
-    sound_deg: float
-    """By how much the heading grows from then on without a fault."""
+    sound_deg: np.ndarray
+    """How far off the heading is from then on without a fault, tick by tick."""
     rest_s: float
 
     @property
@@ -307,16 +306,20 @@ class Disturbed:
             margin_deg=float(trace["stability_margin_rad"][rest].min()) / DEG if rests else math.nan,
             roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
             heading_deg=float(np.abs(trace["heading_rad"]).max() - abs(trace["heading_rad"][0])) / DEG
-            - (self.sound_deg if self.case.beyond_sound else 0.0),
+            - (self._sound_growth_deg(len(trace["heading_rad"])) if self.case.beyond_sound else 0.0),
             pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
             seat_deg=float(np.abs(trace["seat_pitch_rad"]).max()) / DEG,
             toml=scenario_toml(scenario, f"{self.name}: {ride.verdict}, {ride.cause}"),
         )
 
+    def _sound_growth_deg(self, ticks: int) -> float:
+        sound = self.sound_deg[:ticks]
+        return float(sound.max() - sound[0])
+
     def _wrong(self, seen: Outcome, after_s: float) -> Iterator[str]:
         case = self.case
         # It may be there before its time is up.
-        in_time = seen.verdict == "arrived" and after_s <= case.held_s
+        in_time = seen.verdict == "arrived" and not case.moving and after_s <= case.held_s
         if seen.verdict not in case.ends and not in_time:
             yield f"{seen.verdict} ({seen.cause})"
         for what, value, limit, unit in (

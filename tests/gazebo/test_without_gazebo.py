@@ -210,7 +210,7 @@ def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(t
         reach_m=np.zeros(4),
     )
     plant = GazeboPlant(scenario, 3, chair, Environment(root=tmp_path))
-    (ours,) = [reading for reading in plant._instruments.read(there)[0] if isinstance(reading, RgbdFrame)]
+    (ours,) = [reading for reading in plant._instruments.read(there, 1.0)[0] if isinstance(reading, RgbdFrame)]
     (theirs,) = [reading for reading in other.read() if isinstance(reading, RgbdFrame)]
     np.testing.assert_array_equal(ours.depth_m, theirs.depth_m)
     np.testing.assert_array_equal(ours.rgb, theirs.rgb)

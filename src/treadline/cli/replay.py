@@ -25,7 +25,7 @@ def replay(
 
     The log is a run folder (treadline climb --log-images keeps the frames), or an MCAP file or ROS bag of anybody's: depth
     (sensor_msgs/Image, 16UC1 or 32FC1), colour, CameraInfo and Imu are found by their types. What the mission asks of the
-    tracks is compared with what was asked then. Without images the headings recorded go into the fusion.
+    tracks is compared with what was asked then. Without images the recorded headings and stair maps stand for them.
 
     treadline replay runs/climb --set filter.gate=16 --set vision=paper --out runs/again
 
@@ -110,7 +110,7 @@ def _lines(values: dict[str, Any], out: Path) -> list[str]:
         lines += [f"  refused {count}: {reason}" for reason, count in values["refusals"].items()]
     else:
         lines.append(
-            f"no images in this log: perception was skipped, {values['accepted']} headings recorded went into the fusion, "
+            f"no images in this log: perception was skipped, {values['accepted']} recorded headings went into the fusion, "
             f"{values['rejected']} of these rejected by the gate"
         )
     then, truth, before = (_number(values[key], "°") for key in ("rms_difference_deg", "rms_error_deg", "recorded_rms_error_deg"))

@@ -90,7 +90,7 @@ class Instruments:
         self._velocity_W = velocity_W
         self._ticks = 0
 
-    def read(self, state: ChairState, grip: float = 1.0) -> tuple[list[Reading], Truth]:
+    def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
         """Return what the sensors say at a tick, and the truth.
 
         Args:

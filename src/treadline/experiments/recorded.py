@@ -11,11 +11,12 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.experiments.excite import Excited, excite, long_enough
 from treadline.experiments.scores import Trace
-from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, traverse
+from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, ready, traverse
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
 from treadline.io.runs import LOG, write_manifest, write_result, write_series
-from treadline.mission.config import heading_driver
+from treadline.mechanics.chair import read_chair
+from treadline.mission.config import heading_driver, is_whole
 from treadline.mission.drivers import Driver
 from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
@@ -49,8 +50,10 @@ def recorded_run(
         TreadlineError: Before anything is written, if the scenario or controller cannot be driven.
     """
     config = mission_config(scenario, controller)
+    whole = is_whole(config, driver) and scenario.drive.check
     driver = driver or heading_driver(config)
-    _begin(folder, scenario, seed)
+    # A seat that is shifted before the start is part of what is replayed.
+    _begin(folder, ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario, seed)
     run: Traverse = _logged(
         folder,
         lambda sink: traverse(

@@ -128,7 +128,7 @@ class Decoder:
             return None
         if topic == "/camera/color/camera_info":
             return self._frame(CdrReader(data))
-        read = OURS.get(topic) or (BETWEEN[topic] if topic in LOOKED else None)
+        read = (OURS | LOOKED).get(topic)
         return None if read is None else read[1](CdrReader(data))
 
     def _frame(self, r: CdrReader) -> RgbdFrame:
@@ -386,11 +386,10 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/truth": (JOINTS, _truth),
 }
 """Topics of a run's log, images aside: their type, and what reads them."""
-BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
+LOOKED: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/camera/quality": (JOINTS, _quality),
     "/stair/map/detail": (JOINTS, _stair_map),
-    "/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan),
 }
-"""Topics that only nodes speak to each other on, and cameras that look for themselves."""
-LOOKED = ("/camera/quality", "/stair/map/detail")
-"""What such a camera saw."""
+"""What a frame said beside the heading: all there is where its images were not kept, or its camera looks for itself."""
+BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = LOOKED | {"/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan)}
+"""The same, and topics that only nodes speak to each other on."""

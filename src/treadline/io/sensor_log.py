@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from treadline.errors import ImageError, LogFormatError
-from treadline.io.decode import BETWEEN, EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
+from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
 from treadline.io.log_frames import Calibrate, Frames, as_logged
 from treadline.io.mcap_read import BROKEN
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
@@ -88,7 +88,7 @@ class SensorLog:
     @property
     def shows_stair(self) -> bool:
         """Whether it tells where nosings are: in images, or as a camera without images saw them."""
-        return self.topics.depth is not None or LOOKED[1] in self.found
+        return self.topics.depth is not None or "/stair/map/detail" in self.found
 
     def signals(self, aside: Callable[[Any], None]) -> Iterator[Sensor]:
         """Yield what the sensors read, in time order from ``t_s = 0``.
@@ -127,7 +127,7 @@ class SensorLog:
     def _wants(self, name: str) -> bool:
         ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
         # A camera that looks for itself leaves no images, but what it saw.
-        looked = name in LOOKED and self.found[name].kind == BETWEEN[name][0] and self.topics.depth is None
+        looked = name in LOOKED and self.found[name].kind == LOOKED[name][0] and self.topics.depth is None
         return name in self._roles or ours or looked
 
     def _decoded(self, role: str, name: str, r: CdrReader, logged_ns: int) -> Any | None:
@@ -148,7 +148,7 @@ class SensorLog:
                 if self.topics.accel is not None:
                     signal = replace(signal, linear_acceleration_m_s2=self._force)
             case _:
-                read = BETWEEN[name] if name in LOOKED else OURS[name if role == "" else HEADINGS]
+                read = LOOKED.get(name) or OURS[name if role == "" else HEADINGS]
                 signal = read[1](r)
         if not isinstance(signal, Sensor):
             return signal
