@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
 
-.PHONY: help setup reproduce quick test test-gazebo check format docs clean
+.PHONY: help setup reproduce quick test test-ros1 test-gazebo check format docs clean
 
 help:
 	@echo "make reproduce   run the whole paper and write $(OUT)/report.html"

@@ -105,7 +105,7 @@ def test_without_dask_a_cluster_says_how_to_get_it(
     done = run("sweep", spec, "--runs", 3, "--cluster", "local", "--out", tmp_path / "out")
     assert (done.code, done.err) == (
         2,
-        "treadline: --cluster needs Dask: pip install 'treadline[cluster]', or leave it out for a pool here\n",
+        "treadline: --cluster needs Dask: pip install '.[cluster]' in treadline's folder, or leave it out for a pool here\n",
     )
 
 

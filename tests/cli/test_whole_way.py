@@ -39,7 +39,7 @@ def test_from_random_speeds_to_a_report(run, folder: Path) -> None:
 
     found = run("identify", folder / "excited", "--validate-on", folder / "excited", "--out", folder / "model.json", "--json")
     assert found.code == 0, found.err
-    assert found.values["order"] == 2
+    assert found.values["order"] in (2, 3)  # heading and its rate; a minute of data may or may not show the drives' lag
     assert {"lags", "method", "singular_values", "poles", "fit_percent", "one_step_vaf_percent", "whiteness_p"} <= set(found.values)
 
     tuned = run("tune", folder / "model.json", "--out", folder / "controller.json", "--json")
@@ -78,3 +78,47 @@ def test_a_slope_that_friction_forbids_is_refused_before_anything_moves(run, tmp
     assert outcome.values["verdict"] == "refused"
     assert outcome.values["reasons"]
     assert not (tmp_path / "run").exists()
+
+
+WHOLE = """
+[stair]
+slope_deg = {slope}
+width_m = 1.4
+landing_m = 3.0
+friction = [1.0, 0.8]
+[chair]
+payload_kg = 80
+payload_offset_m = [{back}, 0.0, 0.10]
+[start]
+place = "floor"
+[drive]
+check = {check}
+duration_s = 0.5
+[sensors]
+camera = "statistical"
+"""
+
+
+def test_a_seat_that_must_be_shifted_is_shifted_as_in_a_campaign(run, tmp_path: Path) -> None:
+    """Test: a passenger who sits 5 cm back. Expected result: flown with the seat shifted, which the run's manifest says."""
+    scenario = tmp_path / "back.toml"
+    scenario.write_text(WHOLE.format(slope=30, back=-0.05, check="true"))
+    flown = run("climb", scenario, "--out", tmp_path / "run", "--json")
+    assert flown.values["verdict"] == "time_up", flown.err
+    assert flown.values["events"][0]["name"] == "seat_shifted"
+    settings = json.loads((tmp_path / "run" / "manifest.json").read_text())["settings"]
+    assert 0.0 < settings["chair"]["seat_shift_m"] <= 0.10
+
+
+def test_what_check_refuses_is_flown_only_where_the_scenario_says_so(run, tmp_path: Path) -> None:
+    steep = tmp_path / "steep.toml"
+    steep.write_text(WHOLE.format(slope=35, back=0.0, check="true"))
+    refused = run("climb", steep, "--out", tmp_path / "run", "--json")
+    assert (refused.code, refused.values["verdict"]) == (1, "refused")
+    assert refused.values["cause"] == "; ".join(refused.values["reasons"])
+    assert not (tmp_path / "run").exists()
+    steep.write_text(WHOLE.format(slope=35, back=0.0, check="false"))
+    flown = run("climb", steep, "--out", tmp_path / "run", "--json")
+    assert flown.values["verdict"] in ("time_up", "refused")
+    assert flown.values["duration_s"] > 0.0
+    assert "reasons" not in flown.values

@@ -9,7 +9,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
-from treadline.mission.whereabouts import KNOWN_AFTER, NEXT_MAPS, TOLD_AFTER, NEXT_S, Whereabouts
+from treadline.mission.whereabouts import KNOWN_AFTER, NEXT_MAPS, NEXT_S, TOLD_AFTER, Whereabouts
 from treadline.scenario import Scenario
 from treadline.signals import StairMap
 

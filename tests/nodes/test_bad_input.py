@@ -70,7 +70,7 @@ def test_no_ros(capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 def test_no_zenoh(capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "zenoh", None)
     told = line(capsys, "nodes", "--transport", "zenoh")
-    assert told == "treadline: --transport zenoh needs zenoh, which is not installed: pip install 'treadline[ros]'"
+    assert told == "treadline: --transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in treadline's folder"
 
 
 def test_one_node_alone(capsys: Any) -> None:
@@ -157,6 +157,6 @@ def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(
     assert main(["doctor", "--json"]) == 0  # the rest does without
     parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
     assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
-    assert parts["eclipse-zenoh"]["remedy"] == parts["rosbags"]["remedy"] == "pip install treadline[ros]"
+    assert parts["eclipse-zenoh"]["remedy"] == parts["rosbags"]["remedy"] == "pip install '.[ros]'"
     assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
     assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "rosbags", "Gazebo"))

@@ -46,7 +46,8 @@ class Cluster:
             import dask
             import distributed  # noqa: F401 - asked for early, for the error's sake
         except ImportError:
-            raise SettingsError("--cluster needs Dask: pip install 'treadline[cluster]', or leave it out for a pool here") from None
+            remedy = "pip install '.[cluster]' in treadline's folder, or leave it out for a pool here"
+            raise SettingsError(f"--cluster needs Dask: {remedy}") from None
         dask.config.set(SETTINGS)
         if self._address != LOCAL:
             _must_answer(self._address)

@@ -16,10 +16,11 @@ PARTS = (
     ("scipy", "scipy", "identification and control", "pip install scipy"),
 )
 EXTRAS = (
-    ("pyarrow", "pyarrow", "identify on Parquet, long CSV files three times faster", "pip install treadline[parquet]"),
-    ("rosbags", "rosbags", "identify on ROS 1 bags and bags without definitions", "pip install treadline[ros]"),
-    ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install treadline[ros]"),
-    ("control", "control", "models as control.StateSpace", "pip install treadline[control]"),
+    ("pyarrow", "pyarrow", "identify on Parquet, long CSV files four times as fast", "pip install '.[parquet]'"),
+    ("rosbags", "rosbags", "ROS bags read by identify and replay, written by record and nodes", "pip install '.[ros]'"),
+    ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install '.[ros]'"),
+    ("control", "control", "models as control.StateSpace", "pip install '.[control]'"),
+    ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
 )
 """What the rest does without: missing, they are no fault."""
 

@@ -1,7 +1,9 @@
 """``treadline record``: what nodes say into a bag, or a log from one kind of bag into another. No ROS is needed for either."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
 from treadline.cli.node import RECORDER_SPARE, TransportName, stopping, told, wired
@@ -18,7 +20,7 @@ def record(
     transport: TransportName = "zenoh",
     duration: float | None = None,
     scenario: str = "default",
-    images: bool = True,
+    images: Annotated[bool, Parameter(negative="--no-images")] = True,
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
 ) -> Answer:

@@ -50,7 +50,7 @@ class Traverse:
     scenario: Scenario
     seed: int
     verdict: str
-    """``arrived``, ``held``, ``fell``, ``time_up`` or ``diverged``."""
+    """``arrived``, ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
     cause: str | None
     scores: Scores
     trace: Trace

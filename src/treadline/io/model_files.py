@@ -87,7 +87,7 @@ def to_statespace(model: LinearModel) -> "StateSpace":
     try:
         from control import StateSpace
     except ImportError:
-        raise TreadlineError("python-control is missing: pip install 'treadline[control]'") from None
+        raise TreadlineError("python-control is missing: pip install '.[control]' in treadline's folder") from None
     labels = {
         key: [name.replace(".", "_") for name in names]
         for key, names in (("inputs", model.input_names), ("outputs", model.output_names))

@@ -32,7 +32,7 @@ class ParquetLog:
             from pyarrow import ArrowException, parquet
         except ImportError:
             raise LogFormatError(
-                f"{self._file}: Parquet needs pyarrow: pip install 'treadline[parquet]', or save it as CSV"
+                f"{self._file}: Parquet needs pyarrow: pip install '.[parquet]' in treadline's folder, or save it as CSV"
             ) from None
         try:
             # pre_buffer would hold what has been read until the end.

@@ -86,4 +86,4 @@ def _by_rosbags(topic: Topic) -> Callable[[bytes], Any]:
 
 def needs_rosbags(what: object) -> LogFormatError:
     """Return the error for what only rosbags reads."""
-    return LogFormatError(f"{what} needs rosbags: pip install 'treadline[ros]'")
+    return LogFormatError(f"{what} needs rosbags: pip install '.[ros]' in treadline's folder")

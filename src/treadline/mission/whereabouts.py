@@ -31,14 +31,12 @@ NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 """Maps that must have shown the next flight, the time without one after which it is looked at anew, and how near it must be."""
 MISSED_SHARE = 2.0
 """Maps that pass over a nosing, per map that shows it, from which on it was never there."""
-ABSENT_SHARE = 10.0
-"""The same for a nosing that would fill a gap."""
 KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
 NEAR_M = 1.9
 """From mid-track: further away a nosing is missed too often to be called missing, and a metre is enough to stop in."""
 TOLD_AFTER = 6
-"""Maps that must show both nosings at a gap: by then one between them would have been in some map."""
+"""Maps that must show both nosings at a gap: by then two of them would have shown one between."""
 MAPS_MAX = 50
 """Weight of the mean shape: five seconds of frames."""
 BLEND_LEAST = 0.02
@@ -162,18 +160,14 @@ class Whereabouts:
         return self._ends(0)
 
     def gaps_ahead_m(self) -> list[tuple[float, float]]:
-        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first.
-
-        From afar every other map misses a nosing: one that was seen between them at all fills a gap, until next to none show it.
-        """
-        seen = [nosing for nosing in self._nosings if nosing.missed < ABSENT_SHARE * nosing.count]
+        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first."""
         far_m = MISSING * math.hypot(self.rise_m, self.run_m)
-        told = [
+        gaps = [
             (low, high)
-            for low, high in itertools.pairwise(seen)
+            for low, high in itertools.pairwise(self._known)
             if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= TOLD_AFTER
         ]
-        return [(self._ahead_m(low), self._ahead_m(high)) for low, high in told]
+        return [(self._ahead_m(low), self._ahead_m(high)) for low, high in gaps]
 
     def _ahead_m(self, nosing: _Nosing) -> float:
         along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)

@@ -42,7 +42,7 @@ def open_bag(path: Path) -> Bag:
     try:
         return _RosBag(path, *_OPENERS[path.suffix](path))
     except ImportError:
-        raise TreadlineError(f"{path}: '{path.suffix}' needs rosbags: pip install 'treadline[ros]'") from None
+        raise TreadlineError(f"{path}: '{path.suffix}' needs rosbags: pip install '.[ros]' in treadline's folder") from None
 
 
 class _RosBag:

@@ -129,7 +129,7 @@ def _modules() -> tuple[Any, Any]:
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise TreadlineError(
-            f"--transport zenoh needs {error.name or 'zenoh'}, which is not installed: pip install 'treadline[ros]'"
+            f"--transport zenoh needs {error.name or 'zenoh'}, which is not installed: pip install '.[ros]' in treadline's folder"
         ) from None
     return zenoh, get_typestore(Stores.ROS2_JAZZY)
 

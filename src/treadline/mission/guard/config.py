@@ -40,7 +40,7 @@ class GuardConfig:
     disagreement_s: float = 0.5
     """Vision and gyro differ, and nobody knows who errs (row 7)."""
     blind_turn_rad: float = 3.0 * DEG
-    """By which belts may turn the chair while no stair is seen: without a fault it is 1.5°, and 2.3° where steps are uneven and
+    """By which belts may turn the chair while no stair is seen: without a fault it is 2.1°, and 2.3° where steps are uneven and
     friction is short (row 7: true error of 5°)."""
     blind_square_rad: float = 1.0 * DEG
     """Heading beyond which something pushes the chair, and the belts are right to answer: a drift of 1 °/s leaves 0.4° …"""

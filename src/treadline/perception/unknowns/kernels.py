@@ -2,7 +2,7 @@
 
 Rows ``by · x = value`` with a noise each; x holds the warp's terms first and α and ρ last. All rows of a step turn with it by
 one angle of variance τ² and tilt by another of variance κ², which Woodbury's identity takes out of the covariance; the warp's terms
-have a prior of one size. τ, κ and that size run over grids, every value as likely as the next, and count by their evidence.
+have a prior of one size. τ, κ and that size run over grids and count by their evidence, beforehand by a small power of their size.
 """
 
 import math
