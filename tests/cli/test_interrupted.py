@@ -54,6 +54,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
 def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Test: Ctrl-C falls into a callback from compiled code, which cannot raise. Expected result: it is raised a moment later."""
     monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # workers of a test run may ignore Ctrl-C
     assert main(["--version"]) == 0
 
     @ctypes.CFUNCTYPE(None)
@@ -63,6 +64,7 @@ def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.M
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - it comes while something else is done
         callback()
         time.sleep(5.0)
+    signal.signal(signal.SIGINT, before)
 
 
 def test_an_interrupted_reproduction_ends_its_workers_and_says_one_line(tmp_path: Path) -> None:

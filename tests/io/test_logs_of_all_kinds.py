@@ -215,7 +215,7 @@ def test_what_needs_an_extra_says_how_to_get_it(written, record: InputOutputReco
         log = written(kind, record)
         with monkeypatch.context() as patch:
             patch.setitem(sys.modules, module, None)
-            refused(log.path, log.inputs, log.outputs, rf"pip install 'treadline\[{extra}\]'")
+            refused(log.path, log.inputs, log.outputs, rf"pip install '\.\[{extra}\]'")
 
 
 def test_the_base_reads_mcap_of_ros_2_without_rosbags(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:

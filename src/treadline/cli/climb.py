@@ -30,11 +30,13 @@ def climb(
     from treadline.experiments.recorded import recorded_run
     from treadline.experiments.shipped import shipped_controller
     from treadline.experiments.traverse import refusals
+    from treadline.mechanics.chair import read_chair
     from treadline.models import ControllerDesign
     from treadline.scenario import read_scenario
 
     settings = read_scenario(scenario)
-    design = shipped_controller(settings.chair.model) if controller is None else ControllerDesign.load(controller)
+    chair = read_chair(settings.chair.model)
+    design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)
     reasons = refusals(settings, design)
     if reasons:
         cause = "; ".join(reasons)
