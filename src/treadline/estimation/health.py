@@ -1,6 +1,5 @@
 """What the heading filter knows to be wrong with its sensors, for whoever must act on it."""
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Literal
@@ -62,8 +61,7 @@ class StuckWatch:
         self._since_s = 0.0
         self._moved_s: float | None = None
         self._moves_since_s = 0.0
-        self._found = False
-        self._found_since_s = math.inf
+        self._stuck_since_s: float | None = None
 
     def belts(self, reading: TrackReading) -> None:
         """Note whether the belts run."""
@@ -79,15 +77,14 @@ class StuckWatch:
         """
         rates = sample.angular_velocity_rad_s.tolist()
         if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
-            self._rates, self._since_s, self._found, self._found_since_s = rates, sample.t_s, False, math.inf
-        since_s = max(self._since_s, self._moves_since_s)
-        if self._moved_s is not None and abs(sample.t_s - self._moved_s) <= self._rule.belts_s:
+            self._rates, self._since_s, self._stuck_since_s = rates, sample.t_s, None
+        moved_s = self._moved_s
+        if self._stuck_since_s is None and moved_s is not None and abs(sample.t_s - moved_s) <= self._rule.belts_s:
             # What it repeated before the belts ran, or after they had stopped, tells nothing.
-            self._found |= min(sample.t_s, self._moved_s + self._rule.late_s) - since_s >= self._rule.for_s - 1e-6
-        if not self._found:
-            return 0.0
-        self._found_since_s = min(self._found_since_s, since_s)
-        return sample.t_s - self._found_since_s
+            since_s = max(self._since_s, self._moves_since_s)
+            if min(sample.t_s, moved_s + self._rule.late_s) - since_s >= self._rule.for_s - 1e-6:
+                self._stuck_since_s = since_s
+        return 0.0 if self._stuck_since_s is None else sample.t_s - self._stuck_since_s
 
 
 class Scatter:

@@ -11,7 +11,7 @@ from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
 from treadline.mission.whereabouts import NEAR_M
 from treadline.signals import ArmReading, HeadingEstimate, Plan
 
@@ -193,10 +193,9 @@ class Descent(Traversal):
         before = math.inf if foot is None else -foot - self._pivot_m
         tips = before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)
         if self._phase == "descend" and not where.bottom_ends and (tips or before < config.unseen_m):
-            at = f"{before:.2f} m before" if before > 0.0 else f"{-before:.2f} m behind"
-            return self._stand(t_s, f"nothing was seen beyond the last nosing, {at} the rear pulley")
+            return self._stand(t_s, f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley")
         if self._phase == "descend" and tips:
-            self._phase, self._cause = "leave", f"last nosing {before:.2f} m before the rear pulley, the floor beyond it seen"
+            self._phase, self._cause = "leave", f"last nosing {beside(before)} the rear pulley, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
                 self._edge, self._turned_back_for, self._barred_s = None, "", math.inf

@@ -17,11 +17,15 @@ ON_THE_FLIGHT_RAD = 10.0 * DEG
 LEVEL_RAD = 2.0 * DEG
 
 
+def beside(before_m: float) -> str:
+    """Say how far something is before a pulley, or behind it."""
+    return f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m behind"
+
+
 def missing_step(gap: tuple[float, float], pulley: str) -> str:
     """Say that a step is missing, by the nosings before a pulley; negative where the pulley has passed."""
     near_m, far_m = gap
-    where = f"{near_m:.2f} m before" if near_m > 0.0 else f"{-near_m:.2f} m behind"
-    return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {where} the {pulley} pulley"
+    return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {pulley} pulley"
 
 
 class Traversal:
