@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
 
-.PHONY: help setup reproduce quick test test-ros1 test-gazebo check format docs clean
+.PHONY: help setup reproduce quick test test-ros1 test-gazebo check coverage format docs clean
 
 help:
 	@echo "make reproduce   run the whole paper and write $(OUT)/report.html"
@@ -13,6 +13,7 @@ help:
 	@echo "make test-gazebo run the tests in Gazebo 11, which they build first (root, once)"
 	@echo "make test-ros1   install ROS 1 from Debian (root) and run the graph on a real roscore"
 	@echo "make check       formatter, linter, types, import contracts"
+	@echo "make coverage    every branch of the guard is taken by its own tests"
 	@echo "make docs        redraw the drawings of docs/"
 
 setup: $(VENV)/.installed
@@ -54,6 +55,10 @@ check: setup
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+coverage: setup
+	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/mission/test_guard*.py
+	$(BIN)/coverage report
 
 format: setup
 	$(BIN)/ruff format .
