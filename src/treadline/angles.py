@@ -12,7 +12,7 @@ DEG: Final = math.pi / 180.0
 
 
 def wrap(angle_rad: float) -> float:
-    """Return the angle in [-π, π)."""
+    """Return the angle in [-π, π); rounding may make it π itself."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 

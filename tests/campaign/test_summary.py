@@ -1,10 +1,13 @@
 """What a campaign came to."""
 
+from dataclasses import fields
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.campaign.summary import clopper_pearson, lines, summarise, worst
+from treadline.campaign.summary import SHOWN, clopper_pearson, lines, summarise, worst
+from treadline.experiments.scores import Scores
 
 
 @pytest.mark.parametrize(
@@ -59,6 +62,10 @@ def test_scores_are_those_of_the_runs_that_have_them() -> None:
     assert summary["causes"]["held: no frame for s"] == 2
     assert set(summary["scores"]) == {"min_margin", "rate"}
     assert any("fell" in line for line in lines(summary))
+
+
+def test_what_is_shown_is_what_a_traversal_scores() -> None:
+    assert set(SHOWN) <= {field.name for field in fields(Scores)}
 
 
 def test_what_never_happened_has_bounds_too() -> None:

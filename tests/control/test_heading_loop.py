@@ -14,7 +14,7 @@ from treadline.control.observer import Observer
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign, LinearModel
-from treadline.signals import HeadingEstimate, TrackCommand
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
 
 PERIOD_S = 0.25
 YAW_GAIN = 0.8
@@ -181,6 +181,28 @@ def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> N
     # 5 % of 0.2 m/s is 0.01 m/s of difference; learned anew it took 0.2° of heading to find.
     assert before == pytest.approx(0.01, rel=0.1)
     assert np.abs(headings).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"heading_rad": np.nan},
+        {"heading_rad": 4.0},
+        {"speed_m_s": np.nan},
+        {"speed_m_s": -np.inf},
+        {"slowest_share": np.nan},
+        {"slowest_share": 2.0},
+    ],
+)
+def test_one_plan_that_is_not_a_number_stops_and_does_not_cost_what_was_learned(spoilt: dict[str, float]) -> None:
+    driver = controller()
+    run(driver, Chair(np.array([0.0, 0.0]), right_scale=1.05), 60.0)
+    before = driver._observer.disturbance
+    good = Plan(t_s=0.0, phase="climb", speed_m_s=0.2)
+    assert driver.step(estimate(0.0), 60.0, replace(good, **spoilt)).brake
+    after = driver.step(estimate(0.0), 60.25, good)
+    assert not after.brake
+    assert driver._observer.disturbance == before
 
 
 @pytest.mark.parametrize("heading", [np.nan, np.inf, -np.inf, 1e300, 0.1])

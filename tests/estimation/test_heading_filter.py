@@ -391,16 +391,18 @@ def test_a_stuck_gyro_that_comes_back_is_used_again() -> None:
     assert climb.filter.health.fault is None
 
 
-def test_a_frozen_picture_does_not_hold_the_heading() -> None:
+@pytest.mark.parametrize("turn_deg_s", [0.3, 0.9, 5.0])
+def test_a_frozen_picture_does_not_hold_the_heading(turn_deg_s: float) -> None:
     held = HeadingFilter()
     for k in range(400):
         t_s = k * IMU_S
-        held.step(gyro(t_s, 0.0 if t_s < 2.0 else 5.0 * DEG))
+        held.step(gyro(t_s, 0.0 if t_s < 2.0 else turn_deg_s * DEG))
         if k % TICKS_PER_FRAME == 0:
             estimate = held.step(seen(t_s, 0.1))
     assert estimate is not None
-    # From 2 s to the last frame at 3.9 s at 5 °/s, and not one of those frames said otherwise to any effect.
-    assert estimate.heading_rad == pytest.approx(0.1 + 9.5 * DEG, abs=0.1 * DEG)
+    # From 2 s to the last frame at 3.9 s, and not one of those frames said otherwise to any effect; a tenth of a degree is what a
+    # chair may turn before a heading that is repeated is refused, and that is taken for the gyro's bias meanwhile.
+    assert estimate.heading_rad == pytest.approx(0.1 + 1.9 * turn_deg_s * DEG, abs=0.2 * DEG)
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 5.0, -10.0])

@@ -13,6 +13,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission.config import is_whole, planner_of
 from treadline.mission.planner import Cruise
 from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.ports import Truth
 from treadline.signals import TrackCommand
 
 LANDING_M = 3.0
@@ -156,6 +157,21 @@ def test_what_stands_still_is_neither_there_nor_refused_when_its_time_is_up() ->
     run = Trip(duration_s=0.5).run()
     assert (run.verdict, run.cause) == ("time_up", None)
     assert run.scores.duration_s == pytest.approx(0.5)
+
+
+def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: held for a stalled track; the same, and a second later its tilt is beyond what counts. Expected result: held; fell."""
+    trip = Trip(fault=({"kind": "track_stalled", "at_s": 1.0},))
+    held = trip.run(after_hold_s=1.5)
+    assert held.verdict == "held"
+    ended = float(held.trace["t_s"][-1])
+    assert ended > trip.run().trace["t_s"][-1] + 1.4
+
+    def tipping(self: Any, truth: Truth) -> tuple[str, str] | None:
+        return ("fell", "tipped") if truth.t_s > ended - 0.5 else None
+
+    monkeypatch.setattr("treadline.experiments.traverse._Ending.fall", tipping)
+    assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
 
 
 def test_the_same_seed_drives_the_same_run() -> None:

@@ -1127,6 +1127,40 @@ def test_the_operators_stop_acts_within_the_tick_and_only_a_person_re_arms(press
     assert drive.events() == [("hold", "operator stop"), ("rearmed", "by a person, after: operator stop")]
 
 
+def test_a_re_armed_chair_stands_until_somebody_drives() -> None:
+    """Test: the driver dies, the guard holds, a person re-arms; later the driver is back. Expected result: not a step before."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive.silent = {"driver"}
+    drive.until_held(1.0)
+    drive.run(1.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    for _ in range(50):
+        drive.step()
+        assert drive.guard.holding is None
+        assert drive.mean_m_s == 0.0
+    drive.silent = set()
+    drive.run(0.5)
+    assert drive.mean_m_s == pytest.approx(0.2)
+
+
+def test_what_was_overtaken_counts_no_more_unless_it_stops() -> None:
+    """Test: an older command, plan and health after newer ones. Expected result: the newer ones stand; an older plan that
+    holds does hold."""
+    drive = Drive().run(0.99)
+    drive.guard.propose(command(0.98, 0.0, 0.0))
+    drive.guard.propose(command(0.97))
+    assert drive.step().left_m_s == 0.0
+    drive.guard.notice(Plan(t_s=1.0, phase="approach", speed_m_s=0.1))
+    drive.guard.notice(Plan(t_s=0.9, phase="approach", speed_m_s=0.3))
+    assert drive.run(0.1).mean_m_s == pytest.approx(0.1 * 1.25 + 0.02)  # the newer plan's, its margin and its spare
+    drive.guard.notice(health(1.1, "stuck", 1.0))
+    drive.guard.notice(health(1.0, None, None))
+    drive.step()
+    assert drive.events() == [("slow", "gyro stuck for 0.10 s")]
+    drive.guard.notice(Plan(t_s=0.95, phase="climb", speed_m_s=0.1, hold="no way"))
+    assert drive.guard.holding == "no way"
+
+
 def test_a_stop_counts_however_old_and_a_re_arm_does_not() -> None:
     """Test: messages that were overtaken. Expected result: an old stop holds; an old re-arm does nothing."""
     guard = Guard(GuardConfig())
@@ -1199,6 +1233,33 @@ def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
 
 
 # Row 22
+
+
+@pytest.mark.parametrize(
+    ("name", "spoilt"), [("belts", {"left_m_s": math.nan}), ("seat", {"pitch_rad": math.inf}), ("arm", {"torque_n_m": math.nan})]
+)
+@pytest.mark.parametrize("dumb", [True, False])
+def test_drives_that_have_spoken_must_go_on(name: str, spoilt: dict[str, float], dumb: bool) -> None:
+    """Test: belts, seat or arm report nothing from 1.0 s on, or nothing that is a number. Expected result: HOLD after 0.3 s, with
+    the name; what a chair never had is not waited for, nor what no command moves."""
+    drive = Drive().run(1.0)
+    if dumb:
+        drive.silent = {name}
+    else:
+        kind = {"belts": TrackReading, "seat": SeatReading, "arm": ArmReading}[name]
+        drive.spoil = lambda reading: replace(reading, **spoilt) if isinstance(reading, kind) else reading
+    assert drive.until_held(1.0) == about(0.30)
+    assert drive.guard.holding == f"readings of the {name} silent for 0.30 s"
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    drive.guard.admit(OperatorInput(t_s=drive.t_s + 0.001))
+    drive.step()
+    assert drive.guard.holding is None  # waited for anew
+    never = Drive()
+    never.silent = {name}
+    assert never.run(2.0).guard.holding is None
+    recording = Drive(GuardConfig(watches_motion=False)).run(1.0)
+    recording.silent = {name}
+    assert recording.run(2.0).guard.holding is None
 
 
 def test_a_process_that_has_spoken_must_go_on() -> None:

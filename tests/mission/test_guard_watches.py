@@ -154,6 +154,15 @@ def test_a_camera_lives_on_its_least_share_of_depth() -> None:
     assert not watch.is_alive
 
 
+def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
+    """Test: after a good frame, frames whose shares are not numbers. Expected result: dead, though each is another."""
+    watch = SightWatch(GuardConfig())
+    assert watch.frame(FrameQuality(t_s=0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
+    for k in range(1, 4):
+        assert not watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
+        assert not watch.is_alive
+
+
 def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
     """Test: no depth at all, but colours; then the same frame again. Expected result: alive; then not."""
     watch = SightWatch(GuardConfig())
@@ -669,6 +678,15 @@ def test_belts_that_answer_a_push_may_turn_further(sign: float) -> None:
     up = BlindTurnWatch(config)
     up.feel_belts(1 / 16, 0.0, plan("climb"), sign)
     assert turning(apart, "climb", 33, up).cause is not None
+
+
+def test_what_the_belts_did_while_nobody_reported_is_no_turn() -> None:
+    """Test: a reading, and a fast one after a second of silence, on the flight. Expected result: no cause; it begins anew."""
+    watch = turning(0.0, "climb", 1)
+    watch.feel_belts(watch.t_s + 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
+    assert watch.cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 32, watch).cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
 
 
 def test_a_slow_turn_leaves_the_window() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,6 +169,25 @@ def test_a_seats_rate_counts_for_a_tenth_of_a_second() -> None:
         mission.tick()
     rates = [seat.rate_m_s for _, seat in plant.written]
     assert rates == [0.01] * 31 + [0.0] * 19
+
+
+def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
+    """Test: the driver dies at 0.5 s. Expected result: each step of the ramp down is logged, and the brake, as they are written."""
+
+    class Dying(ConstantSpeed):
+        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
+            return replace(super().step(estimate, t_s, plan), t_s=min(t_s, 0.5))
+
+    logged: list[Any] = []
+    plant = RecordedPlant(stream(1.5))
+    mission, _, _ = counting_mission(plant, driver=Dying(0.2, 0.25), log=logged.append)
+    for _ in range(150):
+        mission.tick()
+    told = [(signal.left_m_s, signal.brake) for signal in logged if isinstance(signal, TrackCommand)]
+    written = [(tracks.left_m_s, tracks.brake) for tracks, _ in plant.written]
+    assert {value for value, _ in told} == {value for value, _ in written}
+    assert len({value for value, _ in told}) > 20  # a ramp of 0.37 s
+    assert told[-1] == (0.0, True)
 
 
 def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() -> None:

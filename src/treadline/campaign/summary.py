@@ -23,7 +23,7 @@ SHOWN = (
     "max_abs_heading_deg",
     "roll_back_m",
     "seat_max_deg",
-    "peak_acceleration_m_s2",
+    "passenger_max_m_s2",
     "duration_s",
 )
 """Scores of the summary for people, where a run has them; summary.json has all."""

@@ -19,7 +19,8 @@ STARTED_BY = "TREADLINE_STARTED_BY"
 """Environment: the process that a node must not outlive."""
 RECORDER_SPARE = 100
 """A recorder wants every picture, however late."""
-TransportName = Literal["inproc", "ros1", "zenoh"]
+WireName = Literal["ros1", "zenoh"]
+TransportName = Literal["inproc", WireName]
 PlantName = Literal["mujoco", "gazebo"]
 
 
@@ -49,7 +50,7 @@ def node(
         name: The node.
         scenario: The settings that the whole graph shares: a scenario file, or the name of a shipped one.
         remappings: ROS 1's own, as /camera/color/image_raw:=/camera; behind a lone --.
-        transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS.
+        transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS; inproc is for treadline nodes alone.
         controller: A file that treadline tune wrote; the shipped one when left out.
         plant: Which simulator the plant node is.
         seed: Of the simulated plant.
@@ -87,7 +88,9 @@ def node(
     finally:
         wire.close()
     lost = dict(wire.inbox.lost)
-    return Answer(values={"node": name, "lost": lost}, summary=[f"{name}: done" + (f", lost {lost}" if lost else "")])
+    left_out = made.left_out if isinstance(made, RecorderNode) else None
+    summary = [f"{name}: done" + (f", lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
+    return Answer(values={"node": name, "lost": lost}, summary=summary)
 
 
 def told(scenario: str, controller: Path | None) -> tuple["Scenario", "MissionConfig"]:
@@ -105,7 +108,7 @@ def told(scenario: str, controller: Path | None) -> tuple["Scenario", "MissionCo
 
 
 def wired(
-    transport: TransportName, name: str, config: "MissionConfig", *, endpoint: str, domain: int, arguments: tuple[str, ...] = ()
+    transport: WireName, name: str, config: "MissionConfig", *, endpoint: str, domain: int, arguments: tuple[str, ...] = ()
 ) -> "WireTransport":
     """Return the transport of one node."""
     from treadline.nodes.assembly import mount_of

@@ -30,7 +30,7 @@ def nodes(
     duration: float | None = None,
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
-    without: Literal["", "plant"] = "",
+    without: Literal["plant"] | None = None,
     out: Path | None = None,
 ) -> Answer:
     """Run the whole graph of Fig. 7 on a scenario, and tell what came of it.

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import RECORDER_SPARE, TransportName, stopping, told, wired
+from treadline.cli.node import RECORDER_SPARE, WireName, stopping, told, wired
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -17,7 +17,7 @@ def record(
     /,
     *,
     out: Path,
-    transport: TransportName = "zenoh",
+    transport: WireName = "zenoh",
     duration: float | None = None,
     scenario: str = "default",
     images: Annotated[bool, Parameter(negative="--no-images")] = True,
@@ -32,7 +32,7 @@ def record(
     Args:
         log: A run folder or a bag to copy; without one the nodes are listened to until Ctrl-C.
         out: A run folder (record.csv and log.mcap), or a file: .mcap, .bag (ROS 1) or .db3 (ROS 2).
-        transport: Where the nodes are: ros1 or zenoh.
+        transport: Where the nodes are; those of one process are recorded by treadline nodes --out.
         duration: Seconds to record.
         scenario: The settings that the graph shares; the camera's mount is in them.
         images: Keep images.
@@ -41,23 +41,19 @@ def record(
     """
     if log is not None:
         return _copied(log, out)
-    from treadline.errors import SettingsError
-
-    if transport == "inproc":
-        raise SettingsError("--transport inproc: nodes of one process are recorded by treadline nodes --out")
     _, config = told(scenario, None)
     wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
     wire.spare = RECORDER_SPARE
     try:
-        count = _listened(wire, out, duration, images=images)
+        count, left_out = _listened(wire, out, duration, images=images)
     finally:
         wire.close()
     lost = dict(wire.inbox.lost)
-    lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else "")]
+    lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
     return Answer(values={"out": str(out), "signals": count, "lost": lost}, summary=lines, code=0 if count else 1)
 
 
-def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, images: bool) -> int:
+def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, images: bool) -> tuple[int, str | None]:
     from threading import Timer
 
     from treadline import paper
@@ -76,7 +72,7 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
         if timer is not None:
             timer.cancel()
         node.close()
-    return node.count
+    return node.count, node.left_out
 
 
 def _copied(log: Path, out: Path) -> Answer:

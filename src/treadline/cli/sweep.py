@@ -11,6 +11,9 @@ from treadline.cli.progress import Progress
 if TYPE_CHECKING:
     from treadline.scenario import Scenario
 
+WATCHED_S = 3.0
+"""How long a chair that holds is watched on: what a hold ends in is part of the verdict."""
+
 
 def sweep(
     spec: str,
@@ -81,7 +84,7 @@ def fly(scenario: "Scenario", seed: int) -> Mapping[str, Any]:
     from treadline.mechanics.chair import read_chair
 
     controller = shipped_controller(read_chair(scenario.chair.model).name)
-    return traverse(scenario, controller=controller, seed=seed).summary()
+    return traverse(scenario, controller=controller, seed=seed, after_hold_s=WATCHED_S).summary()
 
 
 class _Left:

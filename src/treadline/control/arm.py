@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG, tilt_of
 from treadline.errors import MechanicsError
-from treadline.mechanics.chair import Arm, ChairDescription
+from treadline.mechanics.chair import EMPTY_SEAT_KG, Arm, ChairDescription
 from treadline.signals import ArmReading, ImuSample
 
 G_M_S2 = 9.81
@@ -37,10 +37,15 @@ class Loading:
     """Added to the centre of mass along the chair: what a belief is off by, in tests."""
 
     @property
+    def seat_kg(self) -> float:
+        """What turns with the seat."""
+        return EMPTY_SEAT_KG + self.payload_kg
+
+    @property
     def weight_n(self) -> float:
         """Of chair and payload."""
         arm_kg = 0.0 if self.chair.arm is None else self.chair.arm.mass_kg
-        return G_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.payload_kg)
+        return G_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.seat_kg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +67,10 @@ class ArmGeometry:
         return math.asin(min(max(drop / self.arm_m, -0.99), 0.99))
 
     def past(self, pitch_rad: float, angle_rad: float) -> float:
-        """Return how far the pivot is beyond the nosing when the tip stands at this angle of the arm: the inverse."""
+        """Return how far the pivot is beyond the nosing when the tip stands at this angle of the arm: the inverse.
+
+        Worth asking above ``SMALL_RAD`` of pitch alone: belts that lie level say nothing of where the nosing is.
+        """
         drop = self.arm_m * math.sin(-(angle_rad + pitch_rad))
         return (drop + self.radius_m * (1.0 - math.cos(pitch_rad))) / math.sin(pitch_rad)
 
@@ -130,9 +138,9 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
     # The arm reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
     arm, pivot = 0.0 if chair.arm is None else chair.arm.mass_kg, 0.5 * chair.tracks.flat_run_m
-    total = chassis + arm + loading.payload_kg
-    x = (chassis * cx + arm * pivot + loading.payload_kg * (hx + c * px + s * pz)) / total
-    z = (chassis * cz + arm * chair.tracks.pulley_radius_m + loading.payload_kg * (hz - s * px + c * pz)) / total
+    total = chassis + arm + loading.seat_kg
+    x = (chassis * cx + arm * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
+    z = (chassis * cz + arm * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
     return x + loading.com_error_m, z
 
 

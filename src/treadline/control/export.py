@@ -7,7 +7,7 @@ that the copy can prove itself where it runs.
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,6 +27,15 @@ TOLERANCE_M_S = 1e-6
 """Between the copy's belt speeds and ours: a hundredth of a drive's resolution, a million times what rounding differs by."""
 REHEARSAL_STEPS = 400
 SEED = 4
+SPOILT_PLANS: dict[int, dict[str, Any]] = {
+    90: {"heading_rad": math.nan},
+    91: {"speed_m_s": math.nan},
+    92: {"slowest_share": math.nan},
+    93: {"heading_rad": 4.0},
+    94: {"speed_m_s": 1e3},
+    95: {"slowest_share": -2.0},
+}
+"""By step of the rehearsal: what no plan says, and what a copy must stand still for."""
 
 Target = Literal["c", "ros", "json"]
 
@@ -55,7 +64,8 @@ def exported(
 def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
     """Return a drive on the design's own model that passes every branch of the controller.
 
-    From 30° up, a belt 2 % fast, noise; no estimate, one that is no number, a new heading, standing, backing down.
+    From 30° up, a belt 2 % fast, noise; no estimate, estimates and plans that are no numbers, a new heading, standing, backing
+    down.
     """
     driver, model = HeadingController(design, config), design.model
     rng = np.random.default_rng(SEED)
@@ -64,12 +74,12 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
     for k in range(steps):
         t_s = k * config.period_s
         y = model.C @ x + np.array([0.002, 0.01]) * rng.standard_normal(2)
-        plan = _rehearsed(k / steps, t_s, config.climb_speed_m_s)
+        plan = replace(_rehearsed(k / steps, t_s, config.climb_speed_m_s), **SPOILT_PLANS.get(k, {}))
         estimate = _seen(k, t_s, y)
         answer = driver.step(estimate, t_s, plan)
         exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
         belts = np.array([answer.left_m_s, answer.right_m_s * 1.02])
-        x = model.A @ x + model.B @ (belts - plan.speed_m_s)
+        x = model.A @ x + model.B @ (belts - (0.0 if answer.brake else plan.speed_m_s))
     return exchanges
 
 
@@ -219,9 +229,9 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
         {
             "heading_rad": _number(exchange.estimate, "heading_rad"),
             "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
-            "speed_m_s": exchange.plan.speed_m_s,
-            "target_heading_rad": exchange.plan.heading_rad,
-            "slowest_share": share_kept(exchange.plan),
+            "speed_m_s": _said(exchange.plan.speed_m_s),
+            "target_heading_rad": _said(exchange.plan.heading_rad),
+            "slowest_share": _said(share_kept(exchange.plan)),
             "left_m_s": exchange.answer.left_m_s,
             "right_m_s": exchange.answer.right_m_s,
             "brake": exchange.answer.brake,
@@ -238,8 +248,11 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
 
 
 def _number(estimate: HeadingEstimate | None, name: str) -> float | None:
+    return None if estimate is None else _said(float(getattr(estimate, name)))
+
+
+def _said(value: float) -> float | None:
     """Return what JSON can say: neither a missing estimate nor NaN is a number, and both stop the chair."""
-    value = math.nan if estimate is None else float(getattr(estimate, name))
     return value if math.isfinite(value) else None
 
 

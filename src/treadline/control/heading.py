@@ -67,16 +67,18 @@ class HeadingController:
         return self._config.period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
-        """Answer one estimate; without a usable one, stand still."""
-        if estimate is None or not usable(estimate):
+        """Answer one estimate; without one, or with numbers that no chair and no plan can have, stand still."""
+        speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
+        target, share = 0.0 if plan is None else plan.heading_rad, share_kept(plan)
+        # NaN fails every comparison.
+        sane = abs(speed) <= self._config.max_speed_m_s and abs(target) <= math.pi and abs(share) <= 1.0
+        if estimate is None or not usable(estimate) or not sane:
             # The state is seen again in one period; what the belts' mismatch is took many.
             self._last = None
             return TrackCommand.stop(t_s)
-        speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
-        target = 0.0 if plan is None else plan.heading_rad
         y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
         asked = self._asked(y, speed)
-        given = self._allocated(asked, speed, share_kept(plan))
+        given = self._allocated(asked, speed, share)
         limited = abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9
         self._last = (given, y, limited)
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))

@@ -62,7 +62,7 @@ class FilterConfig:
     """… and a jolt adds little: 4 °/s at most in whole traversals. What a gyro says beyond both is no motion."""
     belts_fresh_s: float = 0.1
     frozen_rad: float = 0.1 * DEG
-    """A frame that repeats the last one's heading to the last bit, while the gyro has turned by more, shows the past."""
+    """A heading that is repeated to the last bit, though the gyro has turned by more since it was first said, shows the past."""
 
 
 class HeadingFilter:
@@ -80,7 +80,7 @@ class HeadingFilter:
         self._t_s: float | None = None
         self._imu_s: float | None = None
         self._frame: HeadingMeasurement | None = None
-        self._frame_turned = 0.0
+        self._said = (0.0, 0.0)
         self._seen_s: float | None = None
         self._rate = 0.0
         self._turned = 0.0
@@ -214,9 +214,10 @@ class HeadingFilter:
         later = self._turned_since(seen.t_s)
         turned = self._turned - later
         frozen = self._frame is not None and (seen.heading_rad, seen.sigma_rad) == (self._frame.heading_rad, self._frame.sigma_rad)
-        moved = abs(turned - self._frame_turned)
-        self._frame, self._frame_turned = seen, turned
-        if frozen and moved > self._config.frozen_rad:
+        self._frame = seen
+        if not frozen:
+            self._said = (seen.t_s, turned)
+        elif abs(turned - self._said[1] - self._bank.belief.bias * (seen.t_s - self._said[0])) > self._config.frozen_rad:
             return
         heading = wrap(seen.heading_rad + later - self._bank.belief.bias * self._age(seen.t_s))
         variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2

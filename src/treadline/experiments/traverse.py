@@ -88,10 +88,14 @@ class _Ending:
         self._end_x_m = flight_m - half_run_m
         self._is_up = scenario.drive.direction == "up"
 
-    def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
+    def fall(self, truth: Truth) -> tuple[str, str] | None:
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
-        if above > FALLEN_RAD:
-            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
+        return ("fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s") if above > FALLEN_RAD else None
+
+    def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
+        fallen = self.fall(truth)
+        if fallen is not None:
+            return fallen
         if holding is not None:
             return "held", holding
         if plan.phase == "arrived":
@@ -208,10 +212,11 @@ def traverse(
             ride.note(tick, plant)
             if watch is not None:
                 watch(tick)
-            if over is not None:
+            if over is None:
+                over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
+            else:
                 held_s += TICK_S
-                continue
-            over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
+                over = ending.fall(ride.truth[-1]) or over
     except SimulationDiverged as error:
         over = "diverged", str(error)
     finally:

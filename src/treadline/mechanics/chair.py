@@ -15,6 +15,8 @@ from treadline.settings import Settings, read_toml
 from treadline.signals import PinholeCamera
 
 SHIPPED = Path(__file__).parents[1] / "data" / "chairs"
+EMPTY_SEAT_KG = 0.5
+"""The seat's shell, which turns with the payload."""
 Positive = Annotated[float, Field(gt=0.0)]
 Point = tuple[float, float, float]
 Size = tuple[Positive, Positive, Positive]

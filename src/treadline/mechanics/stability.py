@@ -2,12 +2,9 @@
 
 import math
 
-from treadline.mechanics.chair import Arm, ChairDescription, Point
+from treadline.mechanics.chair import EMPTY_SEAT_KG, Arm, ChairDescription, Point
 from treadline.mechanics.tipping import Margins, tipping_margins, worst_support
 from treadline.scenario import Chair
-
-EMPTY_SEAT_KG = 0.5
-"""The seat's shell, which turns with the payload."""
 
 
 def seat_mass_kg(loading: Chair) -> float:

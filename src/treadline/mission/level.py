@@ -21,7 +21,8 @@ class LevelConfig:
     square_s: float = 0.5
     """… once it has been for so long."""
     turn_gain_per_s: float = 1.5
-    turn_rad_s: float = 15.0 * DEG
+    turn_rad_s: float = 10.0 * DEG
+    """Faster, belts of high friction chatter: 3 m/s² at the passenger at 15°/s, 1.4 at 10 (friction 0.9 to 1.0)."""
     turn_m_s2: float = 0.12
     """How fast the belts are set apart: a turn that begins at once breaks loose with a jolt of 4 m/s² where friction is high."""
     skid: float = 1.4

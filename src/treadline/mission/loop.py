@@ -150,6 +150,7 @@ class Mission:
         self._estimate: HeadingEstimate | None = None
         self._imu: ImuSample | None = None
         self._phase = ""
+        self._told = (0.0, 0.0)
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         plant.start()
 
@@ -253,8 +254,10 @@ class Mission:
     def _tell(self, tracks: TrackCommand, arm: ArmCommand | None, plan: Plan, *, proposed: bool) -> None:
         if self._estimate is not None:
             self._log(self._estimate)
-        if proposed or tracks.brake or plan.turn_m_s is not None:
-            self._log(tracks)
+        belts = (tracks.left_m_s, tracks.right_m_s)
+        if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._told:
+            self._log(tracks)  # whatever the belts are told anew, by whomever: a guard that ramps down too
+        self._told = belts
         if arm is not None:
             self._log(arm)
         self._log(self._seat)

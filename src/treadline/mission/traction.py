@@ -14,6 +14,10 @@ from treadline.signals import ImuSample, TrackReading
 
 Stage = Literal["rest", "pulse", "brake", "over"]
 
+LEAST_M_S2 = 0.15
+"""Asked of a chair that is pitched more than the stair, so that gravity alone asks for what is wanted: less could not be measured."""
+MOST_SLIP = 0.7
+"""A chair that follows less of its belts has shown no grip, whatever it was asked for."""
 STALLED_M_S = 0.02
 """Belts that the pulse has brought no further have shown nothing, whatever the IMU's noise adds up to."""
 
@@ -75,8 +79,12 @@ class TractionTest:
 
     @property
     def _asked_m_s2(self) -> float:
-        wanted = (1.0 + self._config.share) * math.tan(self._slope_rad)
-        return G_M_S2 * (wanted * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
+        return max(self._speeding_up(self._config.share), LEAST_M_S2)
+
+    def _speeding_up(self, share: float) -> float:
+        """Return the acceleration along the belts at which they ask for friction of (1 + share)·tan β."""
+        friction = (1.0 + share) * math.tan(self._slope_rad)
+        return G_M_S2 * (friction * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
 
     @property
     def over(self) -> bool:
@@ -92,5 +100,4 @@ class TractionTest:
     @property
     def holds(self) -> bool:
         """Whether friction gave what was wanted."""
-        lacking = (self._config.share - self._config.wanted) * math.tan(self._slope_rad) * G_M_S2 * math.cos(self._pitch_rad)
-        return self.slip < lacking / self._asked_m_s2
+        return self.slip < min(1.0 - self._speeding_up(self._config.wanted) / self._asked_m_s2, MOST_SLIP)

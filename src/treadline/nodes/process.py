@@ -21,6 +21,8 @@ BEAT_S = 0.2
 """Between two signs of life."""
 SILENT_S = 0.6
 """Of a simulated clock, after which the guard counts by itself: whoever stopped it must not stop the guard."""
+LEAPT_S = 0.1
+"""A wall clock that steps back by less is waited for; by more, the node follows it, and the guard holds for the leap."""
 SLEPT_S = 0.1
 """A guard that was kept from running for so long cannot tell who was silent meanwhile."""
 PATIENCE_S = 60.0
@@ -80,7 +82,7 @@ class Turning:
         slept, self._turned_at = now - self._turned_at > SLEPT_S, now
         if not self._sim:
             t_s = math.floor(time.time() / TICK_S) * TICK_S
-            if t_s > self._t_s:
+            if t_s > self._t_s or t_s < self._t_s - LEAPT_S:
                 self._tick(t_s)
         elif not isinstance(self._node, GuardNode) or self._clock_at is None:
             pass

@@ -42,6 +42,10 @@ LOGGED = (
 )
 
 
+Row = tuple[float, float, float, float, float]
+"""Time, both belts, heading, yaw rate."""
+
+
 class RecorderNode:
     """Writes a run folder, or one bag.
 
@@ -69,7 +73,9 @@ class RecorderNode:
         self._command: TrackCommand | None = None
         self._estimate: HeadingEstimate | None = None
         self._before: tuple[float, HeadingEstimate] | None = None
-        self._rows: list[tuple[float, float, float, float, float]] = []
+        self._rows: list[Row] = []
+        self._longest: list[Row] = []
+        self._missed = 0
         self.count = 0
         """Signals written."""
 
@@ -89,17 +95,32 @@ class RecorderNode:
             belts = self._command.left_m_s, self._command.right_m_s
             self._rows.append((then_s, *belts, estimate.heading_rad, estimate.heading_rate_rad_s))
         elif not whole:
-            self._rows.clear()  # a row was missed: a record knows no gaps
+            self._end_stretch()
         self._before = None if self._estimate is None else (t_s, self._estimate)
 
     def close(self) -> None:
         """Finish the files."""
         self._bag.close()
-        if self._folder is None or not self._rows:
+        self._end_stretch()
+        if self._folder is None or not self._longest:
             return
-        rows = np.array(self._rows)
+        rows = np.array(self._longest)
         record = InputOutputRecord(u=rows[:, 1:3], y=rows[:, 3:5], dt_s=self._period_s, input_names=INPUTS, output_names=OUTPUTS)
-        write_record(self._folder / RECORD, record, self._rows[0][0])
+        write_record(self._folder / RECORD, record, self._longest[0][0])
+
+    @property
+    def left_out(self) -> str | None:
+        """What record.csv does not hold, for people; None if it holds all."""
+        if self._folder is None or not self._missed:
+            return None
+        kept = f"{RECORD} holds the longest stretch, {len(self._longest)} rows"
+        return f"{kept}: {self._missed} more lie beyond rows that were missed"
+
+    def _end_stretch(self) -> None:
+        """A record knows no gaps: of the stretches between rows that were missed the longest is kept."""
+        self._missed += min(len(self._rows), len(self._longest))
+        self._longest = max(self._longest, self._rows, key=len)
+        self._rows = []
 
     def _keep(self, signal: Any) -> None:
         if isinstance(signal, Beat):

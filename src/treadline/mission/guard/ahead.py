@@ -61,12 +61,12 @@ class GapWatch:
             in_view = bool(nosings) and nosings[0][0] < self._place_m - travel_m < nosings[-1][0] - SAME_M
             self._count = max(self._count - in_view, 0)
             return
-        place_m, self.width_m = travel_m + gap[0], gap[1]
+        place_m = travel_m + gap[0]
         if self._count and abs(place_m - self._place_m) > SAME_M:
             self._count -= 1
             return
         self._count = min(self._count + 1, 2 * GAP_MAPS)
-        self._place_m = place_m
+        self._place_m, self.width_m = place_m, gap[1]
 
     def distance_m(self, travel_m: float) -> float:
         """Return the distance from mid-track, or infinity."""

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.angles import DEG, tilt_of
+from treadline.mission.guard.belts import GAP_S
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, Plan
@@ -56,6 +57,8 @@ class BlindTurnWatch:
         if plan is None or plan.phase not in FLIGHT + OVER:
             self._window.clear()
             return
+        if dt_s > GAP_S:
+            self._window.clear()
         if not self._window:
             dt_s = 0.0
         self._turned_rad += self._per_metre(plan.phase) * apart_m_s * dt_s

@@ -52,6 +52,8 @@ class GuardConfig:
     """Heading where the chair pitches: it comes there square, and without a fault turns by 3° at most."""
     driver_timeout_s: float = 0.75
     """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""
+    readings_timeout_s: float = 0.3
+    """Of belts, seat or arm that have spoken once: as long as the actuators' own watchdog waits for a command."""
     heartbeat_timeout_s: float = 0.75
     """Of a process that has spoken once (row 22)."""
     link_timeout_s: float = 0.3

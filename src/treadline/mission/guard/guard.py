@@ -55,12 +55,14 @@ class Guard:
         self._seat_rad = 0.0
         self._link = Silence(config.link_timeout_s, "")
         self._processes = Silence(config.heartbeat_timeout_s, "process ")
+        self._drives = Silence(config.readings_timeout_s, "readings of the ")
         self._command = TrackCommand.stop(0.0)
         self._driver_s: float | None = None
         self._t_s: float | None = None
         self._map_s = -math.inf
         self._heading_rad = math.inf
         self._plan: Plan | None = None
+        self._plan_s = -math.inf
 
     @property
     def holding(self) -> str | None:
@@ -93,12 +95,13 @@ class Guard:
         self._processes.heard(process, t_s)
 
     def propose(self, command: TrackCommand) -> None:
-        """Take the driver's newest command."""
+        """Take the driver's newest command; one that was overtaken counts no more."""
         if not finite(command.t_s, command.left_m_s, command.right_m_s):
             self._latch.hold(self._now(command.t_s), "command is not finite")
             return
-        self._driver_s = command.t_s
-        self._command = command
+        if self._driver_s is None or command.t_s >= self._driver_s:
+            self._driver_s = command.t_s
+            self._command = command
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:
         """Return what may reach the belts at ``t_s``."""
@@ -160,7 +163,7 @@ class Guard:
             case SeatReading():
                 return self._feel_seat(signal)
             case ArmReading():
-                return finite(signal.angle_rad, signal.torque_n_m)
+                return self._feel_arm(signal)
             case FrameQuality():
                 return self._feel_frame(signal)
             case HeadingMeasurement() if finite(signal.heading_rad) and signal.sigma_rad > 0.0:
@@ -186,6 +189,7 @@ class Guard:
     def _feel_belts(self, reading: TrackReading) -> bool:
         usable = finite(reading.left_m_s, reading.right_m_s)
         if usable:
+            self._drives.heard("belts", reading.t_s)
             self._belts.feel(reading)
             self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan, self._heading_rad)
         return usable
@@ -193,9 +197,16 @@ class Guard:
     def _feel_seat(self, reading: SeatReading) -> bool:
         usable = finite(reading.pitch_rad, reading.stroke_m)
         if usable:
+            self._drives.heard("seat", reading.t_s)
             self._seat_rad = reading.pitch_rad
         if usable and self._config.watches_motion:
             self._seat.feel(reading.t_s, reading.pitch_rad)
+        return usable
+
+    def _feel_arm(self, reading: ArmReading) -> bool:
+        usable = finite(reading.angle_rad, reading.torque_n_m)
+        if usable:
+            self._drives.heard("arm", reading.t_s)
         return usable
 
     def _feel_frame(self, quality: FrameQuality) -> bool:
@@ -258,22 +269,29 @@ class Guard:
         return new
 
     def _restart(self, t_s: float) -> None:
-        """Wait for every source anew, and judge the chair anew; what stands ahead still stands there."""
-        self._driver_s = t_s
+        """Wait for every source anew, and judge the chair anew; what stands ahead still stands there.
+
+        The chair stands until somebody drives: what was proposed before the hold is long past.
+        """
+        self._driver_s, self._plan_s = t_s, -math.inf
+        self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel_m)
         self._link.restart(t_s)
         self._processes.restart(t_s)
+        self._drives.restart(t_s)
         for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
 
     # Plans and commands
 
     def _follow(self, plan: Plan) -> None:
-        if not finite(plan.t_s, plan.speed_m_s):
+        if not finite(plan.t_s, plan.speed_m_s, plan.heading_rad, plan.turn_m_s or 0.0, plan.slowest_share or 0.0):
             self._latch.hold(self._now(plan.t_s), "plan is not finite")
             return
-        self._plan = plan
-        self._latch.hold(plan.t_s, plan.hold)
+        self._latch.hold(plan.t_s, plan.hold)  # however old
+        if plan.t_s < self._plan_s:
+            return
+        self._plan, self._plan_s = plan, plan.t_s
         if not plan.needs_stair:
             self._senses.seen(plan.t_s)
 
@@ -287,6 +305,8 @@ class Guard:
             self._driver_s = t_s
         if t_s < before_s - self._config.clock_jump_s:
             self._latch.hold(t_s, f"mission clock leapt by {t_s - before_s:+.2f} s")
+        if t_s - before_s > self._config.readings_timeout_s:
+            self._drives.restart(t_s)  # who was silent while the guard itself did not run?
         if t_s - before_s > self._config.driver_timeout_s:
             self._latch.hold(t_s, f"no tick for {t_s - before_s:.2f} s")
         return max(t_s - before_s, t_s - self._driver_s)
@@ -303,7 +323,7 @@ class Guard:
             self._blind.cause,
             askew(limits, estimate, self._plan),
         )
-        motion = (self._belts.cause, self._slip.cause)
+        motion = (self._drives.cause(t_s), self._belts.cause, self._slip.cause)
         causes = (
             self._link.cause(t_s),
             self._processes.cause(t_s),

@@ -18,6 +18,7 @@ class SenseWatch:
         self._stuck_s: float | None = None
         self._differ_s: float | None = None
         self._mended_s: float | None = None
+        self._health_s = -math.inf
         self.refused = ""
         """What was wrong with the last frame; empty if nothing."""
 
@@ -29,6 +30,7 @@ class SenseWatch:
     def restart(self, t_s: float, travel_m: float) -> None:
         """Wait for each sense anew."""
         self._imu_s = self._frame_s = self._seen_s = t_s
+        self._health_s = -math.inf
         self._frame_m = travel_m
 
     def imu(self, t_s: float) -> None:
@@ -45,7 +47,10 @@ class SenseWatch:
         self._seen_s = max(self._seen_s, t_s)
 
     def health(self, health: HeadingHealth) -> Event | None:
-        """Take what the heading filter knows; return an event if it has mended a fault."""
+        """Take what the heading filter knows, unless it was overtaken; return an event if it has mended a fault."""
+        if health.t_s < self._health_s:
+            return None
+        self._health_s = health.t_s
         since_s = health.t_s if health.since_s is None else health.since_s
         self._stuck_s = since_s if health.fault == "stuck" else None
         self._differ_s = since_s if health.fault == "disagreement" else None

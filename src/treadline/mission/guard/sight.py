@@ -46,6 +46,7 @@ class SightWatch:
     def _fault(self, quality: FrameQuality, *, frozen: bool) -> str:
         limits = self._config
         if not all(math.isfinite(value) for value in (quality.brightness, quality.contrast, quality.valid_share)):
+            self.is_dark = True
             return "is no image"
         self.is_dark = abs(quality.brightness - 0.5) > 0.5 - limits.dark or quality.contrast < limits.contrast_least
         if frozen:
