@@ -12,8 +12,8 @@ from treadline.experiments.traverse import SEAT_SHIFT_M, Traverse, mission_confi
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import is_whole, planner_of
 from treadline.mission.planner import Cruise
-from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
 from treadline.ports import Truth
+from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
 from treadline.signals import TrackCommand
 
 LANDING_M = 3.0
@@ -167,7 +167,7 @@ def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest
     ended = float(held.trace["t_s"][-1])
     assert ended > trip.run().trace["t_s"][-1] + 1.4
 
-    def tipping(self: Any, truth: Truth) -> tuple[str, str] | None:
+    def tipping(_: Any, truth: Truth) -> tuple[str, str] | None:
         return ("fell", "tipped") if truth.t_s > ended - 0.5 else None
 
     monkeypatch.setattr("treadline.experiments.traverse._Ending.fall", tipping)

@@ -97,7 +97,7 @@ def test_gravity_that_errs_in_the_attitude_alone_costs_two_hundredths(error_deg:
 @pytest.mark.parametrize("slope_deg", [20.0, 25.0, 28.0, 30.0])
 @pytest.mark.parametrize("steeper_deg", [-3.0, -1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
 def test_however_the_chair_is_pitched_grip_passes_and_none_does_not(slope_deg: float, steeper_deg: float) -> None:
-    """Test: pitched more or less than the stair, as uneven nosings do; belts that grip, and a chair that stays where it is while they
+    """Test: pitched more or less than the stair; belts that grip, and a chair that stays where it is while they
     run, for its rear stands on the floor. Expected result: go; refused, also where gravity alone asks for more than is wanted."""
     pitch_deg = slope_deg + steeper_deg
     gripping = Foot(slope_deg=slope_deg, pitch_deg=pitch_deg, share=1.0)

@@ -101,8 +101,7 @@ class Crest(Sequencer[Stage]):
                 self._stage = "reach"
             case "reach" if self._tip.carries:
                 self._stage = "carry"
-                if pitch > SMALL_RAD:
-                    self._ahead_m = self._geometry.pivot_m - self._geometry.past(pitch, arm.angle_rad)
+                self._ahead_m = self._by_the_arm(pitch, arm)
             case "carry" if self._tip.carries and beyond > self._lead_from_m:
                 self._stage = "lead"
                 self._lead_rad = pitch

@@ -94,6 +94,11 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _refine(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
         """Let the arm's angle tell where the nosing is: belts on it, tip on the landing."""
-        if pitch > SMALL_RAD and self._tip.load_n > UNLOADED_N:
-            seen = self._geometry.pivot_m - self._geometry.past(pitch, arm.angle_rad)
-            self._ahead_m += (seen - self._ahead_m) * (1.0 - math.exp(-dt_s / REFINE_S))
+        if self._tip.load_n > UNLOADED_N:
+            self._ahead_m += (self._by_the_arm(pitch, arm) - self._ahead_m) * (1.0 - math.exp(-dt_s / REFINE_S))
+
+    def _by_the_arm(self, pitch: float, arm: ArmReading) -> float:
+        """Return how far ahead the nosing is, the tip on the landing; as known before where the belts lie too level to tell."""
+        if pitch <= SMALL_RAD:
+            return self._ahead_m
+        return self._geometry.pivot_m - self._geometry.past(pitch, arm.angle_rad)

@@ -15,7 +15,7 @@ from treadline.signals import ImuSample, TrackReading
 Stage = Literal["rest", "pulse", "brake", "over"]
 
 LEAST_M_S2 = 0.15
-"""Asked of a chair that is pitched more than the stair, so that gravity alone asks for what is wanted: less could not be measured."""
+"""Asked at least: of a chair that is pitched more than the stair gravity alone asks for what is wanted; less could not be told."""
 MOST_SLIP = 0.7
 """A chair that follows less of its belts has shown no grip, whatever it was asked for."""
 STALLED_M_S = 0.02

@@ -99,8 +99,9 @@ class SlipWatch:
     """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
 
     A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not
-    turn, rolling back wherever it does, from where the nosings were last lost sight of. Slip that falls belongs to a chair that catches up with its belts, as where they slow down
-    after a turn: the wait begins anew with each fall, at most three times on the way from two to the limit.
+    turn, rolling back wherever it does, from where the nosings were last lost sight of. Slip that falls belongs to a chair that
+    catches up with its belts, as where they slow down after a turn: the wait begins anew with each fall, at most three times on the
+    way from two to the limit.
     """
 
     def __init__(self, config: GuardConfig) -> None:
