@@ -135,6 +135,7 @@ CASES = (
     Case("11", "late_tick", 0.5, 3.0, still_s=0.8),
     Case("13", "track_stalled", 0.0, held_s=0.6, heading_deg=8.0),
     Case("13", "track_stalled", 1.0, held_s=0.6, heading_deg=8.0),
+    Case("13", "readings_lost", held_s=0.6),
     Case("14", "track_slip", 0.85, 6.0, ends=ANY, heading_deg=8.0),
     Case("14", "track_slip", -0.85, 6.0, ends=ANY, heading_deg=8.0),
     Case("14", "low_friction", 0.90, 6.0, ends=ANY),

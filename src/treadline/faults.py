@@ -17,6 +17,7 @@ FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
     "imu_lost", "clock_back", "late_tick", "track_stalled", "track_slip", "low_friction", "operator_stop",
     "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "arm_lost", "arm_stuck",
+    "readings_lost",
 ]  # fmt: skip
 """New kinds come last: a kind's place chooses its stream of random numbers."""
 
@@ -82,6 +83,7 @@ EXTENTS: dict[FaultKind, Extent] = {
     "obstacle": Extent(means="metres from the chair's leading end to the box that stands in its way", default=1.2, high=5.0),
     "arm_lost": Extent(means="nothing: the arm's motor is dead, its shorted windings damp one way"),
     "arm_stuck": Extent(means="nothing: the arm's motor holds"),
+    "readings_lost": Extent(means="nothing: belts, seat and arm report nothing"),
 }  # fmt: skip
 
 

@@ -191,7 +191,7 @@ class HeadingEstimate:
     heading_rate_rad_s: float
     sigma_rad: float
     source: str
-    """``vision``, ``gyro`` (coasting) or ``none`` (nothing seen yet)."""
+    """``vision``, or ``gyro`` while it coasts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,15 +210,6 @@ class TrackCommand:
     def stop(cls, t_s: float) -> "TrackCommand":
         """Return zero speed with the brake on."""
         return cls(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=True)
-
-    def limited(self, limit_m_s: float) -> "TrackCommand":
-        """Return the command with each belt within ±``limit_m_s``."""
-        return TrackCommand(
-            t_s=self.t_s,
-            left_m_s=min(max(self.left_m_s, -limit_m_s), limit_m_s),
-            right_m_s=min(max(self.right_m_s, -limit_m_s), limit_m_s),
-            brake=self.brake,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -274,7 +265,8 @@ class Event:
 
     t_s: float
     name: str
-    """A word from a short list: ``hold``, ``slow``, ``vision_lost``, ``vision_back`` …"""
+    """``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
+    ``refused``, or the phase that begins."""
     cause: str
     """What was seen, with its number."""
 

@@ -67,6 +67,7 @@ class Counting:
     def __init__(self) -> None:
         self.calls: list[str] = []
         self.health = None
+        self.rejected_count = 0
 
     def step(self, signal: object, *_: object) -> HeadingEstimate | SeatCommand:
         self.calls.append(type(signal).__name__)

@@ -169,6 +169,12 @@ def test_9_camera_and_imu_lost_together(direction: str) -> None:
     stands_still(ride(fault("camera_lost"), fault("imu_lost"), direction=direction), within_s=0.5)
 
 
+@BOTH_WAYS
+def test_13_drives_that_report_nothing(direction: str) -> None:
+    """Test: no reading of belts, seat and arm arrives, though all of them work. Expected result: HOLD within 0.6 s."""
+    stands_still(ride(fault("readings_lost"), direction=direction), within_s=0.6)
+
+
 @pytest.mark.parametrize("value", [0.5])
 def test_10_a_clock_that_leaps_back(value: float) -> None:
     """Test: stamps leap back by 0.5 s and come twice. Expected result: no exception; driven on, or held at once."""

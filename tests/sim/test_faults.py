@@ -280,6 +280,14 @@ def test_a_stuck_imu_repeats_itself_and_a_dead_one_says_nan_or_nothing() -> None
     assert [sample.t_s for sample in lost] == pytest.approx([k * TICK_S for k in range(121) if not within(k * TICK_S)])
 
 
+def test_drives_that_report_nothing_leave_the_other_senses() -> None:
+    came = run(scenario(fault("readings_lost")))[0]
+    for kind in (TrackReading, SeatReading, ArmReading):
+        assert not any(within(reading.t_s) for reading in of(came, kind))
+        assert len(of(came, kind)) > 20
+    assert len(of(came, ImuSample)) == 121
+
+
 @pytest.mark.parametrize(("value", "turned_deg"), [(0.0, FOR_S), (-3.0, -3.0 * FOR_S), (30.0, 30.0)])
 def test_a_bias_or_a_jump_turns_gyro_and_attitude_alike(value: float, turned_deg: float) -> None:
     wrong = of(run(scenario(fault("imu_bias", value)))[0], ImuSample)

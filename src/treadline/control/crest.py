@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
+from treadline.control.arm import OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.signals import ArmReading
 
@@ -125,8 +125,7 @@ class Crest(Sequencer[Stage]):
             case "climb":
                 return config.cruise_m_s, 0.0
             case "slow":
-                # A little above the belt line: in line with the belts it would carry on the nosings.
-                return config.crest_m_s, 2.0 * (5.0 * DEG - arm.angle_rad)
+                return config.crest_m_s, self._towards(OVER_BELTS_RAD, arm)
             case "reach":
                 return 0.0, -config.reach_rad_s
             case "carry":
@@ -136,7 +135,7 @@ class Crest(Sequencer[Stage]):
             case "lead":
                 return config.lead_m_s, self._lead(pitch, arm, speed, dt_s)
             case _:
-                return config.crest_m_s, min(2.0 * (self._rest_rad - arm.angle_rad), config.stow_rad_s)
+                return config.crest_m_s, min(self._towards(self._rest_rad, arm), config.stow_rad_s)
 
     def _carry(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, arm, dt_s)

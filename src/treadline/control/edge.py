@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import UNLOADED_N, Loading, arm_of, plumb
+from treadline.control.arm import OVER_BELTS_RAD, UNLOADED_N, Loading, arm_of, plumb
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.signals import ArmReading
 
@@ -47,7 +47,7 @@ class EdgeConfig(Loading):
     keep_m: float = 0.05
     """Of the centre of mass on the landing's side of the nosing, once the front is lifted."""
     keep_per_s: float = 1.0
-    """Belt speed per metre that is wrong of it."""
+    """Belt speed per metre by which the centre of mass is off ``keep_m``."""
     lift_m_s: float = 0.08
     reach_rad_s: float = 12.0 * DEG
     lift_rad_s: float = 9.0 * DEG
@@ -157,7 +157,9 @@ class Edge(Sequencer[Stage]):
         match self._stage:
             case "approach":
                 is_near = self._behind_m < self._press_from_m + config.slow_within_m
-                return -(config.edge_m_s if is_near else config.cruise_m_s), (2.0 * (5.0 * DEG - arm.angle_rad) if is_near else 0.0)
+                if not is_near:
+                    return -config.cruise_m_s, 0.0
+                return -config.edge_m_s, self._towards(OVER_BELTS_RAD, arm)
             case "press":
                 self._watch(pitch, dt_s)
                 return 0.0, -config.reach_rad_s
@@ -214,4 +216,4 @@ class Edge(Sequencer[Stage]):
 
     def _stow(self, arm: ArmReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
-        return min(2.0 * (self._rest_rad - arm.angle_rad), fastest)
+        return min(self._towards(self._rest_rad, arm), fastest)

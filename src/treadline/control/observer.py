@@ -14,7 +14,8 @@ from treadline.errors import NotDetectable
 from treadline.models import LinearModel
 
 DISTURBANCE_LIMIT = 0.2
-"""A belt difference [m/s] beyond it is no mismatch: turning on a 30° stair teaches 0.15, a chair that is held more and more."""
+"""A belt difference [m/s] beyond it is no mismatch: turning on a 30° stair teaches 0.15, a chair that the guard slows more and
+more."""
 
 
 def kalman_gain(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 from treadline.angles import DEG
-from treadline.control.arm import SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
+from treadline.control.arm import ARM_PER_S, SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
 from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
 
 StageT = TypeVar("StageT", bound=str)
@@ -86,6 +86,10 @@ class Sequencer(ABC, Generic[StageT]):
     def _com_beyond(self, pitch: float) -> float:
         """Return how far the plumb line through the centre of mass is beyond the nosing, along the belts."""
         return plumb(self._loading, pitch) - self._ahead_m
+
+    def _towards(self, angle_rad: float, arm: ArmReading) -> float:
+        """Return the rate that brings the arm to an angle above the belts."""
+        return ARM_PER_S * (angle_rad - arm.angle_rad)
 
     def _see(self, ahead_m: float) -> None:
         """Take a better place of the nosing, as long as no contact tells it."""

@@ -87,7 +87,7 @@ def act(command, drives, state, seat, angles, arm, arm_angle):
 
     if arm.shape[0] > 0:
         rate = min(max(command[4], -arm[2]), arm[2]) if state[ARM_STUCK] < 0.5 and powered else 0.0
-        # Never further ahead of the arm than full torque reaches: what the motor cannot lift it does not owe later.
+        # No wind-up: the target stays within the deflection at which the motor gives all its torque.
         target = min(max(state[ARM_TARGET] + rate * TICK_S, arm_angle - arm[3]), arm_angle + arm[3])
         held = min(max(target, arm[0]), arm[1])
         state[ARM_TARGET] = held

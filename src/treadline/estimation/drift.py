@@ -40,7 +40,7 @@ class DriftRule:
     straight_sigma_rad_s: float = 0.35 * DEG
     """Of the yaw rate that the belts foretell over 0.3 s when they run alike: nosings turn the chair by as much."""
     turn_sigma: float = 1.0
-    """Of the same as a share of what they foretell."""
+    """Further σ of the yaw rate that the belts foretell, as a share of that rate."""
     belts_after_s: float = 0.3
     agreeing: float = 3.0
     """χ² that vision must bring by itself before the belts are asked: they alone prove nothing."""

@@ -23,7 +23,7 @@ FULL_SCALE_RAD_S = 250.0 * DEG
 """Range of the gyro (MPU-6050) that a chair needs: belts at ±1 m/s turn it at 176 °/s. A rate beyond it was never measured."""
 
 OWN_LEAST = 0.01
-"""Of a frame's variance is its own, at least: errors that agree to the last bit are none."""
+"""Least share of a frame's variance that its neighbours do not share: at none an update would be singular."""
 OWN_FOR_DRIFT = 0.25
 """The same where a drift is looked for: errors that frames share wander too."""
 

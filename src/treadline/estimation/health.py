@@ -8,7 +8,7 @@ from treadline.angles import wrap
 from treadline.signals import ImuSample, TrackReading
 
 PRIOR_FRAMES, SCATTER_FRAMES = 10, 300
-"""Worth of the belief that frames share all, and of what was seen since: half a minute."""
+"""Weight, in frames, of the belief that neighbouring frames share their errors, and the most that their scatter may weigh: 30 s."""
 NEIGHBOURS_S = 0.35
 SCATTER_GATE = 9.0
 SCATTER_ALL = 0.8

@@ -113,7 +113,7 @@ class MountStudy:
         """
         source = source_of(log)
         self._log = log
-        self._meant = source.base.chair.camera_at(240)
+        self._meant = source.base.chair.camera_at()
         self._given = camera
         self._used: PinholeCamera | None = None
         with _in_words_of_mount():

@@ -127,7 +127,7 @@ class ReplaySettings:
 
     def _mounted(self, camera: PinholeCamera) -> PinholeCamera:
         values: Any = self.values
-        mount = self.mission.chair.camera_at(240)
+        mount = self.mission.chair.camera_at()
         angles: dict[str, Any] = {}
         for name in MOUNT:
             degrees = getattr(values.camera, name + "_deg")

@@ -145,7 +145,7 @@ def _play(
         if watch is not None:
             watch(tick)
     plant.close()
-    return recording.ended or blocks.guard.holding, int(getattr(blocks.estimator, "rejected_count", 0))
+    return recording.ended or blocks.guard.holding, blocks.estimator.rejected_count
 
 
 def _manifest(source: Source, settings: ReplaySettings, recording: SensorLog, changes: Sequence[str]) -> dict[str, Any]:

@@ -140,8 +140,8 @@ class ChairDescription(Settings):
             )
         return self
 
-    def camera_at(self, height_px: int, *, rear: bool = False) -> PinholeCamera:
-        """Return the chair's front or rear Kinect 1 camera at 320×240 or 640×480.
+    def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
+        """Return the chair's front or rear Kinect 1 camera at 320×240, at which it is run, or 640×480.
 
         575 px focal length at 640×480 is the value of the Kinect's own driver.
 

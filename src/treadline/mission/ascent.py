@@ -53,7 +53,7 @@ class AscentConfig:
     mounted_rad: float = 4.0 * DEG
     """Below the slope, from which on the belts lie on two nosings."""
     test_before_m: float = 0.0
-    """Of the way to where the rear leaves the floor, when the traction is tested: the nosings carry nearly all."""
+    """Before the rear leaves the floor the traction is tested, by this way: the nosings carry nearly all there."""
     pulses: int = 2
     """Of the traction test, to be lost before the chair backs off: a step that is met in the middle of one costs it its speed."""
     crest_from_m: float = 1.2

@@ -95,7 +95,7 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
             )
         return Cruise(config.climb_speed_m_s)
     if config.direction == "down":
-        chair.camera_at(240, rear=True)
+        chair.camera_at(rear=True)  # raises where there is none
         return Descent(
             DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
         )

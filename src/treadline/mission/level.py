@@ -64,7 +64,7 @@ class LevelSteering:
 
         Args:
             spare_rad: How far off the chair may be.
-            keep_m_s_rad: Per heading error beyond that, where it is not as elsewhere.
+            keep_m_s_rad: Gain beyond ``spare_rad``, in place of the configured one.
         """
         if estimate is None:
             return 0.0

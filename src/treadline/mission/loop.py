@@ -76,6 +76,9 @@ class Detector(Protocol):
 class Estimator(Protocol):
     """Fusion: IMU samples, belt speeds and headings in, the heading now out."""
 
+    rejected_count: int
+    """Headings seen that were not believed."""
+
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
         """Return the heading after one more signal, or None before the first heading."""
 

@@ -27,7 +27,7 @@ ROLES = {
 
 def mount_of(config: MissionConfig) -> PinholeCamera:
     """Return the camera in use, on the chair."""
-    return config.chair.camera_at(240, rear=config.direction == "down")
+    return config.chair.camera_at(rear=config.direction == "down")
 
 
 def node_of(

@@ -20,7 +20,7 @@ SIDE_WALL = 15.0 * DEG
 """How far a side wall's normal may lie from the edges' direction."""
 WALL_BLOCKS = 16
 SWEPT_HALF_M, SWEPT_HEIGHT_M = 0.40, 1.5
-"""Half the tracks' width with an inch to spare, and a seated person's height above the nosing plane."""
+"""Half the tracks' width and 3 cm, and a seated person's height above the nosing plane."""
 CLEAR_M = 0.06
 """Above the nosing plane: what is lower passes under the belts or is the stair's own irregularity."""
 LEAST_POINTS = 12

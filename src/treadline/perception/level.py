@@ -20,7 +20,7 @@ GROUND_BIN_M, GROUND_POINTS = 0.03, 40
 GROUND_HALF_M = 0.5
 """To one side of the other, at least: a suitcase's lid is level too, and narrower."""
 SWEPT_HALF_M, CLEAR_M, SWEPT_HEIGHT_M = 0.40, 0.10, 1.5
-"""Half the tracks' width with an inch to spare; above the ground, what is lower may be noise; a seated person's height."""
+"""Half the tracks' width and 3 cm; the height above the ground below which a thing may be noise; a seated person's height."""
 FAR_M = 3.0
 """From mid-track: depth further away is noise, and a chair stops within one."""
 CROWD_M, CROWD_POINTS = 0.10, 6
@@ -58,7 +58,7 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
 
 
 def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
-    """Return every so manieth pixel as a point of C; NaN where there is no depth."""
+    """Return every n-th pixel of every n-th row as a point of C; NaN where there is no depth."""
     camera = frame.camera
     stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
     z = frame.depth_m[::stride, ::stride].astype(float)

@@ -26,7 +26,7 @@ narrower, and seldom three in a row."""
 PAIR_WIDTH_M = 0.5
 """That two nosings must have in common where no third is seen: two cartons may lie like steps."""
 SAME_LEVEL = 0.15
-"""Share of the rise to which a level before or behind two nosings goes on in it: the width of all, ``WIDTH_M``, then is enough."""
+"""A third level one rise before or behind two nosings, to this share of it, confirms them: ``WIDTH_M`` of all is then enough."""
 EVEN = 0.25
 """Share by which one step of a flight may differ from another: furniture differs by more."""
 TOP_MARGIN_M = 0.05

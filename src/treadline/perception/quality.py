@@ -1,6 +1,6 @@
 """Whether a frame is worth looking at: how bright, how sharp, how much of it has a depth, and whether it is a new one.
 
-``RgbdFrame -> FrameQuality``. It runs before anything else looks, on each frame: numbers come from every so manieth pixel, the
+``RgbdFrame -> FrameQuality``. It runs before anything else looks, on each frame: numbers come from every n-th pixel, the
 fingerprint from the whole depth image. The heading comes from depth; colours are asked only where depth is scarce, for they cost.
 """
 

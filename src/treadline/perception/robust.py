@@ -26,7 +26,7 @@ from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame, StairMap
 
 HALF = 0.5
-"""Of the image, below which it is for want of depth that no plane is found."""
+"""Share of the image: with less depth a refusal blames missing depth, not missing planes."""
 HEADING_LIMIT = 45.0 * DEG
 SLOPE_LIMIT = 45.0 * DEG
 AGREEING = 0.7

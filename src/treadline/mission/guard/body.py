@@ -8,8 +8,8 @@ from treadline.mission.guard.config import GuardConfig
 LASTING_S = 0.05
 """A shock is over by then, a fall is not."""
 BETTER_RAD = 2.0 * DEG
-"""A seat that comes nearer by this within its time is being levelled; one that leaves by this more follows the chair: over a crest
-that is 11° in a second, and nobody may wait for it."""
+"""A seat that comes nearer to level by this within its time is being levelled. One that leaves it by this moves with the chassis,
+11° in a second over a crest: the guard holds at once."""
 ROUNDING_S = 1e-6
 
 

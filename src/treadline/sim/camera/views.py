@@ -178,7 +178,7 @@ def calibration_of(recipe: Recipe, chair: ChairDescription) -> PinholeCamera:
         scale = rows / 424.0
         # The depth camera of a Kinect 2: 512×424, about 365 px.
         camera = replace(
-            chair.camera_at(240),
+            chair.camera_at(),
             width_px=round(512 * scale),
             height_px=rows,
             fx_px=365.3 * scale,

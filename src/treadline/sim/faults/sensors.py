@@ -18,7 +18,18 @@ from jaxtyping import Bool, UInt8
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
 from treadline.devices.drives import TICK_S
 from treadline.faults import SAME_TIME_S, Fault, FaultKind, Process
-from treadline.signals import FrameQuality, HeadingMeasurement, ImuSample, OperatorInput, Reading, RgbdFrame, StairMap
+from treadline.signals import (
+    ArmReading,
+    FrameQuality,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    Reading,
+    RgbdFrame,
+    SeatReading,
+    StairMap,
+    TrackReading,
+)
 from treadline.sim.camera.camera import RenderedFrame
 
 SIGHT = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
@@ -154,6 +165,7 @@ SPOILT: dict[FaultKind, Callable[[Machine, Reading], Passed]] = {
     "imu_stuck": partial(_stuck, (ImuSample,)),
     "imu_nan": _imu_nan,
     "imu_lost": partial(_lost, (ImuSample,)),
+    "readings_lost": partial(_lost, (TrackReading, SeatReading, ArmReading)),
     "process_killed": _killed,
     "operator_stop": _person_stops,
     "link_lost": partial(_lost, (OperatorInput,)),
