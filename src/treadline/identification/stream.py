@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_records
+from treadline.identification.from_sums import from_sums, made_by
 from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
-from treadline.identification.identify import SOLVERS, from_sums, made_by
+from treadline.identification.identify import SOLVERS
 from treadline.identification.threads import one_thread
 from treadline.identification.validate import joined_in_time, part
 from treadline.identification.windows import carried_lags

@@ -33,6 +33,7 @@ class LevelConfig:
     look_s: float = 1.0
     """To look for a stair before turning to find one."""
     sweep_rad: float = 40.0 * DEG
+    sweep_rad_s: float = 7.5 * DEG
 
 
 class LevelSteering:
@@ -100,7 +101,7 @@ class LevelSteering:
         if not self._legs:
             self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]  # a person may re-arm, and it looks again
             return None
-        return self._half(math.copysign(0.5 * config.turn_rad_s, self._legs[0] - self._swept_rad))
+        return self._half(math.copysign(config.sweep_rad_s, self._legs[0] - self._swept_rad))
 
     def _half(self, rate_rad_s: float) -> float:
         """Return half the belts' difference for a rate of turn; called at each tick of a turn."""

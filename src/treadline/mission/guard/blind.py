@@ -11,7 +11,8 @@ from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, Plan
 
 FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M = 0.38, 0.24, 0.8
-"""Turn of the chair per metre that one belt runs further: on nosings, over one, and on the level (measured on the plant)."""
+"""Turn of the chair per metre that one belt runs further: on nosings, over one, and on the level (measured with the
+wheelchair; with the rescue robot it was not)."""
 LEVEL_RAD = 2.0 * DEG
 SWINGS_RAD_S = 4.5 * DEG
 """Pitch rate above which a chair swings over a nosing, which turns it by a degree or two: belts that answer are right."""

@@ -26,9 +26,11 @@ class GuardConfig:
     plan_spare_m_s: float = 0.02
 
     imu_timeout_s: float = 0.05
+    """Five samples of 100 Hz: a late one is no loss (row 6)."""
     vision_only_s: float = 1.0
     """Without IMU (row 6)."""
     frame_timeout_s: float = 0.3
+    """Three frames of 10 Hz (row 1)."""
     blind_timeout_s: float = 3.0
     """Without any frame."""
     blind_travel_m: float = 0.5
@@ -72,6 +74,7 @@ class GuardConfig:
     dark: float = 0.02
     """Mean of the colours below which, or above one less which, they say nothing."""
     contrast_least: float = 0.008
+    """Standard deviation of the colours below which they say nothing: two of 256 steps, a sensor's own noise."""
 
     drive_lag_s: float = 0.15
     drive_acceleration_m_s2: float = 4.0
@@ -80,8 +83,9 @@ class GuardConfig:
     """Share by which a belt's speed may differ from what its drive should make of the command (rows 13 and 14)."""
     mismatch_spare_m_s: float = 0.03
     mismatch_s: float = 0.2
+    """For which it must last: longer than a drive's lag of 0.15 s."""
     slip: float = 0.3
-    """Share of the belts' travel that the nosings do not show (row 14)."""
+    """Share of the belts' travel that the nosings do not show (row 14): a sound chair that drives straight shows 1 mm in 60."""
     slip_s: float = 0.5
     """Over which slip is measured, and for which it may last."""
 
@@ -95,6 +99,7 @@ class GuardConfig:
     front_up_rad: float = 40.0 * DEG
     """The steepest flight of 32° and what a chair rocks when it mounts."""
     front_down_rad: float = 15.0 * DEG
+    """Nothing on a stair lowers the front: it is backed down, and the crest is let down to the level."""
     roll_rad: float = 20.0 * DEG
     """At 35° across a flight of 30° it is 17°."""
     seat_steady_m_s: float = 0.02
@@ -103,8 +108,8 @@ class GuardConfig:
     seat_near_rad: float = 2.0 * DEG
     """Off level by more, it has all its actuator gives."""
     seat_rad: float = 5.0 * DEG
+    """Off level for ``seat_s``, which the table of hazards asks for (row 19): 1.2° is the most in a thousand sound traversals."""
     seat_s: float = 1.0
-    """Row 19."""
 
     front_m: float = 0.89
     """From mid-track to the foremost part of the chair, its front section at rest."""
