@@ -48,6 +48,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
     assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
     assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
+    assert (config.blind_square_rad, config.blind_push_rad, config.readings_timeout_s) == (1.0 * deg, 10.0 * deg, 0.3)
     assert (config.blind_turn_rad, config.blind_turn_s, config.seat_steady_m_s) == (3.0 * deg, 6.0, 0.02)
     assert (config.askew_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
