@@ -38,7 +38,7 @@ test: setup
 test-gazebo: setup
 	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
-	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo
+	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo tests/devices/test_plant_contract.py
 
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
 	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-ros
