@@ -19,28 +19,28 @@ CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 """What follows a surface's end: a surface that starts there, one that lies behind, one that stands before, nothing known."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def nearness_of(depth):
     """Return w = 1/Z of each pixel, NaN where there is no depth, a row for each column of the image: surfaces are read so."""
     rows, columns = depth.shape
     near = np.empty((columns, rows))
-    for v in range(rows):
-        for u in range(columns):
+    for u in range(columns):
+        for v in range(rows):
             z = depth[v, u]
             near[u, v] = 1.0 / z if 0.0 < z < 1e6 else np.nan
     return near
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
     """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     least, most = 1.0 / far, 1.0 / near
     sums = np.zeros((rows, columns, SUMS))
-    for i in range(rows):
-        for j in range(columns):
+    for j in range(columns):
+        for i in range(rows):
             n = 0
             a = b = c = d = e = f = g = h = k = 0.0
             for u in range(j * size, (j + 1) * size):
@@ -66,7 +66,7 @@ def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
     return sums
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def fit_plane(s, plane):
     """Fill ``plane`` with n; return the RMS residual of w and the deviation of n over its length; NaN where none fits."""
@@ -88,7 +88,7 @@ def fit_plane(s, plane):
     return residual, turn
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_residual):
     """Return the blocks of two cells by two that lie on one plane, and of one cell by two where no larger one does.
@@ -136,7 +136,7 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
     return sums[:count].copy(), planes[:count].copy(), places[:count].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def common_plane(sums, run, limits, start, stop, least, plane, inside):
     """Fit one plane to the blocks of a run that lie on it, starting with those from ``start`` to ``stop``; return how many do.
@@ -175,7 +175,7 @@ def common_plane(sums, run, limits, start, stop, least, plane, inside):
     return count if count >= least else 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def mean_square(s, plane):
     """Return the mean squared residual of w of a block about a plane."""
@@ -185,7 +185,7 @@ def mean_square(s, plane):
     return max((s[WW] - 2.0 * linear + quadratic) / s[COUNT], 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def mean_square_of(sums, members, step, plane):
     """Return the mean squared residual of w of every ``step``-th of some blocks about a plane."""
@@ -196,7 +196,7 @@ def mean_square_of(sums, members, step, plane):
     return square / count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def solved_plane(s, plane, inverse):
     """Fill ``plane`` with n and ``inverse`` with that of its normal equations; return the mean square of what is left.
@@ -215,7 +215,7 @@ def solved_plane(s, plane, inverse):
     return left / max(n - 3.0, 1.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def box_of(places, members, size, margin, rows, columns, box):
     """Fill ``box`` with first column and row and last column and row of the pixels of some blocks, widened by a margin."""
@@ -230,7 +230,7 @@ def box_of(places, members, size, margin, rows, columns, box):
     box[2], box[3] = min(box[2], columns - 1), min(box[3], rows - 1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _ending(near, v, way, start, slope, jump):
     """Return what follows a surface that ends at row ``v`` on the way up (-1) or down (1).
@@ -261,7 +261,7 @@ def _ending(near, v, way, start, slope, jump):
     return CREASE
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def extents(nearness, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last, before, after, sums):
     """Fill where each surface starts and ends in each column of its box, what follows there, and the sums between.
@@ -330,7 +330,7 @@ def extents(nearness, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, la
             row[WW] += e
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def fit_line(u, v, near, line):
     """Fill ``line`` with the line v = v₀ + a (u - u₀) that most points lie on; return how many.
@@ -404,7 +404,7 @@ def fit_line(u, v, near, line):
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, high, begin, start, end):
     """Return the points of every ``stride``-th pixel that stand above a flight.
@@ -437,3 +437,25 @@ def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, high, be
             found[count, 0], found[count, 1], found[count, 2] = x * z, y * z, z
             count += 1
     return found[:count].copy()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def level_patches(points, up, level):
+    """Return which points of a grid lie in level patches, five points wide.
+
+    Args:
+        points: Rows and columns of points, NaN where there is none.
+        level: Cosine between a patch's normal and ``up`` from which it is level.
+    """
+    rows, columns = points.shape[0], points.shape[1]
+    found = np.zeros((rows, columns), dtype=np.bool_)
+    for i in range(2, rows - 2):
+        for j in range(2, columns - 2):
+            top, bottom, left, right = points[i - 2, j], points[i + 2, j], points[i, j - 2], points[i, j + 2]
+            ax, ay, az = bottom[0] - top[0], bottom[1] - top[1], bottom[2] - top[2]
+            bx, by, bz = right[0] - left[0], right[1] - left[1], right[2] - left[2]
+            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+            rise = abs(nx * up[0] + ny * up[1] + nz * up[2])
+            found[i, j] = rise > level * math.sqrt(nx * nx + ny * ny + nz * nz)
+    return found

@@ -5,9 +5,10 @@ head of the stair stands there all the same. It asks for no more than gravity an
 """
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.perception import kernels
 from treadline.perception.geometry import first_crowd, way_of
 from treadline.signals import RgbdFrame
 
@@ -44,7 +45,7 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
     ahead /= np.linalg.norm(ahead)
     right = np.cross(ahead, up)
     far, aside, height = np.moveaxis(points @ np.stack([ahead, right, up], axis=1), -1, 0)
-    ground = _is_level(points, up) & (far < FAR_M)
+    ground = kernels.level_patches(points, up, LEVEL) & (far < FAR_M)
     level_m = _ground(height[ground], aside[ground], highest=way > 0.0)
     if level_m is None:
         return None
@@ -63,25 +64,24 @@ def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
     stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
     z = frame.depth_m[::stride, ::stride].astype(float)
     z[~(z > 0.0)] = np.nan
-    v, u = np.meshgrid(np.arange(z.shape[0]) * stride, np.arange(z.shape[1]) * stride, indexing="ij")
-    return np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1)
-
-
-def _is_level(points: Float[np.ndarray, "rows columns 3"], up: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, "rows columns"]:
-    """Say which points lie in level patches, five points wide."""
-    across, along = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    across[:, 2:-2] = points[:, 4:] - points[:, :-4]
-    along[2:-2] = points[4:] - points[:-4]
-    normals = np.cross(along, across)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(normals @ up) > LEVEL * np.linalg.norm(normals, axis=-1))
+    v, u = np.arange(z.shape[0])[:, None] * stride, np.arange(z.shape[1]) * stride
+    points = np.empty((*z.shape, 3))
+    points[..., 0] = (u - camera.cx_px) / camera.fx_px * z
+    points[..., 1] = (v - camera.cy_px) / camera.fy_px * z
+    points[..., 2] = z
+    return points
 
 
 def _ground(height: Float[np.ndarray, " k"], aside: Float[np.ndarray, " k"], *, highest: bool) -> float | None:
     """Return the height of the highest or lowest level that is wide enough to drive on."""
     bins = np.floor(height / GROUND_BIN_M).astype(int)
-    for place in sorted(set(bins.tolist()), reverse=highest):
-        within = (bins == place) | (bins == place - 1 if highest else bins == place + 1)
-        if within.sum() >= GROUND_POINTS and np.ptp(aside[within]) > 2.0 * GROUND_HALF_M:
+    places, counts = np.unique(bins, return_counts=True)
+    held = dict(zip(places.tolist(), counts.tolist(), strict=True))
+    for place in sorted(held, reverse=highest):
+        beside = place - 1 if highest else place + 1
+        if held[place] + held.get(beside, 0) < GROUND_POINTS:
+            continue
+        within = (bins == place) | (bins == beside)
+        if np.ptp(aside[within]) > 2.0 * GROUND_HALF_M:
             return float(np.median(height[within]))
     return None

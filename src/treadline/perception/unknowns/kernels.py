@@ -17,7 +17,7 @@ FLAT = 4.0
 """Prior precision of α and ρ: half a radian, next to nothing."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, covariance):
     """Return the mean of x, and the variances and covariance of α and ρ; fill ``covariance`` with x's at the likeliest guess.
@@ -67,7 +67,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
     return mean, spread
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, penalty, kept):
     """Clear ``kept`` of the rows that the evidence says belong to something else, one after the other, the plainest first.
@@ -103,7 +103,7 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
         whole[stray] = np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x):
     """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
@@ -119,7 +119,7 @@ def _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x):
     return best + math.log(np.exp(logs - best).mean())
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own):
     """Add up the normal equations without turns and tilts, values in the last row, and what each step has in common.
@@ -148,7 +148,7 @@ def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own
                 tilted[s, i] += P * d * full[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _take_out(plain, turned, tilted, own, turn, tilt, M):
     """Fill the lower half of ``M`` with the normal equations under variances of turn and tilt; return the log evidence of these."""
@@ -170,7 +170,7 @@ def _take_out(plain, turned, tilted, own, turn, tilt, M):
     return log
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _solved(M, warp, L, x):
     """Fill ``L`` with the Cholesky factor under a prior of the warp's terms, ``x`` with the solution; return its log evidence."""
@@ -200,7 +200,7 @@ def _solved(M, warp, L, x):
     return log - 0.5 * misfit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def fitted_terms(columns, top, bottom, points, width, height, fx, fy, cx, cy, turns):
     """Fill ``turns`` with the n that fits each Legendre product best at the top, middle and bottom of ``points`` columns."""
@@ -227,7 +227,7 @@ def fitted_terms(columns, top, bottom, points, width, height, fx, fy, cx, cy, tu
     turns[:] = np.linalg.solve(M, right)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _legendre(x, values):
     values[1], values[2], values[3] = x, 1.5 * x * x - 0.5, (2.5 * x * x - 1.5) * x
