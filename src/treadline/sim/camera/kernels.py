@@ -10,7 +10,7 @@ NEAR_M = 0.02
 """Faces are clipped this far in front of the camera."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
@@ -59,7 +59,7 @@ def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
             depth[v, u] = 1.0 / depth[v, u] if face[v, u] >= 0 else np.nan
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _clip(corners, clipped):
     """Write the part of a quadrilateral in front of the camera; return its number of corners."""
@@ -77,7 +77,7 @@ def _clip(corners, clipped):
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
     """Fill a convex polygon where its inverse depth is the largest so far."""
@@ -112,7 +112,7 @@ def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
             value += wu
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _hash(i, j, k):
     """Return a number in [0, 1) that looks random and is the same for the same cell."""
@@ -121,7 +121,7 @@ def _hash(i, j, k):
     return ((n ^ (n >> 16)) & 0xFFFF) / 65536.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _smooth(x, y, k):
     """Return value noise: random at whole coordinates, blended between."""
@@ -133,7 +133,7 @@ def _smooth(x, y, k):
     return low * (1.0 - b) + high * b
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _pattern(kind, a, b, seed):
     """Return a surface's reflectance around 1; a runs across the stair, b along the run or up the riser."""
@@ -150,7 +150,7 @@ def _pattern(kind, a, b, seed):
     return 0.9 + 0.2 * _smooth(a * 12.0, b * 12.0, seed)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds, light, shadows, puddles, noise, place, rgb):
     """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, shadows, water, gain, sensor noise.
@@ -201,7 +201,7 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds,
                 rgb[v, u, channel] = np.uint8(min(max(value, 0.0), 255.0))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def _within(puddles, k, wx, wy, wz):
     """Return how far inside a puddle a point lies: 1 in its middle, 0 outside."""
@@ -211,7 +211,7 @@ def _within(puddles, k, wx, wy, wz):
     return max(1.0 - along * along - across * across, 0.0)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
     """Spoil measured depth in puddles: no return from their middle, and at the rim some of what they mirror.
@@ -241,7 +241,7 @@ def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
                     measured[v, u] += 0.25 * (patch - 0.6)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
@@ -262,22 +262,19 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
     first, second, third, fourth = places[0], places[1], places[2], places[3]
     for v in range(rows):
         furthest = -1e9
+        depth, names, out = exact[v], face[v], measured[v]
         for u in range(columns):
-            z = exact[v, u]
-            lit = True
+            out[u] = np.nan
+            z = depth[u]
             if z == z:
                 seen = u + shadow_px / z
                 if seen < furthest - 0.75:
-                    lit = False
-                else:
-                    furthest = max(furthest, seen)
-            measured[v, u] = np.nan
+                    continue
+                furthest = max(furthest, seen)
             n = v * columns + u
-            if not lit:
-                continue
             su = min(max(u + int(round(lateral_px * normal[first + n])), 0), columns - 1)
             sv = min(max(v + int(round(lateral_px * normal[second + n])), 0), rows - 1)
-            if face[sv, su] == face[v, u]:
+            if face[sv, su] == names[u]:
                 su, sv = u, v
             z = exact[sv, su]
             if not (near <= z <= far):
@@ -291,13 +288,12 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
             lost = 0.002 + (0.25 if steep > 0.04 else 0.0)
             if chance[fourth + n] < lost:
                 continue
-            disparity = strength / z + sigma_px * normal[third + n]
-            disparity = round(disparity / step_px) * step_px
+            disparity = np.rint((strength / z + sigma_px * normal[third + n]) / step_px) * step_px
             if disparity > 0.0:
-                measured[v, u] = strength / disparity
+                out[u] = strength / disparity
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def time_of_flight(
     exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, normal, chance, places, measured
