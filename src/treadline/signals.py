@@ -12,6 +12,7 @@ flight, positive anticlockwise seen from above.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -45,8 +46,13 @@ class PinholeCamera:
     @property
     def R_BC(self) -> Float[np.ndarray, "3 3"]:
         """Rotation of the camera in the chair's frame."""
-        turn = rotation_z(self.mount_yaw_rad) @ rotation_y(self.mount_pitch_rad) @ rotation_x(self.mount_roll_rad)
-        return np.asarray(turn @ CAMERA_AXES_IN_CHAIR)
+        return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
+
+
+@lru_cache(maxsize=64)
+def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of a mount, which every frame of a camera asks for."""
+    return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,8 +14,8 @@ def seat_mass_kg(loading: Chair) -> float:
 
 def payload_com(chair: ChairDescription, loading: Chair) -> Point:
     """Return the payload's centre of mass relative to the hinge, in the seat's frame."""
-    x, y, z = (a + b for a, b in zip(chair.seat.payload_com_m, loading.payload_offset_m, strict=True))
-    return (x, y, z)
+    (x, y, z), (dx, dy, dz) = chair.seat.payload_com_m, loading.payload_offset_m
+    return (x + dx, y + dy, z + dz)
 
 
 def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:

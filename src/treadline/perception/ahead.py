@@ -4,6 +4,7 @@ Ahead is where the camera looks, which may be back over the chair: it then drive
 """
 
 from collections.abc import Sequence
+from statistics import median
 
 import numpy as np
 from jaxtyping import Float
@@ -93,7 +94,7 @@ def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:
     if not first.size:
         return None
     start = int(first[0])
-    return float(np.median(near[start : start + int(together[start])]))
+    return median(near[start : start + int(together[start])].tolist())
 
 
 def _standing(
@@ -116,7 +117,7 @@ def _standing(
         camera.cx_px,
         camera.cy_px,
         np.stack([axes.ahead, normal, axes.up]),
-        float(np.median([point @ normal for point in points])),
+        median(float(point @ normal) for point in points),
         float(min(points, key=lambda point: float(point @ axes.ahead)) @ axes.up) - shape.rise_m,
         CLEAR_M,
         SWEPT_HEIGHT_M,
@@ -177,7 +178,7 @@ def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axe
     """
     last = max(points, key=lambda point: float(point @ axes.ahead))
     ahead, up = float(last @ axes.ahead), float(last @ axes.up)
-    middle = float(np.median([point @ axes.right for point in points]))
+    middle = median(float(point @ axes.right) for point in points)
     asides = middle + np.linspace(-0.25, 0.25, 15)
     if shape.direction == "up":
         # Close below the next edge: a board without a riser is no thicker.

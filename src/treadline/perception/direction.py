@@ -13,6 +13,7 @@ integrated out (``unknowns.kernels``).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -114,7 +115,7 @@ def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
         sigma_rad: Declared.
     """
     if len(tilts) >= 2:
-        gap = abs(float(np.median(tilts)))
+        gap = abs(median(tilts.tolist()))
         if gap > GRAVITY_DOUBT * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
             return gap**2
     return sigma_rad**2

@@ -58,7 +58,7 @@ def levelled(told: Float[np.ndarray, " 3"], unit: Float[np.ndarray, "b 3"], spre
     near = along[along @ told > np.cos(spread_rad)]
     if len(near) < LEAST_BLOCKS:
         return told
-    mean = np.median(near, axis=0)
+    mean = np.median(np.ascontiguousarray(near.T), axis=1)
     mean /= np.linalg.norm(mean)
     bundle = near[near @ mean > np.cos(BUNDLE)]
     if len(bundle) < LEAST_BLOCKS:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from jaxtyping import Float
@@ -95,7 +96,7 @@ def _rise(flight: Sequence[Nosing], axes: Axes, run_m: float) -> float | None:
     known = [nosing for nosing in flight if nosing.up_m is not None]
     number = np.array([float(round((nosing.ahead_m - flight[0].ahead_m) / run_m)) for nosing in known])
     heights = np.array([float(nosing.point @ axes.up) for nosing in known])
-    if len(np.unique(number)) < 2:
+    if len(set(number.tolist())) < 2:
         return None
     slope, height = _straight(number, heights)
     rise = abs(slope)
@@ -145,7 +146,7 @@ def _row(
     near = gaps[(gaps >= limits[0]) & (gaps <= limits[1])]
     if not near.size:
         return None
-    first = float(np.median(near))
+    first = median(near.tolist())
     # Whole numbers of steps between neighbours; a gap that is none ends the row.
     counts = np.round(gaps / first)
     fits = (counts >= 1) & (np.abs(gaps - counts * first) < EVEN * first)

@@ -6,6 +6,7 @@ A flight that falls shows treads alone: each ends, further up in the image, at t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Literal
 
 import numpy as np
@@ -86,7 +87,7 @@ def direction_of(treads: Sequence[Surface], axes: Axes) -> Direction | None:
     next_ones = rises < STEP_RISE_M[1]
     if not next_ones.any():
         return None
-    return "up" if float(np.median(steps[next_ones])) > 0.0 else "down"
+    return "up" if median(steps[next_ones].tolist()) > 0.0 else "down"
 
 
 def nosings_of(

@@ -43,7 +43,7 @@ def votes_of(
     inside = np.abs(seen) < VOTE_LIMIT
     seen, weights = seen[inside], weights[inside]
     edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
-    counts = np.histogram(seen, edges, weights=weights)[0]
+    counts = np.bincount(np.searchsorted(edges, seen, side="right") - 1, weights, minlength=edges.size - 1)[: edges.size - 1]
     smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
     for _ in range(VOTES):
         top = int(np.argmax(smooth))

@@ -39,4 +39,4 @@ def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit
 
 def finite(*values: float) -> bool:
     """Say whether every value is a number."""
-    return all(math.isfinite(value) for value in values)
+    return all(map(math.isfinite, values))
