@@ -16,7 +16,9 @@ class CdrWriter:
         self._data = bytearray()
 
     def _align(self, size: int) -> None:
-        self._data.extend(b"\x00" * (-len(self._data) % size))
+        gap = -len(self._data) % size
+        if gap:
+            self._data += bytes(gap)
 
     def uint8(self, value: int) -> None:
         """Append a byte, or a bool."""
@@ -48,12 +50,19 @@ class CdrWriter:
         self.uint32(len(data))
         self._data += data
 
+    def written(self, data: bytes) -> None:
+        """Append bytes that another writer has made at the same place."""
+        self._data += data
+
     def stamp(self, t_s: float, frame_id: str) -> None:
         """Append a std_msgs/Header."""
-        nanoseconds = nanoseconds_of(t_s)
-        self.int32(nanoseconds // 1_000_000_000)
-        self.uint32(nanoseconds % 1_000_000_000)
+        self.time(t_s)
         self.string(frame_id)
+
+    def time(self, t_s: float) -> None:
+        """Append what stands in a std_msgs/Header before the frame's name."""
+        self._align(4)
+        self._data += struct.pack("<iI", *divmod(nanoseconds_of(t_s), 1_000_000_000))
 
     def message(self) -> bytes:
         """Return the whole message."""
@@ -70,10 +79,10 @@ class Ros1Writer(CdrWriter):
         """Append a string with its length."""
         self.raw(text.encode())
 
-    def stamp(self, t_s: float, frame_id: str) -> None:
-        """Append a std_msgs/Header."""
+    def time(self, t_s: float) -> None:
+        """Append what stands in a std_msgs/Header before the frame's name."""
         self.uint32(0)
-        super().stamp(t_s, frame_id)
+        super().time(t_s)
 
     def message(self) -> bytes:
         """Return the whole message."""

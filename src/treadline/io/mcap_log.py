@@ -51,11 +51,12 @@ class RunLog:
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
                 return
         time_ns = nanoseconds_of(signal.t_s)
-        for topic, kind, data in self._messages(signal):
-            with self._told():
+        messages = self._messages(signal)
+        with self._told():
+            for topic, kind, data in messages:
                 channel = self._channel(topic, kind)
                 self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
-            self._counts[channel] += 1
+                self._counts[channel] += 1
 
     def close(self) -> None:
         """Finish the file and give it its name.

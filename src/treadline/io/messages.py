@@ -130,15 +130,31 @@ def joints(
 ) -> Message:
     """Return a JointState."""
     w = writer()
-    w.stamp(t_s, frame)
-    w.uint32(len(names))
-    for name in names:
-        w.string(name)
+    w.time(t_s)
+    w.written(_labels(names, frame, writer))
     for values in (position, velocity, ()):
         w.uint32(len(values))
         if values:
             w.doubles(*values)
     return topic, "sensor_msgs/msg/JointState", w.message()
+
+
+_LABELS: dict[tuple[tuple[str, ...], str, Writer], bytes] = {}
+
+
+def _labels(names: tuple[str, ...], frame: str, writer: Writer) -> bytes:
+    """Return what stands between a JointState's time and its numbers: the same in each message of a topic."""
+    key = (names, frame, writer)
+    if key not in _LABELS:
+        w = writer()
+        w.time(0.0)
+        start = len(w.message())
+        w.string(frame)
+        w.uint32(len(names))
+        for name in names:
+            w.string(name)
+        _LABELS[key] = w.message()[start:]
+    return _LABELS[key]
 
 
 def status(
