@@ -326,7 +326,9 @@ def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, floa
     variance = rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others) + tilting**2
     means, variances = [], []
     for chosen in (of_riser, of_line):
-        weight = rows.by[chosen, 0] ** 2 / variance[chosen]
-        means.append(float(np.average(left[chosen] / rows.by[chosen, 0], weights=weight)))
-        variances.append(1.0 / float(weight.sum()))
+        by = rows.by[chosen, 0]
+        weight = by**2 / variance[chosen]
+        total = float(weight.sum())
+        means.append(float((left[chosen] / by * weight).sum()) / total)
+        variances.append(1.0 / total)
     return means[0] - means[1], float(np.sqrt(sum(variances)))

@@ -153,7 +153,7 @@ class Camera:
         self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[self._texture]) for solid in solids])
         # Near infrared: what is dark to the eye is less so to the sensor.
         self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
-        self._reach = np.linalg.norm(self._halves, axis=1) + VIEW_M
+        self._radii = np.linalg.norm(self._halves, axis=1)
         self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
@@ -225,8 +225,8 @@ class Camera:
     ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
         camera = self.calibration
         towards = self._centres - p_WC
-        ahead = towards @ R_WC[:, 2] > -np.linalg.norm(self._halves, axis=1)
-        near = np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._reach) & ahead) | self._large)
+        ahead = towards @ R_WC[:, 2] > -self._radii
+        near = np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + VIEW_M) & ahead) | self._large)
         depth = np.empty((camera.height_px, camera.width_px))
         face = np.empty((camera.height_px, camera.width_px), dtype=np.int64)
         kernels.cast(
