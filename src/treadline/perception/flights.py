@@ -9,8 +9,9 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.perception.geometry import way_of
 from treadline.perception.lines import nosing_line
-from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, flight_of, nosings_of
+from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, nosings_of
 from treadline.perception.planes import Blocks, Surface, joined
+from treadline.perception.rows import flight_of
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.perception.votes import line_votes, votes_of

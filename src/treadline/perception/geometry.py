@@ -9,12 +9,14 @@ from jaxtyping import Float
 
 from treadline.perception.direction import gravity_variance
 from treadline.perception.irregular import pooled
-from treadline.perception.nosings import EVEN, STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
+from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
 from treadline.perception.planes import Surface
 from treadline.perception.sight import StairShape
 from treadline.perception.vectors import cross
 from treadline.signals import StairAxes
 
+EVEN = 0.25
+"""Share by which one step of a flight may differ from another: furniture differs by more."""
 SAME_LEVEL_M = 0.03
 """Heights closer than this are one level."""
 ALIKE = 0.75

@@ -1,4 +1,4 @@
-"""From surfaces and lines to the stair's edges: which riser, tread and line belong to one nosing, and which nosings to a flight.
+"""From surfaces and lines to the stair's edges: which riser, tread and line belong to one nosing.
 
 A flight that rises shows its risers and, above the eye, their upper ends; with open risers, the front ends of its treads.
 A flight that falls shows treads alone: each ends, further up in the image, at the nosing that hides the riser below it.
@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from treadline.perception import kernels
 from treadline.perception.lines import Line, nosing_line
 from treadline.perception.planes import Blocks, Surface
 from treadline.signals import PinholeCamera
@@ -21,17 +22,8 @@ SAME_RUN_M, SAME_RISE_M = 0.08, 0.07
 """Less than half of the smallest run and rise: within them, two findings are of one nosing."""
 LEAST_LEVER = 0.17
 """Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
-LEAST_WIDTH_M, WIDTH_M, ROW_WIDTH_M = 0.08, 0.30, 0.20
-"""Across the flight, that two neighbours must have in common, and from side to side of two and of more: cartons and books are
-narrower, and seldom three in a row."""
-PAIR_WIDTH_M = 0.5
-"""That two nosings must have in common where no third is seen: two cartons may lie like steps."""
-SAME_LEVEL = 0.15
-"""A third level one rise before or behind two nosings, to this share of it, confirms them: ``WIDTH_M`` of all is then enough."""
-EVEN = 0.25
-"""Share by which one step of a flight may differ from another: furniture differs by more."""
-TOP_MARGIN_M = 0.05
-"""By which the highest block of a riser may miss its top."""
+PLAIN_ENDS = 3
+"""Ends of treads with something further away behind them: where so many are seen, depth is not smoothed over its edges."""
 TREAD_ABOVE_M, TREAD_BEHIND_M = (-0.04, 0.10), (-0.10, 0.20)
 """Where the tread of a riser starts, against the riser's highest block and its plane: blocks end short of edges."""
 
@@ -64,6 +56,8 @@ class Nosing:
     """Those that tell the edge's direction: near the eye's height they do not."""
     weight: float
     """Pixels' worth of evidence."""
+    top_m: float | None = None
+    """Where the riser ends in the image, under the nosing or at it; None where what follows is not known."""
 
     @property
     def is_plain(self) -> bool:
@@ -106,9 +100,11 @@ def nosings_of(
     """
     fronts = np.array([float(np.min(blocks.centres[tread.blocks] @ axes.ahead)) for tread in treads])
     found = [_of_riser(riser, treads, fronts, blocks, camera, axes) for riser in risers]
+    smoothed = direction == "down" and sum(line is not None and not line.is_corner for line in ends) < PLAIN_ENDS
     for line in ends:
-        # Where a tread's far end meets what rises behind it, there is no nosing.
-        if line is None or (line.is_corner and direction == "down"):
+        # Where a tread's far end meets what rises behind it, there is no nosing; depth that is smoothed over an edge shows a
+        # corner, too, but with a step down behind it.
+        if line is None or (line.is_corner and direction == "down" and not (smoothed and _falls_behind(line, treads, axes))):
             continue
         of_line = _of_line(line, axes)
         alike = [k for k, nosing in enumerate(found) if _same(nosing, of_line)]
@@ -117,6 +113,18 @@ def nosings_of(
         else:
             found.append(of_line)
     return sorted(found, key=lambda nosing: nosing.ahead_m)
+
+
+def _falls_behind(line: Line, treads: Sequence[Surface], axes: Axes) -> bool:
+    """Return whether a tread follows a step below and behind a line."""
+    ahead, up = float(line.middle @ axes.ahead), float(line.middle @ axes.up)
+    left, right = sorted((line.ends_m @ axes.right).tolist())
+    return any(
+        STEP_RISE_M[0] < up - float(tread.centre @ axes.up) < STEP_RISE_M[1]
+        and 0.0 < float(tread.centre @ axes.ahead) - ahead < STEP_RUN_M[1]
+        and left < float(tread.centre @ axes.right) < right
+        for tread in treads
+    )
 
 
 def _of_line(line: Line, axes: Axes) -> Nosing:
@@ -146,6 +154,7 @@ def _both(owner: Nosing, line: Nosing, axes: Axes) -> Nosing:
         riser=owner.riser,
         lines=owner.lines + line.lines,
         weight=owner.weight + line.weight,
+        top_m=owner.top_m,
     )
 
 
@@ -190,75 +199,23 @@ def _of_riser(
         riser=riser,
         lines=() if line is None else _telling(line, axes),
         weight=float(riser.blocks.size * blocks.cell_px) + (0.0 if line is None else line.count),
+        top_m=_top_of(riser, camera, axes),
     )
+
+
+def _top_of(riser: Surface, camera: PinholeCamera, axes: Axes) -> float | None:
+    """Return the height at which a riser ends, or None where most of its end is cut off."""
+    ends = riser.upper
+    known = ends.follows != kernels.UNKNOWN
+    if 2 * np.count_nonzero(known) < known.size or not known.any():
+        return None
+    rays = np.ones((int(np.count_nonzero(known)), 3))
+    rays[:, 0] = (ends.columns[known] - camera.cx_px) / camera.fx_px
+    rays[:, 1] = (ends.rows[known] - camera.cy_px) / camera.fy_px
+    return float(np.median((rays @ axes.up) / (rays @ riser.normal)))
 
 
 def _height_at(tread: Surface, beside: Float[np.ndarray, " 3"], axes: Axes) -> float:
     """Return the height of a tread's plane straight above or below a point."""
     foot = beside - float(beside @ axes.up) * axes.up
     return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
-
-
-def is_step(near: Nosing, far: Nosing, axes: Axes, direction: Direction) -> bool:
-    """Return whether two nosings follow each other on a stair."""
-    run = far.ahead_m - near.ahead_m
-    if not STEP_RUN_M[0] <= run <= STEP_RUN_M[1]:
-        return False
-    if _common_width(near, far) < LEAST_WIDTH_M:
-        return False
-    rise = float((far.point - near.point) @ axes.up)
-    rise = rise if direction == "up" else -rise
-    margin = TOP_MARGIN_M if near.up_m is None or far.up_m is None else 0.0
-    return STEP_RISE_M[0] - margin <= rise <= STEP_RISE_M[1] + margin and rise <= run
-
-
-def _common_width(near: Nosing, far: Nosing) -> float:
-    return min(near.sides_m[1], far.sides_m[1]) - max(near.sides_m[0], far.sides_m[0])
-
-
-def flight_of(nosings: Sequence[Nosing], treads: Sequence[Surface], axes: Axes, direction: Direction) -> list[Nosing]:
-    """Return the nosings that follow each other, of several such rows the one most seen; empty without a single step."""
-    levels = np.array([float(tread.centre @ axes.up) for tread in treads])
-    best: list[list[Nosing]] = []
-    for nosing in nosings:
-        # The heaviest row that this nosing goes on; a stray edge in between does not end it, a riser does.
-        rows = [row for row in best if is_step(row[-1], nosing, axes, direction) and not _between(row[-1], nosing, nosings)]
-        best.append([*max(rows, key=_weight, default=[]), nosing])
-    rows = [row for row in best if _is_flight(row, levels)]
-    return max(rows, key=_weight, default=[])
-
-
-def _between(near: Nosing, far: Nosing, nosings: Sequence[Nosing]) -> bool:
-    """Return whether a riser of the stair's width stands between two nosings: they are no neighbours then."""
-    inside = (near.ahead_m + SAME_RUN_M, far.ahead_m - SAME_RUN_M)
-    return any(
-        inside[0] < nosing.ahead_m < inside[1] and nosing.riser is not None and _common_width(near, nosing) > WIDTH_M
-        for nosing in nosings
-    )
-
-
-def _is_flight(row: Sequence[Nosing], levels: Float[np.ndarray, " t"]) -> bool:
-    """Return whether a row shows enough of a stair: two plain edges that tell a direction, or three of any kind."""
-    width_m = max(nosing.sides_m[1] for nosing in row) - min(nosing.sides_m[0] for nosing in row)
-    if width_m < (WIDTH_M if len(row) == 2 else ROW_WIDTH_M):
-        return False
-    if len(row) == 2 and _common_width(row[0], row[1]) < (WIDTH_M if _goes_on(row[0], row[1], levels) else PAIR_WIDTH_M):
-        return False
-    telling = [nosing for nosing in row if nosing.tells]
-    # The foot of a wall behind a bench, cut off by the image, is no second riser: heights must be seen.
-    if sum(nosing.up_m is not None for nosing in telling) < 2:
-        return False
-    return len(telling) >= 3 or (len(telling) == 2 and all(nosing.is_plain for nosing in telling))
-
-
-def _goes_on(near: Nosing, far: Nosing, levels: Float[np.ndarray, " t"]) -> bool:
-    """Return whether there is a level as far below or above two nosings as they are apart."""
-    if near.up_m is None or far.up_m is None:
-        return False
-    rise = far.up_m - near.up_m
-    off = np.minimum(np.abs(levels - (far.up_m + rise)), np.abs(levels - (near.up_m - rise)))
-    return bool((off < SAME_LEVEL * abs(rise)).any())
-
-
-def _weight(row: Sequence[Nosing]) -> float:
-    return sum(nosing.weight for nosing in row)
