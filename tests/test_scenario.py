@@ -91,6 +91,17 @@ def test_a_start_on_the_flight_stands_on_one_of_its_steps(tmp_path: Path) -> Non
     read('[stair]\nsteps = 8\n[start]\nplace = "floor"\nstep = 8', tmp_path)  # where the step means nothing
 
 
+def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(tmp_path: Path) -> None:
+    assert refusal('[drive]\ndirection = "down"', tmp_path) == (
+        "no flight leads down from start.place = 'floor'; start on the landing, or give drive.direction = 'up'"
+    )
+    assert refusal('[start]\nplace = "landing"', tmp_path) == (
+        "no flight leads up from start.place = 'landing'; start on the floor, or give drive.direction = 'down'"
+    )
+    for direction in ("up", "down"):
+        read(f'[start]\nplace = "flight"\n[drive]\ndirection = "{direction}"', tmp_path)
+
+
 @pytest.mark.parametrize("name", list(shipped_scenarios()))
 def test_a_shipped_scenario_survives_being_written_down(name: str) -> None:
     scenario = read_scenario(name)

@@ -136,6 +136,16 @@ def test_what_check_forbids_does_not_move(trip: Trip, why: str) -> None:
     assert run.scores.duration_s == 0.0
 
 
+@pytest.mark.parametrize(("asked", "verdict"), [(True, "refused"), (False, "diverged")])
+def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict: str) -> None:
+    start, drive = Start(lateral_m=4.0), Drive(check=asked)
+    scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+    assert run.verdict == verdict
+    assert (run.scores.duration_s, len(run.trace["t_s"])) == (0.0, 0)
+    assert ("beside the flight" if asked else "touches nothing") in str(run.cause)
+
+
 def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
     chair = read_chair("wheelchair")
     for offset in np.linspace(-0.2, 0.2, 9):

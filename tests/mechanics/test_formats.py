@@ -284,7 +284,7 @@ def test_the_chair_stands_at_the_same_place_in_both_and_touches_nothing_yet(stai
 
 @pytest.mark.parametrize("start", [Start(place="floor", heading_deg=10.0), Start(place="flight", step=3), Start(place="landing")])
 def test_a_chair_is_put_down_where_the_plant_puts_it(start: Start) -> None:
-    scenario = Scenario(stair=Stair(steps=6), start=start)
+    scenario = Scenario(stair=Stair(steps=6)).model_copy(update={"start": start})
     plant = open_plant(scenario, seed=0)
     plant._pose()
     here: Standing = standing(plant.staircase, read_chair("wheelchair").tracks, start)

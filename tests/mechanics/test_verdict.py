@@ -183,10 +183,45 @@ def test_a_missing_step_costs_margin_even_where_the_track_spans_it() -> None:
 def test_a_start_beside_the_flight_is_refused() -> None:
     # 1.2 m of flight: a chair 0.75 m wide may stand 0.225 m off its middle.
     assert judge(start={"place": "flight", "lateral_m": -0.22}).verdict == "go"
-    # A landing is a room.
-    assert judge(start={"place": "landing", "lateral_m": -0.26}).verdict == "go"
     report = judge(start={"place": "flight", "lateral_m": -0.26})
     assert_refused_only_for(report, "0.04 m beside the flight, which is 1.2 m wide", "start nearer its middle")
+
+
+@pytest.mark.parametrize(("place", "direction"), [("floor", "up"), ("landing", "down")])
+def test_a_start_from_which_a_track_would_miss_the_flight_is_refused(place: str, direction: str) -> None:
+    def at(lateral_m: float) -> CheckReport:
+        return judge(start={"place": place, "lateral_m": lateral_m}, drive={"direction": direction})
+
+    # Belts 0.65 m apart, a flight of 1.2 m: half of each is on it up to 0.275 m off its middle.
+    for lateral_m in (-0.26, 0.27):
+        assert at(lateral_m).verdict == "go"
+    for lateral_m in (-0.395, 4.905):
+        said = f"a track would enter {abs(lateral_m) - 0.275:.2f} m beside the flight, which is 1.2 m wide"
+        assert_refused_only_for(at(lateral_m), said, "start nearer its middle")
+
+
+@pytest.mark.parametrize(("slope_deg", "heading_deg"), [(20, 0), (28, 0), (28, 20), (30, 30)])
+def test_a_start_in_the_floor_is_refused_with_the_first_step_that_would_do(slope_deg: int, heading_deg: int) -> None:
+    keys = {"slope_deg": slope_deg, "width_m": 2.4}
+    report = judge(stair=keys, start={"place": "flight", "step": 0, "heading_deg": heading_deg})
+    reason = assert_refused_only_for(report, "m below the floor, its front on step 0", "start at step")
+    least = int(reason.rpartition("start at step ")[2].split()[0])
+    for step, verdict in ((least - 1, "refuse"), (least, "go")):
+        assert judge(stair=keys, start={"place": "flight", "step": step, "heading_deg": heading_deg}).verdict == verdict
+
+
+def test_a_flight_too_low_for_the_track_is_entered_from_its_ends() -> None:
+    report = judge(stair={"steps": 2}, start={"place": "flight", "step": 1})
+    assert_refused_only_for(report, "0.13 m below the floor, its front on step 1", "start on the floor or the landing")
+
+
+def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() -> None:
+    keys = {"start": {"place": "landing"}, "drive": {"direction": "down"}}
+    report = judge(stair={"landing_m": 0.0}, **keys)
+    reason = assert_refused_only_for(report, "the landing is 0.30 m deep", "give it a deeper one or start on the flight")
+    needed = float(reason.rpartition("needs ")[2].split()[0])
+    for landing_m, verdict in ((needed - 0.01, "refuse"), (needed + 0.01, "go")):
+        assert judge(stair={"landing_m": landing_m}, **keys).verdict == verdict
 
 
 def test_several_things_wrong_are_all_told() -> None:

@@ -28,9 +28,8 @@ def standing(chair: ChairDescription = ARMED, *, model: str = "wheelchair", payl
     scenario = Scenario(
         stair=Stair(walls="none", width_m=4.0, steps=3, landing_m=6.0),
         chair=Chair(model=model, belt_mismatch=0.0, payload_kg=payload_kg),
-        start=Start(place="landing"),
         control=Control(vision="truth"),
-    )
+    ).model_copy(update={"start": Start(place="landing")})  # and no plan to go down: without an arm it has no rear camera
     plant = open_plant(scenario, seed=1, chair=chair)
     plant.start()
     return plant

@@ -31,6 +31,7 @@ class Trace:
         """Return the columns of a sequence of samples."""
         names = [item.name for item in fields(Truth)]
         rows = np.array([[getattr(sample, name) for name in names] for sample in samples], dtype=float)
+        rows = rows.reshape(-1, len(names))  # of no samples too
         return cls(columns={name: rows[:, i] for i, name in enumerate(names)})
 
     def __getitem__(self, name: str) -> Float[np.ndarray, " T"]:
@@ -79,8 +80,36 @@ class Scores:
     """When each phase began."""
 
 
+UNMOVED = Scores(
+    duration_s=0.0,
+    rms_heading_deg=0.0,
+    rms_yaw_deg=0.0,
+    steady_rms_heading_deg=None,
+    settle_s=None,
+    final_heading_deg=0.0,
+    max_abs_heading_deg=0.0,
+    roll_back_m=0.0,
+    lateral_m=0.0,
+    climbed_m=0.0,
+    seat_rms_deg=0.0,
+    seat_max_deg=0.0,
+    max_pitch_rate_deg_s=0.0,
+    max_pitch_jolt_deg_s=0.0,
+    min_stability_margin_deg=0.0,
+    max_friction_use=0.0,
+    aligned_s=None,
+    aligned_rms_heading_deg=None,
+    aligned_max_heading_deg=None,
+    passenger_max_m_s2=0.0,
+    passenger_jerk_m_s3=0.0,
+    phases=(),
+)
+
+
 def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True) -> Scores:
-    """Return the figures of a run; the phases are the mission's own word."""
+    """Return the figures of a run; the phases are the mission's own word. A run that ended before its first row moved nothing."""
+    if not len(trace["t_s"]):
+        return UNMOVED
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]

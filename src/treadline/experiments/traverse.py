@@ -218,7 +218,8 @@ def traverse(
                 held_s += TICK_S
                 over = ending.fall(ride.truth[-1]) or over
     except SimulationDiverged as error:
-        over = "diverged", str(error)
+        # A start that is refused may also be one in which no chair can be put down.
+        over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
     finally:
         plant.close()
     return ride.result(over, time.process_time() - started)

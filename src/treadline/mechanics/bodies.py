@@ -25,6 +25,8 @@ CLEARANCE_M = 0.001
 """Between a chair that is put down and what it will stand on."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
 """Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
+LANDING_LEAST_M = 0.2
+"""Of that pulley from the edge, however short the landing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,6 +274,11 @@ class Standing:
     """Of the seat against the chassis: level, or parallel to it."""
 
 
+def from_edge_m(landing_m: float, tracks: Tracks) -> float:
+    """Return how far behind the edge the rear pulley stands when a chair starts on a landing."""
+    return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
+
+
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     """Return the pose in which a scenario starts, a hair above what the chair will stand on."""
     heading = math.radians(start.heading_deg)
@@ -282,8 +289,7 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
         p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
     elif start.place == "landing":
         top = staircase.steps[-1]
-        room_m = staircase.landing_m - tracks.flat_run_m - LANDING_SPARE_M
-        x = top.x_m + along + min(max(room_m, 0.2), LANDING_START_M)
+        x = top.x_m + along + from_edge_m(staircase.landing_m, tracks)
         p_WB = np.array([x, start.lateral_m, top.z_m + CLEARANCE_M])
     else:
         step = staircase.steps[start.step]

@@ -103,5 +103,5 @@ def contact_list(data: mujoco.MjData) -> int:
         SimulationDiverged: If the data hold no contact, so that the address cannot be told.
     """
     if data.ncon == 0:
-        raise SimulationDiverged("the chair touches nothing at its start; check start.step and the staircase")
+        raise SimulationDiverged("the chair touches nothing at its start; check [start] and the staircase")
     return int(data.contact.dist.__array_interface__["data"][0])
