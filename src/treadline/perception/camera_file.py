@@ -1,5 +1,6 @@
 """A camera's calibration from its TOML file."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +14,13 @@ from treadline.signals import PinholeCamera
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
 """Share of the image: a principal point there belongs to an image of twice the size, not to a crop that anyone takes."""
+SQUARE = (0.8, 1.25)
+"""Of a pixel's width to its height: what calibrations of one lens come to; anamorphic cameras are none."""
+FIELD_DEG = (10.0, 150.0)
+"""Of view, across and upright: below it a telescope, above it a fisheye, which is no pinhole."""
 RIGID = 1e-3
 """How far a rotation may be from one: calibrations are printed with few digits."""
+Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
@@ -33,9 +39,9 @@ class CameraFile(Settings):
     """Whether colour and depth share one image plane; if not, the numbers above are the depth camera's."""
     X_depth_colour: tuple[float, ...] | None = None
     """Pose of the colour camera in the depth camera, of like lens: four or three rows of four numbers [m]."""
-    mount_pitch_deg: float = 0.0
-    mount_roll_deg: float = 0.0
-    mount_yaw_deg: float = 0.0
+    mount_pitch_deg: Degrees = 0.0
+    mount_roll_deg: Degrees = 0.0
+    mount_yaw_deg: Degrees = 0.0
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @field_validator("X_depth_colour", mode="before")
@@ -65,6 +71,22 @@ class CameraFile(Settings):
                     f"{axis}_px = {place:g} lies at the edge of an image of {self.width}×{self.height}; is the calibration of "
                     "another size?"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _is_a_lens(self) -> "CameraFile":
+        for focal, length, size in (("fx", self.fx_px, self.width), ("fy", self.fy_px, self.height)):
+            field_deg = 2.0 * math.atan(0.5 * size / length) / DEG
+            if not FIELD_DEG[0] <= field_deg <= FIELD_DEG[1]:
+                raise ValueError(
+                    f"{focal}_px = {length:g} for {size} pixels is a field of view of {field_deg:.1f}°; it must be from "
+                    f"{FIELD_DEG[0]:g} to {FIELD_DEG[1]:g}°: calibrate the camera at this size"
+                )
+        if not SQUARE[0] <= self.fx_px / self.fy_px <= SQUARE[1]:
+            raise ValueError(
+                f"fx_px / fy_px is {self.fx_px / self.fy_px:.3g}; pixels are square, so it must be from {SQUARE[0]:g} to "
+                f"{SQUARE[1]:g}: calibrate the camera again"
+            )
         return self
 
     @property

@@ -1,0 +1,44 @@
+"""A calibration: real cameras pass, numbers that no camera has are told."""
+
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.perception.camera_file import CameraFile
+from treadline.settings import settings_of
+
+
+def calibration(width: int, height: int, fx_px: float, fy_px: float, **mount: float) -> CameraFile:
+    lens = {"fx_px": fx_px, "fy_px": fy_px, "cx_px": 0.5 * width, "cy_px": 0.5 * height}
+    return settings_of({"width": width, "height": height, **lens, **mount}, CameraFile, where="camera.toml")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "focal_px"),
+    [
+        (320, 240, 287.5),
+        (640, 480, 525.0),  # Kinect 1, colour
+        (512, 424, 365.5),  # Kinect 2, depth
+        (1920, 1080, 1081.4),  # Kinect 2, colour
+        (848, 480, 424.0),  # RealSense D435
+        (1280, 720, 640.0),  # the same
+        (240, 180, 178.0),  # a phone's time-of-flight sensor
+        (1920, 1440, 800.0),  # a phone's wide lens
+    ],
+)
+def test_real_cameras_pass(width: int, height: int, focal_px: float) -> None:
+    assert calibration(width, height, focal_px, 1.02 * focal_px).fx_px == focal_px
+
+
+@pytest.mark.parametrize(
+    ("fx_px", "mount", "message"),
+    [
+        (200.0, {}, "fx_px / fy_px is 0.696; pixels are square, so it must be from 0.8 to 1.25"),
+        (0.5, {}, "fx_px = 0.5 for 320 pixels is a field of view of 179.6°; it must be from 10 to 150°"),
+        (5000.0, {}, "fx_px = 5000 for 320 pixels is a field of view of 3.7°; it must be from 10 to 150°"),
+        (287.5, {"mount_pitch_deg": 400.0}, "mount_pitch_deg: must be a number from -180 to 180 (got 400.0)"),
+    ],
+)
+def test_what_no_camera_has_is_told_with_its_number(fx_px: float, mount: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingsError) as refused:
+        calibration(320, 240, fx_px, 287.5, **mount)
+    assert str(refused.value).startswith(f"camera.toml: {message}")
