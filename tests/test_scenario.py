@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
 from treadline.scenario import RISE_M, RUN_M, SLOPE_DEG, Scenario, Stair, read_scenario, shipped_scenarios
 
@@ -100,6 +101,26 @@ def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(tmp_path: P
     )
     for direction in ("up", "down"):
         read(f'[start]\nplace = "flight"\n[drive]\ndirection = "{direction}"', tmp_path)
+
+
+def test_a_chairs_file_is_sought_beside_the_scenario_then_where_one_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    working, beside = tmp_path / "here", tmp_path / "there"
+    for folder in (working, beside):
+        folder.mkdir()
+    monkeypatch.chdir(working)
+    text = '[chair]\nmodel = "own.toml"'
+    said = refusal(text, beside)
+    assert said == f"chair.model: no file 'own.toml' (looked for {beside / 'own.toml'}, own.toml); correct the path"
+    (working / "own.toml").touch()
+    assert read(text, beside).chair.model == "own.toml"
+    (beside / "own.toml").touch()
+    assert read(text, beside).chair.model == str(beside / "own.toml")
+
+
+def test_a_chair_that_is_not_shipped_is_told_with_those_that_are_and_the_file(tmp_path: Path) -> None:
+    shipped = ", ".join(sorted(path.stem for path in CHAIRS.glob("*.toml")))
+    said = refusal('[chair]\nmodel = "throne"', tmp_path)
+    assert said == f"chair.model: no shipped chair 'throne' (shipped: {shipped}); or give a path to a .toml"
 
 
 @pytest.mark.parametrize("name", list(shipped_scenarios()))

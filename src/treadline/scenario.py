@@ -1,11 +1,13 @@
 """What a scenario file says, typed and checked. The simulator and the experiments read it; the mission never does."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal, TypeGuard
 
 from pydantic import Field, model_validator
 
+from treadline.chair_files import CHAIRS, chair_file
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.settings import Settings, parse_toml, settings_of
@@ -195,7 +197,23 @@ def read_scenario(name: str | Path) -> Scenario:
     tables = parse_toml(path)
     if "draw" in tables:
         raise SettingsError(f"{path}: a sweep, not one scenario; fly it with treadline sweep {name}")
-    return settings_of(tables, Scenario, where=str(path))
+    return scenario_of(tables, path, where=str(path))
+
+
+def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scenario:
+    """Return the scenario that tables of a file describe; a chair's file is sought beside that file first.
+
+    Raises:
+        SettingsError: With ``where``, if they say something they must not, or there is no such chair.
+    """
+    scenario = settings_of(tables, Scenario, where=where)
+    try:
+        found = chair_file(scenario.chair.model, path.parent)
+    except SettingsError as error:
+        raise SettingsError(f"{where}: {error}") from None
+    if found.parent == CHAIRS:
+        return scenario
+    return scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"model": str(found)})})
 
 
 def shipped_scenarios() -> dict[str, Path]:

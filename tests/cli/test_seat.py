@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.mechanics.chair import SHIPPED
+from treadline.chair_files import CHAIRS
 
 SLOPE = """\
 [stair]
@@ -33,7 +33,7 @@ def test_the_seat_levels_itself_within_seconds(run, tmp_path: Path, model: str, 
 
 def test_a_seat_whose_stroke_ends_before_level_is_answered_with_1(run, tmp_path: Path) -> None:
     chair, scenario = tmp_path / "short.toml", tmp_path / "stair.toml"
-    text = (SHIPPED / "wheelchair.toml").read_text()
+    text = (CHAIRS / "wheelchair.toml").read_text()
     assert text.count("0.150]") == 1
     chair.write_text(text.replace("0.150]", "0.060]"))
     scenario.write_text(SLOPE.format(slope=28, model=chair, payload=50))

@@ -7,6 +7,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
+from treadline.errors import SettingsError
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import SEAT_SHIFT_M, Traverse, mission_config, ready, traverse, with_seat_shifted
 from treadline.mechanics.chair import read_chair
@@ -144,6 +145,13 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
     assert run.verdict == verdict
     assert (run.scores.duration_s, len(run.trace["t_s"])) == (0.0, 0)
     assert ("beside the flight" if asked else "touches nothing") in str(run.cause)
+
+
+def test_a_seat_that_cannot_be_level_at_the_start_is_told_with_what_to_set() -> None:
+    start, drive = Start(place="flight"), Drive(check=False)
+    scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
+    with pytest.raises(SettingsError, match=r"start\.seat = 'level' cannot be: .*45\.0° .*; give start\.seat = 'chassis'"):
+        traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
 
 
 def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
-from treadline.mechanics.chair import SHIPPED, read_chair
+from treadline.mechanics.chair import read_chair
 from treadline.mechanics.tracks import pulley_centres
 
 
 def changed_file(tmp_path: Path, old: str, new: str) -> str:
-    text = (SHIPPED / "wheelchair.toml").read_text(encoding="utf-8")
+    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
     assert text.count(old) == 1
     path = tmp_path / "own.toml"
     path.write_text(text.replace(old, new), encoding="utf-8")
@@ -20,7 +21,7 @@ def changed_file(tmp_path: Path, old: str, new: str) -> str:
 
 
 def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
-    own = shutil.copy(SHIPPED / "wheelchair.toml", tmp_path / "own.toml")
+    own = shutil.copy(CHAIRS / "wheelchair.toml", tmp_path / "own.toml")
     assert read_chair(str(own)) == read_chair("wheelchair")
 
 

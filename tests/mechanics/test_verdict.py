@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.angles import DEG
+from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
-from treadline.mechanics.chair import SHIPPED as CHAIRS
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import MARGIN_LIMIT_RAD, CheckReport, check
 from treadline.scenario import SEAT_SHIFT_M, Scenario, read_scenario, shipped_scenarios

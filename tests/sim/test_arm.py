@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
+from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
 from treadline.experiments.traverse import traverse
 from treadline.io.messages import messages_of
-from treadline.mechanics.chair import SHIPPED, ChairDescription, read_chair
+from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import build_staircase
 from treadline.ports import Truth
@@ -165,7 +166,7 @@ def test_the_centre_of_mass_follows_the_arm() -> None:
 
 
 def test_an_arm_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
-    text = (SHIPPED / "wheelchair.toml").read_text(encoding="utf-8")
+    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("chairs") / "short.toml"
     path.write_text(text.replace("range_deg = [-75.0, 60.0]", "range_deg = [-75.0, 30.0]"), encoding="utf-8")
     with pytest.raises(SettingsError, match=r"approach_angle_deg is 40, where the arm rests; arm\.range_deg is -75 to 30"):

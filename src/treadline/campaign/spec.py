@@ -19,7 +19,7 @@ from treadline.campaign.draws import Draw, check_draw
 from treadline.campaign.places import LABEL, Tables, look, put
 from treadline.errors import SettingsError
 from treadline.io.plain import plain
-from treadline.scenario import SHIPPED, Scenario, is_sweep
+from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of
 from treadline.settings import Settings, parse_toml, settings_of
 
 CORNERS = 256
@@ -80,7 +80,7 @@ class Spec:
             if "run_m" in stair:
                 raise SettingsError(f"{self.path}: stair.slope_deg, rise_m and run_m are all given; any two say the third")
             stair["run_m"] = stair["rise_m"] / math.tan(stair.pop("slope_deg") * DEG)
-        scenario = settings_of(tables, Scenario, where=f"{self.path}: {name}")
+        scenario = scenario_of(tables, self.path, where=f"{self.path}: {name}")
         whole = scenario.model_dump()
         keys = dict.fromkeys([draw.key for draw in self.draws if draw.key not in (LABEL, "fault")])
         keys |= dict.fromkeys(SHAPE)
@@ -103,7 +103,7 @@ def read_spec(name: str | Path) -> Spec:
     if "draw" not in tables:
         raise SettingsError(f"{path}: draws nothing; add [[draw]] tables, or fly it once with treadline climb")
     draws = settings_of({"draw": tables.pop("draw")}, _Draws, where=str(path)).draw
-    settings_of(tables, Scenario, where=str(path))
+    scenario_of(tables, path, where=str(path))
     for number, draw in enumerate(draws, 1):
         check_draw(draw, f"{path}: draw {number} ({draw.key})")
     spec = Spec(path=path, base=tables, draws=draws)

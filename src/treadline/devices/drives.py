@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.devices import kernels
-from treadline.errors import SimulationDiverged
+from treadline.errors import MechanicsError, SettingsError, SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.scenario import Scenario
@@ -50,12 +50,23 @@ class Drives:
         self.command = np.zeros(5)
 
     def rest(self, seat_rad: float, arm_rad: float) -> None:
-        """Stand still, with the seat and the arm at an angle."""
+        """Stand still, with the seat and the arm at an angle.
+
+        Raises:
+            SettingsError: If the seat cannot be there.
+        """
         self.state[:] = 0.0
-        self.state[kernels.STROKE] = self._linkage.stroke(seat_rad)
+        self.state[kernels.STROKE] = self._stroke(seat_rad)
         self.state[kernels.SEAT_ANGLE] = seat_rad
         self.state[kernels.ARM_TARGET] = arm_rad
         self.command[:] = 0.0
+
+    def _stroke(self, seat_rad: float) -> float:
+        try:
+            return self._linkage.stroke(seat_rad)
+        except MechanicsError as error:
+            remedy = "give start.seat = 'chassis', a gentler stair, or a chair of longer seat.stroke_m"
+            raise SettingsError(f"start.seat = 'level' cannot be: {error}; {remedy}") from None
 
     def take(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None) -> None:
         """Take orders; they hold until the next ones.

@@ -4,17 +4,16 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
-from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from treadline.angles import DEG
+from treadline.chair_files import chair_file
 from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
 from treadline.signals import PinholeCamera
 
-SHIPPED = Path(__file__).parents[1] / "data" / "chairs"
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
 Positive = Annotated[float, Field(gt=0.0)]
@@ -182,11 +181,4 @@ def read_chair(model: str) -> ChairDescription:
     Raises:
         SettingsError: If there is none, or its file says something it must not.
     """
-    path = Path(model)
-    if path.suffix == ".toml":
-        return read_toml(path, ChairDescription)
-    shipped = {found.stem: found for found in SHIPPED.glob("*.toml")}
-    if model not in shipped:
-        known = ", ".join(sorted(shipped))
-        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {known}); or give a path to a .toml")
-    return read_toml(shipped[model], ChairDescription)
+    return read_toml(chair_file(model), ChairDescription)

@@ -1,0 +1,36 @@
+"""Where a chair's file is: shipped with the package under a name, or one's own.
+
+``model -> path``, for scenarios, which name a chair, and for those who read it.
+"""
+
+from functools import cache
+from pathlib import Path
+
+from treadline.errors import SettingsError
+
+CHAIRS = Path(__file__).parent / "data" / "chairs"
+
+
+def chair_file(model: str, *folders: Path) -> Path:
+    """Return the file of a chair: of the shipped one of that name, or one's own, sought in the folders and as it is.
+
+    Raises:
+        SettingsError: If there is none.
+    """
+    if Path(model).suffix == ".toml":
+        places = [*(folder / model for folder in folders), Path(model)]
+        found = next((place for place in places if place.exists()), None)
+        if found is None:
+            looked = ", ".join(dict.fromkeys(str(place) for place in places))
+            raise SettingsError(f"chair.model: no file '{model}' (looked for {looked}); correct the path")
+        return found
+    shipped = _shipped()
+    if model not in shipped:
+        known = ", ".join(sorted(shipped))
+        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {known}); or give a path to a .toml")
+    return shipped[model]
+
+
+@cache
+def _shipped() -> dict[str, Path]:
+    return {found.stem: found for found in CHAIRS.glob("*.toml")}
