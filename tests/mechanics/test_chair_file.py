@@ -28,11 +28,14 @@ def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("gauge_m = 0.65", "", "tracks.gauge_m: missing; give a number > 0"),
-        ("gauge_m = 0.65", "gauge_m = 0", "tracks.gauge_m: must be a number > 0 (got 0)"),
+        ("gauge_m = 0.65", "", "tracks.gauge_m: missing; give a number > 0 and ≤ 10"),
+        ("gauge_m = 0.65", "gauge_m = 0", "tracks.gauge_m: must be a number > 0 and ≤ 10 (got 0)"),
         ("angle_deg = 40.0", "angle_deg = 90", "tracks.approach_angle_deg: must be a number from 0 to 80 (got 90)"),
-        ("0.90, 0.55, 0.25", "0.90, -0.55, 0.25", "masses.chassis_size_m.1: must be a number > 0 (got -0.55)"),
-        ("[-0.012, 0.150]", "[-0.04]", "seat.stroke_m: must be two numbers (got [-0.04])"),
+        ("0.90, 0.55, 0.25", "0.90, -0.55, 0.25", "masses.chassis_size_m.1: must be a number > 0 and ≤ 10 (got -0.55)"),
+        ("[-0.012, 0.150]", "[-0.04]", "seat.stroke_m: must be two numbers from -10 to 10 (got [-0.04])"),
+        ("flat_run_m = 0.95", "flat_run_m = 1e9", "tracks.flat_run_m: must be a number > 0 and ≤ 10 (got 1000000000.0)"),
+        ("chassis_kg = 23.4", "chassis_kg = 23400", "masses.chassis_kg: must be a number > 0 and ≤ 1000 (got 23400)"),
+        ("max_speed_m_s = 1.0", "max_speed_m_s = 60", "drives.max_speed_m_s: must be a number > 0 and ≤ 10 (got 60)"),
         ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; remove it or correct its spelling"),
     ],
 )

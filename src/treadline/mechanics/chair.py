@@ -16,30 +16,36 @@ from treadline.signals import PinholeCamera
 
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
-Positive = Annotated[float, Field(gt=0.0)]
-Point = tuple[float, float, float]
-Size = tuple[Positive, Positive, Positive]
+# Bounds far beyond any chair, so that a slipped unit or digit shows.
+Length = Annotated[float, Field(gt=0.0, le=10.0)]
+Place = Annotated[float, Field(ge=-10.0, le=10.0)]
+Mass = Annotated[float, Field(gt=0.0, le=1000.0)]
+Speed = Annotated[float, Field(gt=0.0, le=10.0)]
+Lag = Annotated[float, Field(gt=0.0, le=10.0)]
+Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
+Point = tuple[Place, Place, Place]
+Size = tuple[Length, Length, Length]
 
 
 class Tracks(Settings):
     """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
 
-    flat_run_m: Positive
+    flat_run_m: Length
     """Between the centres of the rear and the front pulley: the part that lies on the stair."""
-    approach_m: Positive
+    approach_m: Length
     """Between the centres of the front and the nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
     """Angle of attack: the nose section above the flat run."""
-    pulley_radius_m: Positive
-    gauge_m: Positive
+    pulley_radius_m: Length
+    gauge_m: Length
     """Between the belts' centre lines."""
-    belt_width_m: Positive
+    belt_width_m: Length
 
 
 class Masses(Settings):
     """Chassis without payload, seat included."""
 
-    chassis_kg: Positive
+    chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
     """Edges of the uniform box whose inertia the chassis has."""
@@ -52,27 +58,27 @@ class Seat(Settings):
     payload_com_m: Point
     """Centre of the payload relative to the hinge, seat level with the chassis."""
     payload_size_m: Size
-    bar_m: Positive
+    bar_m: Length
     """Bar from slider to seat."""
-    arm_m: Positive
+    arm_m: Length
     """Hinge to the bar's pin on the seat."""
-    slider_drop_m: Positive
+    slider_drop_m: Length
     """Of the slider's rail below the hinge."""
-    stroke_m: tuple[float, float]
+    stroke_m: tuple[Place, Place]
     """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
-    max_rate_m_s: Positive
-    lag_s: Positive
+    max_rate_m_s: Speed
+    lag_s: Lag
     """First-order lag of the actuator."""
 
 
 class Drives(Settings):
     """The belts' motors and their inner speed loop."""
 
-    max_speed_m_s: Positive
-    lag_s: Positive
+    max_speed_m_s: Speed
+    lag_s: Lag
     """First-order lag from command to belt speed."""
-    max_acceleration_m_s2: Positive
-    brake_hold_n: Positive
+    max_acceleration_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
+    brake_hold_n: Annotated[float, Field(gt=0.0, le=1e5)]
     """Force each belt's brake can hold."""
 
 
@@ -84,12 +90,12 @@ class Arm(Settings):
 
     range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
     """Lowest and highest angle against the flat run."""
-    torque_n_m: Positive
+    torque_n_m: Annotated[float, Field(gt=0.0, le=1e4)]
     """Largest torque of the motor, both sides together."""
-    max_rate_deg_s: Positive
-    lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0)]
+    max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
+    lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
     """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
-    mass_kg: Positive
+    mass_kg: Mass
 
 
 class Rating(Settings):
@@ -97,20 +103,20 @@ class Rating(Settings):
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
     """Steepest flight."""
-    payload_kg: Annotated[float, Field(gt=0.0)]
+    payload_kg: Mass
     """Heaviest load on any flight."""
-    steep_payload_kg: Annotated[float, Field(gt=0.0)]
+    steep_payload_kg: Mass
     """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the arm's motor lifts with all it has."""
-    steep_deg: Annotated[float, Field(gt=0.0)]
+    steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
 class CameraMount(Settings):
     """Where the depth camera sits and how far it looks down."""
 
     position_m: Point
-    pitch_deg: float
-    roll_deg: float = 0.0
-    yaw_deg: float = 0.0
+    pitch_deg: Degrees
+    roll_deg: Degrees = 0.0
+    yaw_deg: Degrees = 0.0
 
 
 class ChairDescription(Settings):
