@@ -235,7 +235,8 @@ def single_run(series: Series) -> Figure:
     axes[3].plot(t, series["seat_pitch_deg"], color=BLUE, label="seat pitch")
     axes[3].plot(t, series["stability_margin_deg"], color=GREY, label="tipping margin")
     axes[3].set_ylabel("[°]")
-    axes[3].legend()
+    axes[3].margins(y=0.35)  # room above the curves for the legend
+    axes[3].legend(ncols=2, loc="upper right", fontsize=7)
     for ax in axes:
         ax.set_xlabel("time [s]")
     return figure
