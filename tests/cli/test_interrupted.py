@@ -40,6 +40,9 @@ def interrupted(arguments: list[str], ready: Path, *, after_s: float) -> subproc
 def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path) -> None:
     scenario, out = tmp_path / "long.toml", tmp_path / "run"
     scenario.write_text(LONG)
+    out.mkdir()
+    for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
+        (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
     done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=2.0)
     assert done.returncode == 130, done.stderr
     assert done.stdout == ""
@@ -48,7 +51,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     assert json.loads((out / "manifest.json").read_text())["seed"] == 0
     truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
     assert truth
-    assert not (out / "result.json").exists()
+    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "notes.txt"]
 
 
 def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:

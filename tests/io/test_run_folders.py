@@ -8,7 +8,7 @@ import pytest
 
 from treadline.errors import TreadlineError
 from treadline.io import provenance
-from treadline.io.runs import SERIES_EVERY, read_series, write_manifest, write_result, write_series
+from treadline.io.runs import SERIES_EVERY, begin_run, read_series, write_manifest, write_result, write_series
 
 
 def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -51,3 +51,13 @@ def test_what_cannot_be_written_is_one_typed_line_and_leaves_nothing(tmp_path: P
     (tmp_path / "file").touch()
     with pytest.raises(TreadlineError, match="cannot be written"):
         write_result(tmp_path / "file" / "run", {})
+
+
+def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "record.csv").write_text("measured by somebody")
+    begin_run(tmp_path, {}, 1)
+    assert (tmp_path / "record.csv").exists()  # there was no manifest: the folder was no run's
+    (tmp_path / "notes.txt").write_text("keep")
+    write_result(tmp_path, {"seed": 1})
+    begin_run(tmp_path, {}, 2)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json", "notes.txt"]

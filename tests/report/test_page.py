@@ -243,3 +243,9 @@ def test_one_run_with_a_broken_file_is_refused(run_folder: Path, name: str) -> N
 def test_one_run_without_a_manifest_is_refused(run_folder: Path) -> None:
     (run_folder / "manifest.json").unlink()
     assert "no such file" in refused(run_folder)
+
+
+def test_a_result_of_another_seed_than_the_manifest_is_refused(run_folder: Path) -> None:
+    path = run_folder / "result.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"seed": 4}))
+    assert "result.json is of seed 4, manifest.json of 3" in refused(run_folder)

@@ -31,6 +31,7 @@ def reproduce(
     from treadline.errors import SettingsError
     from treadline.experiments.plan import QUICK, WHOLE
     from treadline.experiments.reproduce import job_count, reproduce_paper
+    from treadline.io.runs import remove
     from treadline.processes import default_workers
     from treadline.report import write_report
 
@@ -42,6 +43,7 @@ def reproduce(
     if seeds is not None and not 1 <= seeds <= len(plan.seeds):
         raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")
     plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
+    remove(out, ("results.json", "report.html"))  # of an earlier time: what follows may be interrupted
     if plant == "gazebo":
         from treadline.experiments import gazebo
 

@@ -14,7 +14,7 @@ from treadline.experiments.scores import Trace
 from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, ready, traverse
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
-from treadline.io.runs import LOG, write_manifest, write_result, write_series
+from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import heading_driver, is_whole
 from treadline.mission.drivers import Driver
@@ -53,7 +53,8 @@ def recorded_run(
     whole = is_whole(config, driver) and scenario.drive.check
     driver = driver or heading_driver(config)
     # A seat that is shifted before the start is part of what is replayed.
-    _begin(folder, ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario, seed)
+    driven = ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario
+    begin_run(folder, driven.model_dump(mode="json"), seed)
     run: Traverse = _logged(
         folder,
         lambda sink: traverse(
@@ -80,7 +81,7 @@ def recorded_excitation(
 ) -> Excited:
     """Excite a scenario and write its run folder, ``record.csv`` included."""
     mission_config(scenario, None)
-    _begin(folder, long_enough(scenario, (samples + 1) * period_s), seed)
+    begin_run(folder, long_enough(scenario, (samples + 1) * period_s).model_dump(mode="json"), seed)
     excited: Excited = _logged(
         folder,
         lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch, open_plant=open_plant),
@@ -96,12 +97,6 @@ def _logged(folder: Path, drive: Callable[[Sink | None], Any], *, log: bool, ima
     with ExitStack() as stack:
         sink = stack.enter_context(RunLog(folder / LOG, image_every=image_every)) if log else None
         return drive(sink)
-
-
-def _begin(folder: Path, scenario: Scenario, seed: int) -> None:
-    """Say first what is being run: an interrupted run can then still be told apart, and repeated."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_manifest(folder, scenario.model_dump(mode="json"), seed)
 
 
 def _write(folder: Path, run: Traverse) -> None:

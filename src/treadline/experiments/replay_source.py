@@ -6,7 +6,7 @@ from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
 from treadline.experiments.traverse import mission_config
-from treadline.io.runs import LOG
+from treadline.io.runs import LOG, MANIFEST
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
@@ -15,7 +15,6 @@ from treadline.settings import settings_of
 
 CHAIR = "wheelchair"
 """Of a log that comes without a run's manifest."""
-MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

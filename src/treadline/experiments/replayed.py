@@ -21,7 +21,7 @@ from treadline.experiments.replay_settings import ReplaySettings, resolved
 from treadline.experiments.replay_source import Source, source_of
 from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
-from treadline.io.runs import LOG, write_manifest, write_result, write_series
+from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.rates import TICK_S
@@ -85,8 +85,7 @@ def replayed_run(
         raise LogFormatError(f"{source.log}: the paper's vision needs colour images, and there are none: --set vision=robust")
     if begun is not None:
         begun(recording.duration_s)
-    out.mkdir(parents=True, exist_ok=True)
-    write_manifest(out, _manifest(source, settings, recording, (*source.changed, *changes)), source.seed)
+    begin_run(out, _manifest(source, settings, recording, (*source.changed, *changes)), source.seed)
     scores = ReplayScores()
     detector = _Watched(settings.detector)
     try:

@@ -1,7 +1,7 @@
-"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap)."""
+"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap, record.csv)."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +10,42 @@ from jaxtyping import Float
 
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
+from treadline.io.records import RECORD
 from treadline.models import write_whole
 
 LOG = "log.mcap"
+MANIFEST = "manifest.json"
+WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, "report.html", "figures/run.svg")
+"""All that a run and its report write beside the manifest."""
 SERIES_EVERY = 10
 """Every tenth sample of 100 Hz: enough to draw."""
 
 
+def begin_run(folder: Path, settings: Mapping[str, Any], seed: int) -> None:
+    """Make a run's folder and say first what is run: a run that is interrupted can then be told apart, and repeated."""
+    clear_run(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_manifest(folder, settings, seed)
+
+
+def clear_run(folder: Path) -> None:
+    """Remove what an earlier run wrote, so that nobody takes its result for the next one's.
+
+    A folder without a manifest is no run's, and keeps all it holds.
+    """
+    if (folder / MANIFEST).is_file():
+        remove(folder, (*WRITTEN, MANIFEST))
+
+
+def remove(folder: Path, names: Sequence[str]) -> None:
+    """Remove those files of a folder that are there."""
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+
+
 def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int) -> None:
     """Write what is needed to repeat a run."""
-    _write_json(folder / "manifest.json", {"settings": settings, "seed": seed, **provenance()})
+    _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **provenance()})
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:

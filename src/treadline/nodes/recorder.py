@@ -10,7 +10,7 @@ import numpy as np
 
 from treadline.errors import SettingsError
 from treadline.io.records import RECORD, write_record
-from treadline.io.runs import LOG
+from treadline.io.runs import LOG, clear_run
 from treadline.mission.rates import TICK_S
 from treadline.models import InputOutputRecord
 from treadline.nodes import channels as on
@@ -64,6 +64,7 @@ class RecorderNode:
             raise SettingsError("the recorder needs --out: a run folder, or a file that ends in .mcap, .bag or .db3")
         self._folder = out if out.suffix not in (".mcap", ".bag", ".db3") else None
         if self._folder is not None:
+            clear_run(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
         self._bag: Bag = open_bag(out if self._folder is None else self._folder / LOG)
         self._channels = tuple(channel for channel in LOGGED if frames or channel != on.CAMERA)

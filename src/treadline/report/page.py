@@ -96,6 +96,8 @@ def _whole(folder: Path) -> Path:
 def _single(folder: Path) -> Path:
     result = read_part(folder / "result.json", RunResult)
     manifest = read_part(folder / "manifest.json", Manifest)
+    if result.seed is not None and result.seed != manifest.seed:
+        raise SettingsError(f"{folder}: result.json is of seed {result.seed}, manifest.json of {manifest.seed}; make the run again")
     return _render(
         folder,
         "run.html.j2",

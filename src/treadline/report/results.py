@@ -214,6 +214,7 @@ class RunResult(Part):
 
     verdict: str
     cause: str | None = None
+    seed: int | None = None
     events: list[Happening] = []
 
     @property
