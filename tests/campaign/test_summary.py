@@ -71,3 +71,11 @@ def test_what_is_shown_is_what_a_traversal_scores() -> None:
 def test_what_never_happened_has_bounds_too() -> None:
     fell = summarise(ROWS[:1] * 300, [], [], "min_margin")["verdicts"]["fell"]
     assert (fell["count"], fell["bounds"]) == (0, [0.0, pytest.approx(0.01222, abs=1e-5)])
+
+
+@pytest.mark.parametrize("ways", [(5.0, 0.2, 3.0), (-5.0, -0.2, -3.0)])
+def test_the_shortest_way_is_the_worst_up_and_down(ways: tuple[float, ...]) -> None:
+    rows = [{"index": i, "seed": 0, "verdict": "held", "cause": "-", "climbed_m": way} for i, way in enumerate(ways)]
+    summary = summarise(rows, (), (), "climbed_m")
+    assert summary["scores"]["climbed_m"]["worst_run"] == 1
+    assert [row["index"] for row in summary["worst"]] == [1, 2, 0]

@@ -67,6 +67,8 @@ def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: P
         (["--runs", 4, "--seed", -1], "--seed is -1; at least 0"),
         (["--runs", 4, "--workers", 0], "--workers is 0; at least 1"),
         (["--runs", 4, "--sampling", "halton"], "sampling"),
+        (["--runs", 4, "--score", "foo"], "--score is 'foo'; allowed: duration_s, "),
+        (["--runs", 8, "--score", "phases", "--adversarial"], "--score is 'phases'; allowed: "),
         (["--runs", "many"], "runs"),
         ([], "runs"),
     ],

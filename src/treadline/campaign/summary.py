@@ -13,6 +13,8 @@ WORST = 10
 FAILED = ("fell", "diverged", "crashed", "error")
 """Verdicts that no campaign may have."""
 NOT_SCORES = ("index", "seed", "events")
+WAY = "climbed_m"
+"""Negative on the way down: the shortest way is the worst."""
 SHOWN = (
     "min_stability_margin_deg",
     "max_pitch_rate_deg_s",
@@ -71,12 +73,14 @@ def harm(row: Mapping[str, Any], score: str) -> float:
     value = row.get(score)
     if not isinstance(value, int | float):
         return 1e9
+    if score == WAY:
+        return abs(float(value))
     return float(value) if is_low_bad(score) else -float(value)
 
 
 def is_low_bad(score: str) -> bool:
-    """Say whether a low score is a bad one: of a margin it is, of a rate not."""
-    return score.startswith("min_") or "margin" in score
+    """Say whether a low score is a bad one: of a margin and of the way made it is, of a rate not."""
+    return score.startswith("min_") or "margin" in score or score == WAY
 
 
 def lines(summary: Mapping[str, Any]) -> list[str]:
@@ -119,7 +123,8 @@ def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
     if not found:
         return None
     values = np.array([value for value, _ in found])
-    bad = int(np.argmin(values) if is_low_bad(name) else np.argmax(np.abs(values)))
+    sizes = np.abs(values) if name == WAY or not is_low_bad(name) else values
+    bad = int(np.argmin(sizes) if is_low_bad(name) else np.argmax(sizes))
     return {
         "count": len(found),
         "mean": float(values.mean()),

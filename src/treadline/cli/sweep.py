@@ -57,6 +57,8 @@ def sweep(
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
+    if score not in scores():
+        raise SettingsError(f"--score is '{score}'; allowed: {', '.join(scores())}")
     plan = Plan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
@@ -75,6 +77,15 @@ def sweep(
         ],
         code=int(any(summary["verdicts"].get(verdict, {"count": 0})["count"] for verdict in FAILED)),
     )
+
+
+def scores() -> tuple[str, ...]:
+    """Return the names of the scores of a traversal that are numbers."""
+    from dataclasses import fields
+
+    from treadline.experiments.scores import Scores
+
+    return tuple(field.name for field in fields(Scores) if field.name != "phases")
 
 
 def fly(scenario: "Scenario", seed: int) -> Mapping[str, Any]:
