@@ -73,6 +73,13 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("report", ["no-run"], "no-run"),
         ("doctor", ["--bogus"], "--bogus"),
         ("fly", [], "fly"),
+        ("climb", ["paper-28", "--out", "run", "--seed", "1.5"], "--seed: '1.5' is not a whole number"),
+        ("sweep", ["envelope", "--out", "run", "--runs", "1.5"], "--runs: '1.5'"),
+        ("frames", ["--out", "run", "--count=1.7"], "--count: '1.7'"),
+        ("identify", ["a.csv", "--order", "2.5"], "--order: '2.5'"),
+        ("excite", ["paper-28", "--out", "run", "--samples", "1e3"], "--samples: '1e3'"),
+        *((verb, ["paper-28", "--out", "run", "--seed", "-1"], "--seed is -1; at least 0") for verb in ("climb", "excite", "seat")),
+        ("nodes", ["paper-28", "--out", "run", "--seed=-1"], "--seed is -1; at least 0"),
     ],
 )
 def test_bad_arguments_are_named(run, tmp_path: Path, monkeypatch, verb: str, arguments: list[str], word: str) -> None:

@@ -38,6 +38,7 @@ from treadline.cli import (
     tune,
 )
 from treadline.cli.answer import Answer, say
+from treadline.cli.numbers import check_whole_numbers
 from treadline.errors import SimulationDiverged, TreadlineError
 
 AGAIN_S = 0.05
@@ -55,6 +56,7 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative=()),
+    config=check_whole_numbers,
 )
 for verb in (
     reproduce.reproduce,

@@ -1,8 +1,30 @@
-"""Lists on the command line: ``1,1`` and ``a,b``."""
+"""Numbers and lists on the command line: ``3``, ``1,1`` and ``a,b``."""
 
 import math
+import re
+from typing import get_args
+
+from cyclopts import App, ArgumentCollection
 
 from treadline.errors import SettingsError
+
+_WHOLE = re.compile(r"[+-]?[0-9]+")
+
+
+def check_whole_numbers(_app: App, _verb: tuple[str, ...], arguments: ArgumentCollection) -> None:
+    """Refuse what stands where a whole number belongs and is none, before it is rounded, and a seed below zero.
+
+    Raises:
+        SettingsError: If there is one.
+    """
+    for argument in arguments:
+        if argument.hint is not int and int not in get_args(argument.hint):
+            continue
+        for token in argument.tokens:
+            if _WHOLE.fullmatch(token.value) is None:
+                raise SettingsError(f"{argument.name}: '{token.value}' is not a whole number; write for example {argument.name} 3")
+            if argument.name == "--seed" and int(token.value) < 0:
+                raise SettingsError(f"--seed is {token.value}; at least 0")
 
 
 def numbers(option: str, text: str | None) -> list[float] | None:
