@@ -1,5 +1,6 @@
 """What a verb answers: one JSON object with --json, and the contract's keys."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -53,3 +54,31 @@ def test_doctor_finds_what_the_tests_run_with(run) -> None:
     outcome = run("doctor", "--json")
     assert outcome.code == 0
     assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco", "numba", "mcap"}
+
+
+def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a shell's line in which $T is the command."""
+    command = f"{sys.executable} -m treadline"
+    line = f"set -o pipefail; {line.replace('$T', command)}"
+    return subprocess.run(
+        ["bash", "-c", line], capture_output=True, text=True, check=False, env={**os.environ, **environment}, timeout=120
+    )
+
+
+@pytest.mark.parametrize("line", ["$T check paper-28 > /dev/full", "$T check paper-28 --json >&-", "$T --help > /dev/full"])
+def test_an_answer_that_cannot_be_written_is_one_line_and_exit_2(line: str) -> None:
+    done = shell(line)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1), done.stderr
+    assert done.stderr.startswith("treadline: the answer cannot be written to stdout: ")
+
+
+def test_an_encoding_that_lacks_a_sign_stops_no_answer() -> None:
+    done = shell("$T check paper-28", PYTHONIOENCODING="ascii")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "margins uphill 13.6?" in done.stdout
+
+
+def test_a_reader_that_leaves_and_a_closed_stderr_are_no_failure() -> None:
+    assert shell("$T --help | head -1").returncode == 0
+    assert shell("$T check paper-28 2>&-").returncode == 0
+    assert shell("$T check none.toml 2>&-").returncode == 2

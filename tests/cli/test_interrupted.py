@@ -1,4 +1,4 @@
-"""Ctrl-C: exit code 130, one line, and what was finished is readable."""
+"""Ctrl-C and a request to end: exit code 130 or 143, one line, and what was finished is readable."""
 
 import ctypes
 import json
@@ -18,8 +18,10 @@ from treadline.ports import Truth
 LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'
 
 
-def interrupted(arguments: list[str], ready: Path, *, after_s: float) -> subprocess.CompletedProcess[str]:
-    """Start a command, wait until a file is there, and interrupt it."""
+def interrupted(
+    arguments: list[str], ready: Path, *, after_s: float, by: tuple[int, ...] = (signal.SIGINT,)
+) -> subprocess.CompletedProcess[str]:
+    """Start a command, wait until a file is there, and send it signals."""
     started = subprocess.Popen(
         [sys.executable, "-m", "treadline", *arguments],
         stdout=subprocess.PIPE,
@@ -32,7 +34,9 @@ def interrupted(arguments: list[str], ready: Path, *, after_s: float) -> subproc
     while not ready.exists() and time.monotonic() < limit:
         time.sleep(0.05)
     time.sleep(after_s)
-    os.kill(started.pid, signal.SIGINT)
+    for number in by:
+        os.kill(started.pid, number)
+        time.sleep(0.01)
     out, err = started.communicate(timeout=60.0)
     return subprocess.CompletedProcess(arguments, started.returncode, out, err)
 
@@ -52,6 +56,22 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
     assert truth
     assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "notes.txt"]
+
+
+def test_a_climb_that_is_asked_to_end_leaves_a_readable_log(tmp_path: Path) -> None:
+    scenario, out = tmp_path / "long.toml", tmp_path / "run"
+    scenario.write_text(LONG)
+    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=2.0, by=(signal.SIGTERM,))
+    assert done.returncode == 143, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("treadline: asked to end")
+    assert any(isinstance(signal_, Truth) for signal_ in read_log(out / "log.mcap"))
+
+
+def test_many_interrupts_while_it_is_still_loading_are_one_line(tmp_path: Path) -> None:
+    done = interrupted(["check", "paper-28"], tmp_path, after_s=0.12, by=(signal.SIGINT,) * 3)
+    assert done.returncode == 130, done.stderr
+    assert (done.stdout, len(done.stderr.splitlines())) == ("", 1)
 
 
 def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:

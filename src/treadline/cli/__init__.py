@@ -1,15 +1,21 @@
 """The command line: verbs in, files and one summary out.
 
-Exit codes: 0 done; 1 the job ran and the answer is no; 2 the input is bad (one line on stderr); 130 interrupted.
+Exit codes: 0 done; 1 the job ran and the answer is no; 2 the input is bad, or the answer cannot be written (one line on
+stderr); 130 interrupted; 143 asked to end.
 Nothing heavy is imported here: each verb imports what it needs.
 """
 
 import _thread
+import io
 import os
+import signal
 import sys
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, suppress
+from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 import cyclopts
@@ -96,6 +102,8 @@ def _launch(
         return _fail(str(error), 1, debug=debug)
     except TreadlineError as error:
         return _fail(str(error), 2, debug=debug)
+    except Terminated:
+        return _fail("asked to end; what was finished is readable", 143, debug=debug)
     except KeyboardInterrupt:
         return _fail("interrupted; what was finished is readable", 130, debug=debug)
     except OSError as error:
@@ -107,6 +115,10 @@ def _launch(
     return 0
 
 
+class Terminated(KeyboardInterrupt):
+    """A request to end (SIGTERM): what Ctrl-C leaves behind, this leaves behind."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     sys.unraisablehook = _lost_interrupts_again
@@ -114,20 +126,66 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    with _streams(), _heeding_requests_to_end():
+        return _run(tokens)
+
+
+def _run(tokens: list[str]) -> int:
     try:
         code = app.meta(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except cyclopts.CycloptsError as error:
         return _fail(str(error).rstrip(".") + "; see treadline --help", 2, debug=False)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (BrokenPipeError, SystemExit):  # the reader has heard enough; rich, which prints the help, exits then
+        _leave_stdout()
         return 0
+    except OSError as error:
+        _leave_stdout()
+        return _fail(f"the answer cannot be written to stdout: {error.strerror or error}", 2, debug=False)
     return int(code or 0)
 
 
+@contextmanager
+def _streams() -> Iterator[None]:
+    """Let no sign stop an answer that stdout's encoding lacks; without a stderr, messages go nowhere."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+    if sys.stderr is not None:
+        yield
+        return
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere, redirect_stderr(nowhere):
+        yield
+
+
+def _leave_stdout() -> None:
+    """Let what is still in stdout's buffer go nowhere: Python would try again at its end, and complain."""
+    with suppress(OSError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def _heeding_requests_to_end() -> Iterator[None]:
+    """Raise ``Terminated`` at a SIGTERM; only the main thread hears signals."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, _terminated)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _terminated(_number: int, _frame: FrameType | None) -> None:
+    raise Terminated
+
+
 def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
-    """Interrupt anew: a Ctrl-C that falls into a callback from compiled code is swallowed there."""
+    """Interrupt anew: a Ctrl-C or a request to end that falls into a callback from compiled code is swallowed there."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
-        again = threading.Timer(AGAIN_S, _thread.interrupt_main)
+        number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+        again = threading.Timer(AGAIN_S, _thread.interrupt_main, [number])
         again.daemon = True
         again.start()
     else:

@@ -1,5 +1,6 @@
 """What a verb answers with, and how it is said."""
 
+import errno
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -20,8 +21,13 @@ class Answer:
 
 
 def say(answer: Answer, *, as_json: bool) -> None:
-    """Write an answer to stdout."""
-    if as_json:
-        sys.stdout.write(json.dumps(plain(answer.values), allow_nan=False) + "\n")
-    else:
-        sys.stdout.write("\n".join(answer.summary) + "\n")
+    """Write an answer to stdout.
+
+    Raises:
+        OSError: If stdout takes it not, or is closed.
+    """
+    if sys.stdout is None:
+        raise OSError(errno.EBADF, "it is closed")
+    text = json.dumps(plain(answer.values), allow_nan=False) if as_json else "\n".join(answer.summary)
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
