@@ -79,6 +79,15 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("identify", ["a.csv", "--order", "2.5"], "--order: '2.5'"),
         ("excite", ["paper-28", "--out", "run", "--samples", "1e3"], "--samples: '1e3'"),
         *((verb, ["paper-28", "--out", "run", "--seed", "-1"], "--seed is -1; at least 0") for verb in ("climb", "excite", "seat")),
+        *(("nodes", ["paper-28", "--out", "run", "--duration", value], "--duration is") for value in ("nan", "0", "-1")),
+        *(("nodes", ["paper-28", "--out", "run", "--pace", value], "--pace is") for value in ("0", "-1", "inf")),
+        ("nodes", ["paper-28", "--out", "run", "--without", "plant"], "--without plant needs --transport"),
+        ("node", ["plant", "--duration", "-1"], "--duration is -1; it must be above 0"),
+        ("record", ["--out", "run", "--duration", "-1"], "--duration is -1; it must be above 0"),
+        # A list that begins with a minus is a value, not an option: what follows it is what is refused.
+        ("see", ["a.png", "b.png", "--gravity", "-0.05,0.8,0.6"], "--camera"),
+        ("frames", ["--out", "run", "--heading", "-35,95"], "frames: heading_deg"),
+        ("tune", ["none.json", "--state-weight", "-1,1"], "none.json: no such file"),
         ("nodes", ["paper-28", "--out", "run", "--seed=-1"], "--seed is -1; at least 0"),
     ],
 )

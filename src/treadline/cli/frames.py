@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import List
 
 
 def frames(
@@ -14,7 +15,7 @@ def frames(
     scene: str | None = None,
     sensor: str | None = None,
     height: int | None = None,
-    heading: str | None = None,
+    heading: List = None,
     clutter: str | None = None,
     open_risers: bool = False,
     recipe: Path | None = None,

@@ -8,6 +8,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Literal
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import check_times
 
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig
@@ -71,6 +72,7 @@ def node(
 
     if transport == "inproc":
         raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")
+    check_times(pace=pace, duration=duration, patience=patience)
     settings, config = told(scenario, controller)
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)

@@ -11,6 +11,8 @@ from typing import Any, Literal
 
 from treadline.cli.answer import Answer
 from treadline.cli.node import STARTED_BY, PlantName, TransportName, simulated, stopping, told, wired
+from treadline.cli.numbers import check_times
+from treadline.errors import SettingsError
 
 GONE_S = 4.0
 """After a node was lost, for the guard to hold and a bystander to see it."""
@@ -50,6 +52,9 @@ def nodes(
         without: plant leaves the plant to somebody else: a chair's own drivers.
         out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
     """
+    check_times(pace=pace, duration=duration)
+    if without is not None and transport == "inproc":
+        raise SettingsError(f"--without {without} needs --transport ros1 or zenoh: in one process nobody else can be the {without}")
     settings, config = told(scenario, controller)
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":

@@ -2,12 +2,14 @@
 
 import math
 import re
-from typing import get_args
+from typing import Annotated, get_args
 
-from cyclopts import App, ArgumentCollection
+from cyclopts import App, ArgumentCollection, Parameter
 
 from treadline.errors import SettingsError
 
+List = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
+"""A list that may begin with a minus: -35,35."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")
 
 
@@ -25,6 +27,17 @@ def check_whole_numbers(_app: App, _verb: tuple[str, ...], arguments: ArgumentCo
                 raise SettingsError(f"{argument.name}: '{token.value}' is not a whole number; write for example {argument.name} 3")
             if argument.name == "--seed" and int(token.value) < 0:
                 raise SettingsError(f"--seed is {token.value}; at least 0")
+
+
+def check_times(**options: float | None) -> None:
+    """Refuse durations and paces that are not above zero.
+
+    Raises:
+        SettingsError: If one is not.
+    """
+    for name, value in options.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise SettingsError(f"--{name} is {value:g}; it must be above 0")
 
 
 def numbers(option: str, text: str | None) -> list[float] | None:

@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
 from treadline.cli.node import RECORDER_SPARE, WireName, stopping, told, wired
+from treadline.cli.numbers import check_times
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -39,6 +40,7 @@ def record(
         endpoint: Where zenoh's nodes find each other.
         domain: ROS 2's ROS_DOMAIN_ID.
     """
+    check_times(duration=duration)
     if log is not None:
         return _copied(log, out)
     _, config = told(scenario, None)

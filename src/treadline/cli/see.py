@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import List
 
 MANY = 20
 """Frames of a folder from which on progress is told."""
@@ -16,7 +17,7 @@ def see(
     /,
     *,
     camera: Path | None = None,
-    gravity: str | None = None,
+    gravity: List = None,
     method: str = "robust",
     threshold: str = "median",
     out: Path | None = None,

@@ -3,16 +3,16 @@
 from pathlib import Path
 
 from treadline.cli.answer import Answer
-from treadline.cli.numbers import numbers
+from treadline.cli.numbers import List, numbers
 
 
 def tune(
     model: Path,
     /,
     *,
-    state_weight: str | None = None,
-    output_weight: str | None = None,
-    input_weight: str | None = None,
+    state_weight: List = None,
+    output_weight: List = None,
+    input_weight: List = None,
     period: float | None = None,
     reconstruct: str = "observer",
     vehicle: str = "wheelchair",
