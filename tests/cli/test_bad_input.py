@@ -164,6 +164,7 @@ def model_path(tmp_path: Path) -> Path:
         (["--input-weight", "x"], "--input-weight"),
         (["--state-weight", "nan,1"], "finite"),
         (["--period", "-1"], "period"),
+        (["--period", "100"], "less than slip does to a belt"),
         (["--reconstruct", "guess"], "--reconstruct"),
         (["--state-weight", "1,1", "--output-weight", "1,1"], "not both"),
     ],
@@ -172,6 +173,12 @@ def test_tune_refuses_weights_that_mean_nothing(run, tmp_path: Path, model_path:
     out = tmp_path / "controller.json"
     assert_refused(run("tune", model_path, *options, "--out", out), word)
     assert not out.exists()
+
+
+def test_tune_does_not_write_over_its_model(run, tmp_path: Path, model_path: Path) -> None:
+    before = model_path.read_bytes()
+    assert_refused(run("tune", model_path, "--state-weight", "1,1", "--out", tmp_path / "." / "model.json"), "is the model itself")
+    assert model_path.read_bytes() == before
 
 
 def broken(key: str, value: object) -> dict[str, object]:

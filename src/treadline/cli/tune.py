@@ -39,6 +39,8 @@ def tune(
         raise SettingsError(f"--reconstruct is '{reconstruct}'; allowed: observer, static")
     if state_weight is not None and output_weight is not None:
         raise SettingsError("give --state-weight or --output-weight, not both")
+    if out.resolve() == model.resolve():
+        raise SettingsError(f"--out {out}: is the model itself; a controller would be written over it: give another")
     controller = design(
         LinearModel.load(model),
         state_weight=numbers("--state-weight", state_weight),
