@@ -19,7 +19,7 @@ from treadline.campaign.journal import NAME, Journal
 from treadline.campaign.pool import Pool, Runners
 from treadline.campaign.run import Fly, Row
 from treadline.campaign.spec import read_spec
-from treadline.campaign.sweep import Plan, fly_sweep
+from treadline.campaign.sweep import Plan, fly_sweep, replay_command
 from treadline.errors import SettingsError, TreadlineError
 from treadline.scenario import read_scenario
 
@@ -282,3 +282,8 @@ def test_the_manifest_says_how_to_repeat_it(small: Path, tmp_path: Path) -> None
     page = (out / "report.html").read_text()
     assert "http" not in page.replace("http-equiv", "")
     assert "<script" not in page
+
+
+def test_the_command_that_flies_a_run_again_is_for_a_shell() -> None:
+    said = replay_command(Path("my sweep"), {"index": 7, "seed": 3})
+    assert said == "treadline climb 'my sweep/scenarios/0007.toml' --seed 3 --out 'my sweep/flown/0007'"

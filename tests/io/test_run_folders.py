@@ -1,6 +1,7 @@
 """Run folders: whole files of plain JSON and CSV, with what is needed to repeat the run."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,13 @@ def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pyte
     assert manifest["seed"] == 7
     assert manifest["command"] == "treadline climb paper-28 --out run"
     assert {"python", "treadline", "numpy", "scipy", "mujoco"} <= set(manifest["versions"])
+
+
+def test_a_command_is_for_a_shell_and_names_no_folder_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["treadline", "climb", "my stairs/a b.toml", "--out=/elsewhere/run 1", "--seed=3", "/x/c.json"])
+    said = provenance.command()
+    assert said == "treadline climb 'my stairs/a b.toml' '--out=run 1' --seed=3 c.json"
+    assert shlex.split(said)[2] == "my stairs/a b.toml"
 
 
 def test_no_git_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:

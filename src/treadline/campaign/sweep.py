@@ -8,6 +8,7 @@ Run k is a function of spec, seed and k alone. So results are the same with one 
 """
 
 import json
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -146,9 +147,10 @@ def write_results(plan: Plan, folder: Path, rows: Mapping[int, Row], flights: Ma
 
 
 def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
-    """Return the command that flies a run again."""
+    """Return the command that flies a run again, for a shell."""
     name = f"{row['index']:04d}"
-    return f"treadline climb {folder / 'scenarios' / name}.toml --seed {row['seed']} --out {folder / 'flown' / name}"
+    scenario, out = folder / "scenarios" / f"{name}.toml", folder / "flown" / name
+    return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out)])
 
 
 def _left(plan: Plan, journal: Journal) -> int:

@@ -1,5 +1,6 @@
 """A log to replay, and what its run folder's manifest says of the run that wrote it."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,7 +70,7 @@ def source_of(log: Path) -> Source:
 
 def _controller(where: Path, command: str) -> str | None:
     """Return the controller that drove the run, as its command tells; another one would not repeat what it did."""
-    words = command.split()
+    words = _words(command)
     if words[1:2] == ["reproduce"]:
         made = where.resolve().parent.parent.parent / "controller.json"  # beside runs/, in which the run's folder lies
         return str(made) if made.is_file() else None
@@ -80,3 +81,10 @@ def _controller(where: Path, command: str) -> str | None:
             places = [Path(name), where.parent / name, where.parent.parent / name]
             return str(next((place for place in places if place.is_file()), places[0]))
     return None
+
+
+def _words(command: str) -> list[str]:
+    try:
+        return shlex.split(command)
+    except ValueError:  # not a shell's: somebody else wrote it
+        return command.split()

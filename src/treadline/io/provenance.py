@@ -1,6 +1,7 @@
 """Where a result came from: versions, commit and the command that repeats it."""
 
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
@@ -45,6 +46,16 @@ def git_commit() -> str | None:
 
 
 def command() -> str:
-    """Return the command line as a user would type it: programs and files by name, not by this machine's folders."""
-    words = ["treadline", *sys.argv[1:]]
-    return " ".join(Path(word).name if Path(word).is_absolute() else word for word in words)
+    """Return the command line as a user would type it, for a shell.
+
+    It repeats the run in the same folder: relative paths stand whole. Absolute ones are cut to their last name, for no file of a
+    run names this machine's folders; who repeats it puts those files where the command is typed.
+    """
+    return shlex.join(["treadline", *(_without_folders(word) for word in sys.argv[1:])])
+
+
+def _without_folders(word: str) -> str:
+    option, sign, value = word.partition("=")
+    if word.startswith("--") and sign:
+        return option + sign + _without_folders(value)
+    return Path(word).name if Path(word).is_absolute() else word
