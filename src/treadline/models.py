@@ -95,7 +95,13 @@ class LinearModel:
         Raises:
             SettingsError: If it is missing, not JSON, or not a model.
         """
-        model: LinearModel = _from_json(cls, read_json(path), str(path))
+        if path.suffix.lower() == ".mat":
+            raise SettingsError(f"{path}: a model for MATLAB; give the JSON file: treadline identify --out model.json")
+        tables = read_json(path)
+        for key, kind in _NO_MODELS.items():
+            if key in tables:
+                raise SettingsError(f"{path}: not a model but {kind}; a model is what treadline identify writes")
+        model: LinearModel = _from_json(cls, tables, str(path))
         return model
 
 
@@ -194,6 +200,14 @@ def _jsonable(value: Any) -> Any:
 
 
 _ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "disturbance_gain", "K"}
+
+
+_NO_MODELS = {
+    "K": "a controller, which climb --controller and export take",
+    "verdict": "a run's result, which treadline report draws from its folder",
+    "settings": "a run's manifest",
+}
+"""Keys that tell other files of ours from a model."""
 
 
 def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:

@@ -191,7 +191,11 @@ def read_scenario(name: str | Path) -> Scenario:
     path, shipped = Path(name), shipped_scenarios()
     if not path.is_file() and str(name) in shipped:
         path = shipped[str(name)]  # even beside a run folder of that name
+    elif not str(name):
+        raise SettingsError(f"no scenario is named; give a file, or a shipped one: {', '.join(sorted(shipped))}")
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
+        if (SHIPPED / f"{name}.toml").is_file():
+            raise SettingsError(f"{name}: a shipped sweep, not one scenario; fly it with treadline sweep {name}")
         known = ", ".join(sorted(shipped))
         raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
     tables = parse_toml(path)

@@ -8,6 +8,7 @@ import pytest
 
 from treadline import paper
 from treadline.experiments.literal import paper_model
+from treadline.io.mcap_log import RunLog
 
 SCENARIOS = {
     "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m"),
@@ -72,7 +73,11 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("see", ["a.png", "b.png", "--camera", "c.toml", "--method", "magic"], "--method"),
         ("report", ["no-run"], "no-run"),
         ("doctor", ["--bogus"], "--bogus"),
-        ("fly", [], "fly"),
+        ("fly", [], 'Unknown command "fly"; see treadline --help'),
+        ("sea", [], 'Did you mean "seat"? See treadline --help'),
+        ("check", ["envelope"], "fly it with treadline sweep envelope"),
+        ("sweep", ["paper-28", "--runs", "3"], "fly it once with treadline climb paper-28"),
+        ("check", [""], "no scenario is named"),
         ("climb", ["paper-28", "--out", "run", "--seed", "1.5"], "--seed: '1.5' is not a whole number"),
         ("sweep", ["envelope", "--out", "run", "--runs", "1.5"], "--runs: '1.5'"),
         ("frames", ["--out", "run", "--count=1.7"], "--count: '1.7'"),
@@ -122,6 +127,9 @@ RECORDS = {
     "infinite": ([*record_text()[:20], "4.75,inf,0.2,0.0,0.0", *record_text()[21:]], "left_m_s"),
     "no such column": (["t_s,a,b,c,d", *record_text()[1:]], "left_m_s"),
     "ragged": ([*record_text()[:20], "4.75,0.2,0.2", *record_text()[21:]], ":21"),
+    "no header": (record_text()[1:], ":1: no header"),
+    "comment first": (["# a drive", *record_text()], ":1: a comment"),
+    "time by another name": ([record_text()[0].replace("t_s", "Time (s)"), *record_text()[1:]], "or name the time in seconds t_s"),
     "degrees": (
         [RECORD_HEADER]
         + [f"{0.25 * k},{0.2 + 0.01 * (k % 7)},{0.2 - 0.01 * (k % 5)},{20.0 * np.sin(k)},{np.cos(k)}" for k in range(300)],
@@ -201,6 +209,8 @@ def broken(key: str, value: object) -> dict[str, object]:
         ("[]", "not an object"),
         ("{}", "A"),
         (json.dumps(broken("colour", "red")), "colour"),
+        (json.dumps(broken("K", [[1.0]])), "not a model but a controller"),
+        (json.dumps({"verdict": "held"}), "a run's result"),
         (json.dumps(broken("A", [[1.0, float("nan")], [0.0, 1.0]])), "NaN"),
         (json.dumps(broken("B", [[1.0], [2.0], [3.0]])), "transposed"),
         (json.dumps(broken("dt_s", 0.0)), "period"),
@@ -215,6 +225,34 @@ def test_a_file_that_is_no_model_is_refused(run, tmp_path: Path, text: str, word
 def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None:
     outcome = run("climb", "paper-28", "--controller", model_path, "--out", tmp_path / "run")
     assert_refused(outcome, "not a controller")
+
+
+def test_tune_names_what_a_model_of_three_outputs_needs(run, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    tables = broken("C", np.eye(3, 2).tolist()) | {"D": [[0.0] * 2] * 3, "output_offset": [0.0] * 3}
+    path.write_text(json.dumps(tables))
+    assert_refused(run("tune", path, "--out", tmp_path / "controller.json"), "3 outputs", "give --output-weight")
+
+
+def test_tune_says_what_a_file_for_matlab_is(run, tmp_path: Path) -> None:
+    assert_refused(run("tune", tmp_path / "a.mat"), "a model for MATLAB")
+
+
+def test_the_folder_of_an_interrupted_run_says_so(run, tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text("{}")
+    assert_refused(run("report", tmp_path), "this run was interrupted")
+    with RunLog(tmp_path / "log.mcap"):
+        pass
+    assert_refused(run("identify", tmp_path, "--out", tmp_path / "model.json"), "no record.csv", "treadline excite")
+    (tmp_path / "journal.jsonl").touch()
+    assert_refused(run("report", tmp_path), "a sweep's folder")
+
+
+def test_sums_that_are_none_are_said_to_be_none(run, tmp_path: Path) -> None:
+    path, other = tmp_path / "record.csv", tmp_path / "other.npz"
+    path.write_text("\n".join(record_text()) + "\n")
+    np.savez(other, a=1.0)
+    assert_refused(run("identify", path, "--update", other, "--out", tmp_path / "model.json"), "holds no sums")
 
 
 def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:

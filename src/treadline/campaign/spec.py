@@ -19,7 +19,7 @@ from treadline.campaign.draws import Draw, check_draw
 from treadline.campaign.places import LABEL, Tables, look, put
 from treadline.errors import SettingsError
 from treadline.io.plain import plain
-from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of
+from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
 from treadline.settings import Settings, parse_toml, settings_of
 
 CORNERS = 256
@@ -97,6 +97,8 @@ def read_spec(name: str | Path) -> Spec:
     path, shipped = Path(name), {found.stem: found for found in SHIPPED.glob("*.toml") if is_sweep(found)}
     if not path.is_file() and str(name) in shipped:
         path = shipped[str(name)]
+    elif not path.exists() and str(name) in shipped_scenarios():
+        raise SettingsError(f"{name}: a shipped scenario, which draws nothing; fly it once with treadline climb {name}")
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         raise SettingsError(f"{name}: no such file, and no shipped sweep of that name (shipped: {', '.join(sorted(shipped))})")
     tables = parse_toml(path)

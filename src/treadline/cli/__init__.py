@@ -97,7 +97,7 @@ def _launch(
     try:
         answer = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except cyclopts.CycloptsError as error:
-        return _fail(str(error).rstrip(".") + "; see treadline --help", 2, debug=debug)
+        return _fail(_usage(error), 2, debug=debug)
     except SimulationDiverged as error:
         return _fail(str(error), 1, debug=debug)
     except TreadlineError as error:
@@ -136,7 +136,7 @@ def _run(tokens: list[str]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
     except cyclopts.CycloptsError as error:
-        return _fail(str(error).rstrip(".") + "; see treadline --help", 2, debug=False)
+        return _fail(_usage(error), 2, debug=False)
     except (BrokenPipeError, SystemExit):  # the reader has heard enough; rich, which prints the help, exits then
         _leave_stdout()
         return 0
@@ -190,6 +190,11 @@ def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
         again.start()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _usage(error: cyclopts.CycloptsError) -> str:
+    said = str(error).partition(" Available commands:")[0].rstrip(".")  # a list that is cut off after a few
+    return said + (" See treadline --help" if said.endswith("?") else "; see treadline --help")
 
 
 def _fail(message: str, code: int, *, debug: bool) -> int:

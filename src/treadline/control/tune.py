@@ -137,6 +137,11 @@ def _state_price(model: LinearModel, state: Sequence[float] | None, output: Sequ
         if len(state) != model.order:
             raise ShapeMismatch(f"the state weight has {len(state)} numbers, the model {model.order} states")
         return np.diag(np.asarray(state, dtype=float))
+    if output is None and model.C.shape[0] != len(OUTPUT_WEIGHT):
+        raise ShapeMismatch(
+            f"the model has {model.C.shape[0]} outputs; the default weight is for heading and yaw rate: give --output-weight, "
+            "one number for each output, or --state-weight"
+        )
     given = OUTPUT_WEIGHT if output is None else tuple(output)
     if len(given) != model.C.shape[0]:
         raise ShapeMismatch(f"the output weight has {len(given)} numbers, the model {model.C.shape[0]} outputs")

@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from treadline.errors import LogFormatError, PeriodMismatch, SettingsError
-from treadline.io.records import TIME, file_of, joined, open_log
+from treadline.errors import LogFormatError, SettingsError
+from treadline.io.records import file_of, joined, open_log
 from treadline.io.resample import period_of, uneven
-from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in
+from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
 from treadline.models import InputOutputRecord
 
 ROWS = 262_144
@@ -79,7 +79,7 @@ class ChunkReader:
                     raise error
                 before_s = float(table.t_s[-1])
             if period_s is None:
-                raise PeriodMismatch(f"{table.file}: no column '{TIME}'; give --period")
+                raise no_clock(table)
             gaps += gaps_in(table)
             rows += len(table)
             u, y = table.values[:, :m], table.values[:, m:]

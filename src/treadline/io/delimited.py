@@ -56,6 +56,7 @@ class CsvLog:
                     t_s=None if ticks is None else seconds_of(ticks, origin),
                     marks=lines,
                     spot=":{}",
+                    header=tuple(sheet.header),
                 )
         if sheet is None:
             raise LogFormatError(f"{self._file}: empty; a header and at least two rows are needed")
@@ -88,6 +89,7 @@ def _opened(file: Path, block: bytes, wanted: tuple[str, ...]) -> tuple[Sheet, b
     line = decoded(file, head, number)
     delimiter = next((mark for mark in (",", ";", "\t") if mark in line), ",") if file.suffix.lower() != ".tsv" else "\t"
     header = [name.strip() for row in parted(file, line, delimiter) for name in row]
+    _check_header(file, number, line, header)
     doubled = sorted({name for name in header if header.count(name) > 1})
     if doubled:
         raise LogFormatError(f"{file}:{number}: column '{doubled[0]}' stands twice")
@@ -104,3 +106,19 @@ def _opened(file: Path, block: bytes, wanted: tuple[str, ...]) -> tuple[Sheet, b
         places=[header.index(name) for name in wanted],
         clock=None if clock is None else header.index(clock),
     ), body
+
+
+def _check_header(file: Path, number: int, line: str, header: list[str]) -> None:
+    """Refuse a first line that names no columns."""
+    if line.lstrip().startswith("#"):
+        raise LogFormatError(f"{file}:{number}: a comment stands before the header; remove it: the first line names the columns")
+    if all(_is_number(name) for name in header):
+        raise LogFormatError(f"{file}:{number}: no header, the first line holds numbers; write the columns' names above it")
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.errors import LogFormatError, PeriodMismatch
+from treadline.errors import LogFormatError
 from treadline.io.resample import period_of, resampled, uneven
-from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in
+from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
 from treadline.models import InputOutputRecord, write_whole
 
 TIME = "t_s"
@@ -53,7 +53,10 @@ def read_record(
     if file.is_dir() or file.suffix.lower() in BAGS:
         from treadline.io.bags import read_bag
 
-        table, period_s = read_bag(file, inputs, outputs, period_s)
+        try:
+            table, period_s = read_bag(file, inputs, outputs, period_s)
+        except LogFormatError as lacking:
+            raise _of_a_run(path, lacking) from None
     else:
         table = joined(list(_tables(file, wanted)))
     check_values(table, allow_gaps=allow_gaps)
@@ -67,7 +70,7 @@ def read_record(
         if error is not None:
             values = resampled(table, table.t_s, len(inputs), period_s)
     if period_s is None:
-        raise PeriodMismatch(f"{file}: no column '{TIME}'; give --period")
+        raise no_clock(table)
     m = len(inputs)
     return InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
 
@@ -97,6 +100,16 @@ def file_of(path: Path) -> Path:
         return path
     raise LogFormatError(
         f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder that excite wrote"
+    )
+
+
+def _of_a_run(path: Path, error: LogFormatError) -> LogFormatError:
+    """Return what is wrong with a log; of a run folder's, also that the record is missing, and why."""
+    if not (path / "manifest.json").is_file():
+        return error
+    return LogFormatError(
+        f"{path}: no {RECORD}: the run was interrupted, or is a climb's; make a record with treadline excite, or name topics "
+        f"of its log ({error})"
     )
 
 

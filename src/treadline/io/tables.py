@@ -38,6 +38,8 @@ class Table:
     marks: Shaped[np.ndarray, " n"]
     """What each row is called in an error: its line or its number; data and not a function, for a stream may not remember."""
     spot: str = ": row {}"
+    header: tuple[str, ...] = ()
+    """All columns of the file, where it has a header."""
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -72,6 +74,15 @@ def seconds_of(ticks: Shaped[np.ndarray, " n"], origin: int) -> Float64[np.ndarr
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
     """Return the error for a column that the file does not have."""
     return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)})")
+
+
+def no_clock(table: Table) -> PeriodMismatch:
+    """Return the error for a table whose rows nothing tells the time of."""
+    there = f" (there are: {listed(table.header)})" if table.header else ""
+    return PeriodMismatch(
+        f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
+        f"nanoseconds {' or '.join(NANOSECONDS)}"
+    )
 
 
 def listed(names: Iterable[str]) -> str:

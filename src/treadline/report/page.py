@@ -62,6 +62,11 @@ def write_report(folder: Path) -> Path:
         return _whole(folder)
     if (folder / "result.json").exists():
         return _single(folder)
+    if (folder / "journal.jsonl").exists():
+        there = "its report.html is there" if (folder / "report.html").exists() else "treadline sweep --resume finishes it"
+        raise SettingsError(f"{folder}: a sweep's folder; {there}")
+    if (folder / "manifest.json").exists():
+        raise SettingsError(f"{folder}: no result.json: this run was interrupted, or goes on; make it again to report it")
     raise SettingsError(f"{folder}: no results.json (reproduce) and no result.json (climb, excite); nothing to report")
 
 
