@@ -54,7 +54,7 @@ def parse_toml(path: Path) -> dict[str, object]:
         SettingsError: If it is missing, a folder, not UTF-8 or not TOML.
     """
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = path.read_bytes().decode("utf-8-sig")  # some editors begin a file with a mark
     except FileNotFoundError:
         raise SettingsError(f"{path}: no such file") from None
     except IsADirectoryError:

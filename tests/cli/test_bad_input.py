@@ -183,6 +183,18 @@ def test_tune_refuses_weights_that_mean_nothing(run, tmp_path: Path, model_path:
     assert not out.exists()
 
 
+def test_a_mark_before_a_scenario_is_no_part_of_it(run, tmp_path: Path) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_bytes(b"\xef\xbb\xbf[stair]\nslope_deg = 25\n")
+    assert run("check", path).code == 0
+
+
+def test_identify_out_that_is_a_folder_says_so(run, tmp_path: Path) -> None:
+    path = tmp_path / "record.csv"
+    path.write_text("\n".join(record_text()) + "\n")
+    assert_refused(run("identify", path, "--method", "okid-era", "--order", "1", "--out", tmp_path), "is a folder; give the model")
+
+
 def test_tune_does_not_write_over_its_model(run, tmp_path: Path, model_path: Path) -> None:
     before = model_path.read_bytes()
     assert_refused(run("tune", model_path, "--state-weight", "1,1", "--out", tmp_path / "." / "model.json"), "is the model itself")

@@ -32,10 +32,11 @@ def frames(
         scene: up, top, foot (facing up the flight), down (facing down it), mixed (all of these), stairless, or the name of
             one scene: edge, bottom, floor, wall, corridor, corner, shelf, table, boxes, ramp, landing, steep, ladder,
             threshold, stripes, bench, pallets. Left out: up.
-        sensor: kinect1, kinect2 or ideal.
-        height: Rows of the image: 240 or 480; of a Kinect 2, 424.
-        heading: Smallest and largest heading in degrees: -35,35.
+        sensor: kinect1 (when left out), kinect2 or ideal.
+        height: Rows of the image, from 120 to 1080; left out: 240, of a Kinect 2 424.
+        heading: Smallest and largest heading in degrees; left out: -35,35.
         clutter: What stands about, each there or not: legs, mat, bag, strips, shadow, wet, rail_left, rail_right; or all.
+            Left out: nothing.
         open_risers: Steps without risers.
         recipe: A TOML file with any of the ranges that a view is drawn from; options given here come before it.
     """

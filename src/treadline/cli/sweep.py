@@ -1,5 +1,6 @@
 """``treadline sweep``: many traversals, drawn from what a file says."""
 
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +38,7 @@ def sweep(
 
     Args:
         spec: A scenario file with [[draw]] tables, or the name of a shipped one: envelope, outside.
-        runs: How many; a sweep that is there is lengthened with --resume.
+        runs: How many; a sweep that is there is lengthened with --resume. A search flies whole generations of them.
         seed: Of the draws and of all that chance does in the runs; run k is the same however many there are.
         out: Folder of the results.
         sampling: Each run by itself, or Sobol's points, which leave no gaps.
@@ -62,6 +63,8 @@ def sweep(
     plan = Plan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
+    if plan.total < runs:
+        sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search flies whole generations\n")
     with _Left() as progress:
         summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
@@ -71,7 +74,7 @@ def sweep(
         values=values,
         summary=[
             *lines(summary),
-            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {worst[score]}; fly it again with",
+            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {_short(worst[score])}; fly it again with",
             f"  {worst['replay']}",
             f"results: {out}/runs.csv; report: {summary['report']}" + (f"; {rate:.0f} runs per CPU hour" if rate else ""),
         ],
@@ -125,6 +128,10 @@ class _Left:
         left_s = (time.monotonic() - self._started) / self._flown * left
         if self._progress is not None:
             self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
+
+
+def _short(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _spoken(duration_s: float) -> str:

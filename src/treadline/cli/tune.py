@@ -23,8 +23,8 @@ def tune(
     Args:
         model: The JSON file that treadline identify wrote.
         state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1.
-        output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); the default.
-        input_weight: Diagonal of R on the inputs, or one number for all.
+        output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); 1,0 where neither is given.
+        input_weight: Diagonal of R on the inputs, or one number for all; left out: 0.02.
         period: Control period in seconds; another one than the model's resamples it.
         reconstruct: observer, or static for Eq. (11b).
         vehicle: Name of the chair this controller is for; another chair refuses it.

@@ -153,6 +153,8 @@ def _real(name: str, value: Any) -> Float64[np.ndarray, "..."]:
 
 
 def _suffix(path: Path) -> str:
+    if path.is_dir():
+        raise SettingsError(f"{path}: is a folder; give the model a file's name, model.json or model.mat")
     suffix = path.suffix.lower()
     if suffix not in {".json", ".mat"}:
         raise SettingsError(f"{path}: '{suffix}' is no kind of model file: .json or .mat")

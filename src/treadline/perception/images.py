@@ -104,7 +104,9 @@ def _decoded(path: Path, flags: int) -> np.ndarray:
     except IsADirectoryError:
         raise ImageError(f"{path}: is a folder, not an image") from None
     if not data.startswith((PNG_START, JPEG_START)):
-        raise ImageError(f"{path}: not an image that can be read; give PNG or JPEG")
+        raise ImageError(
+            f"{path}: not an image that can be read; give colour as PNG or JPEG, depth as 16-bit PNG in units of depth_unit_m"
+        )
     # A decoder fills up what is cut off with grey and says so to a terminal at best.
     if not (_is_whole_png(data) if data.startswith(PNG_START) else JPEG_END in data[-64:]):
         raise ImageError(f"{path}: not a whole image, cut off or damaged; copy or record it again")
