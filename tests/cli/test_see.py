@@ -259,6 +259,19 @@ def test_a_whole_jpeg_is_colour_enough(run, folder: Path) -> None:
     assert run("see", *pair(folder)).code == 0
 
 
+def test_a_pair_that_cannot_be_read_is_told_of_and_the_others_are_seen(run, folder: Path) -> None:
+    for kind in ("rgb", "depth"):
+        (folder / f"b_{kind}.png").write_bytes((folder / f"a_{kind}.png").read_bytes())
+    (folder / "a_depth.png").write_bytes(b"no image")
+    seen = run("see", folder, "--json")
+    assert seen.code == 0, seen.err
+    broken, whole = seen.values["frames"]
+    assert (broken["name"], broken["accepted"]) == ("a", False)
+    assert "a_depth.png: not an image" in broken["reason"]
+    assert (whole["name"], whole.keys()) == ("b", broken.keys())
+    assert "a: no heading: " in run("see", folder).out
+
+
 @pytest.mark.parametrize(
     ("text", "key"),
     [

@@ -19,7 +19,7 @@ from treadline.perception.images import read_frame
 from treadline.perception.overlay import overlay
 from treadline.perception.paper import PaperConfig
 from treadline.perception.pictures import write_picture, write_stages
-from treadline.perception.sight import Sight, StairShape
+from treadline.perception.sight import Sight, StairShape, refused
 from treadline.signals import RgbdFrame, StairMap
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
@@ -31,8 +31,11 @@ class NamedFrame:
     """A frame, its name and the direction of gravity if known."""
 
     name: str
-    frame: RgbdFrame
+    frame: RgbdFrame | None
+    """None where its images cannot be read."""
     gravity_C: Float[np.ndarray, " 3"] | None
+    reason: str | None = None
+    """Why they cannot."""
 
 
 def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> NamedFrame:
@@ -41,10 +44,10 @@ def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> N
 
 
 class FolderOfFrames:
-    """The pairs of a folder in the order of their names; each is read when its turn comes.
+    """The pairs of a folder in the order of their names; each is read when its turn comes, and one that cannot be is told of.
 
     Raises:
-        ImageError: If the folder holds no pair, or its gravity.csv is broken.
+        ImageError: If the folder holds no pair, none that can be read, or its gravity.csv is broken.
     """
 
     def __init__(self, folder: Path, camera: Path | None = None, gravity: str | None = None) -> None:
@@ -65,9 +68,17 @@ class FolderOfFrames:
         return len(self._pairs)
 
     def __iter__(self) -> Iterator[NamedFrame]:
+        unread: list[ImageError] = []
         for name, rgb, depth in self._pairs:
-            frame = read_frame(rgb, depth, self._calibration)
-            yield NamedFrame(name=name, frame=frame, gravity_C=self._gravity.get(name, self._down))
+            frame, reason = None, None
+            try:
+                frame = read_frame(rgb, depth, self._calibration)
+            except ImageError as error:
+                unread.append(error)
+                reason = str(error)
+            yield NamedFrame(name=name, frame=frame, gravity_C=self._gravity.get(name, self._down), reason=reason)
+        if len(unread) == len(self):
+            raise unread[0]
 
 
 def see_frames(
@@ -88,6 +99,9 @@ def see_frames(
     detector = StairDetector(DetectorConfig(method=method, paper=paper))
     loaded = False
     for named in frames:
+        if named.frame is None:
+            yield _answer(named.name, refused(named.reason or "no image"), 0.0)
+            continue
         if not loaded:
             # Loads what is compiled, as far as this frame goes, so that the time told is that of a frame.
             loaded = detector.look(named.frame, named.gravity_C).accepted
