@@ -80,6 +80,13 @@ def test_bad_options_are_one_line(run: Callable, spec: Path, tmp_path: Path, opt
     assert not (tmp_path / "out").exists()
 
 
+def test_a_folder_that_cannot_be_made_asks_for_another(run: Callable, spec: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    done = run("sweep", spec, "--runs", 2, "--out", tmp_path / "file" / "out")
+    assert (done.code, len(done.err.splitlines())) == (2, 1)
+    assert "give another --out" in done.err
+
+
 def test_a_bad_draw_is_one_line_with_file_key_value_and_range(run: Callable, spec: Path, tmp_path: Path) -> None:
     spec.write_text(SPEC.replace("[0, 80]", "[0, 800]"))
     done = run("sweep", spec, "--runs", 3, "--out", tmp_path / "out")

@@ -3,6 +3,7 @@
 The first line says which sweep it is; another may not be added to it. A last line cut short by a kill is dropped.
 """
 
+import errno
 import json
 import os
 from collections.abc import Mapping
@@ -14,6 +15,9 @@ from treadline.campaign.run import Row
 from treadline.errors import SettingsError, TreadlineError
 
 NAME = "journal.jsonl"
+
+NOT_OURS = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR)
+"""Errors of a folder that nobody may write to, however much room there is."""
 
 
 class Journal:
@@ -117,7 +121,7 @@ class Journal:
             raise SettingsError(f"{self._path}: another sweep is writing it; wait for its end, or give another --out") from None
 
     def _unwritable(self, error: OSError) -> TreadlineError:
+        remedy = "give another --out" if error.errno in NOT_OURS else "make room and go on with --resume"
         return TreadlineError(
-            f"{self._path}: cannot be written: {error.strerror or error}; {len(self.rows)} runs are kept there: "
-            "make room and go on with --resume"
+            f"{self._path}: cannot be written: {error.strerror or error}; {len(self.rows)} runs are kept there: {remedy}"
         )
