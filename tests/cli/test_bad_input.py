@@ -172,7 +172,6 @@ def model_path(tmp_path: Path) -> Path:
         (["--input-weight", "x"], "--input-weight"),
         (["--state-weight", "nan,1"], "finite"),
         (["--period", "-1"], "period"),
-        (["--period", "100"], "less than slip does to a belt"),
         (["--reconstruct", "guess"], "--reconstruct"),
         (["--state-weight", "1,1", "--output-weight", "1,1"], "not both"),
     ],
@@ -232,6 +231,14 @@ def test_a_file_that_is_no_model_is_refused(run, tmp_path: Path, text: str, word
     path = tmp_path / "model.json"
     path.write_text(text)
     assert_refused(run("tune", path, "--out", tmp_path / "controller.json"), "model.json", word)
+
+
+def test_a_gain_that_nobody_would_feel_is_told(run, tmp_path: Path, model_path: Path) -> None:
+    slow = run("tune", model_path, "--period", "100", "--out", tmp_path / "slow.json")
+    assert slow.code == 0
+    assert "warning: a heading of 30° is answered with" in slow.out
+    usual = run("tune", model_path, "--out", tmp_path / "usual.json")
+    assert "warning" not in usual.out
 
 
 def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None:

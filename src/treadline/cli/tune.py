@@ -32,6 +32,7 @@ def tune(
     """
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
+    from treadline.control.tune import doubt
     from treadline.errors import SettingsError
     from treadline.models import LinearModel
 
@@ -51,6 +52,7 @@ def tune(
         vehicle=vehicle,
     )
     controller.save(out)
+    warning = doubt(controller)
     poles = closed_loop_poles(controller)
     radius = max(abs(pole) for pole in poles)
     return Answer(
@@ -60,9 +62,11 @@ def tune(
             "period_s": controller.period_s,
             "spectral_radius": radius,
             "controller": str(out),
+            "warnings": [] if warning is None else [warning],
         },
         summary=[
             f"K = {controller.K.round(4).tolist()}",
             f"spectral radius {radius:.3f} at a period of {controller.period_s:g} s; written to {out}",
+            *([] if warning is None else [f"warning: {warning}"]),
         ],
     )

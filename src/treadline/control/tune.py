@@ -70,7 +70,6 @@ def tune(
     Q = _state_price(model, state_weight, output_weight)
     R = _input_price(model, input_weight)
     K = lqr_gain(model.A, model.B, Q, R)
-    _check_that_it_steers(model, K)
     observer_gain, disturbance_gain = _observer(model)
     design = ControllerDesign(
         model=model,
@@ -92,14 +91,18 @@ def tune(
     return design
 
 
-def _check_that_it_steers(model: LinearModel, K: Float[np.ndarray, "m n"]) -> None:
-    """Refuse a gain too small to be felt: over so long a period, or at such a price, it is best to do nothing."""
-    answer_m_s = FELT_RAD * float(np.abs(K @ np.linalg.pinv(model.C)).max())
-    if answer_m_s < BELT_DISTURBANCE_M_S:
-        raise NotStabilisable(
-            f"a heading of {FELT_RAD / DEG:.0f}° would be answered with {answer_m_s:.2g} m/s, less than slip does to a belt "
-            f"({BELT_DISTURBANCE_M_S} m/s); give a control period shorter than {model.dt_s:g} s, or a lower input weight"
-        )
+def doubt(design: ControllerDesign) -> str | None:
+    """Say where a gain is too small to be felt: over so long a period, or at such a price, it is best to do nothing.
+
+    For models of a chair: belts in m/s, heading in rad.
+    """
+    answer_m_s = FELT_RAD * float(np.abs(design.K @ np.linalg.pinv(design.model.C)).max())
+    if answer_m_s >= BELT_DISTURBANCE_M_S:
+        return None
+    return (
+        f"a heading of {FELT_RAD / DEG:.0f}° is answered with {answer_m_s:.2g} m/s, less than slip does to a belt "
+        f"({BELT_DISTURBANCE_M_S} m/s); give a control period shorter than {design.period_s:g} s, or a lower input weight"
+    )
 
 
 def resampled(model: LinearModel, period_s: float) -> LinearModel:
