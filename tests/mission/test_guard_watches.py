@@ -9,7 +9,7 @@ import pytest
 
 from treadline.estimation import HeadingHealth
 from treadline.mission.guard import GuardConfig
-from treadline.mission.guard.ahead import AheadWatch, GapWatch, ObstacleWatch
+from treadline.mission.guard.ahead import GAP_MAPS, AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
 from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
@@ -426,33 +426,34 @@ def test_a_gap_lies_behind_the_last_good_nosing() -> None:
     assert watch._gap([(1.0, 0.0), (1.75, 1.0)]) == (1.0, 1.25)
 
 
-def test_a_gap_counts_from_its_third_map_and_fades() -> None:
-    """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after three more
+def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
+    """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after five more
     for than against; what is out of view is kept."""
+    assert GAP_MAPS == 5
     gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
     watch = GapWatch(1.0)
-    for _ in range(2):
+    for _ in range(4):
         watch.look(gap, 0.0)
         assert watch.distance_m(0.0) == math.inf
     watch.look(gap, 0.0)
     assert watch.distance_m(0.25) == 1.25
     assert watch.width_m == 1.25
     watch.look(on_a_line(), 0.0)
-    watch.look(on_a_line(1.625, 2.0, 2.25), 0.0)
+    watch.look(on_a_line(1.6875, 2.0, 2.25), 0.0)
     watch.look(on_a_line(0.5, 1.0, 1.5), 0.0)
     assert watch.distance_m(0.0) == 1.5
     watch.look(whole, 0.0)
     assert watch.distance_m(0.0) == math.inf
-    for _ in range(9):
+    for _ in range(15):
         watch.look(gap, 0.0)
-    for _ in range(3):
+    for _ in range(5):
         watch.look(whole, 0.0)
-    assert watch.distance_m(0.0) == 1.5  # counted up to six
-    watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == 1.5  # counted up to ten
+    watch.look(on_a_line(1.625, 2.0, 2.5), 0.0)  # nosings that go on from where the gap should begin, give or take
     assert watch.distance_m(0.0) == math.inf
     for _ in range(9):
         watch.look(whole, 0.0)
-    for _ in range(3):
+    for _ in range(5):
         watch.look(gap, 0.0)
     assert watch.distance_m(0.0) == 1.5  # counted down to none
     watch.look(on_a_line(0.0, 0.5, 1.25), 0.0)
@@ -462,14 +463,14 @@ def test_a_gap_counts_from_its_third_map_and_fades() -> None:
 
 
 def ahead(config: GuardConfig, **changes: Any) -> AheadWatch:
-    """Return what three maps tell of one thing ahead, at no travel."""
+    """Return what five maps tell of one thing ahead, at no travel."""
     values: dict[str, Any] = {
         "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
         "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
     }  # fmt: skip
     places = changes.pop("places", [])
     watch = AheadWatch(config)
-    for _ in range(3):
+    for _ in range(GAP_MAPS):
         watch.look(StairMap(**{**values, **changes}), places, 0.0)
     return watch
 

@@ -8,8 +8,8 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import Plan, StairMap
 
-OBSTACLE_MAPS, GAP_MAPS = 2, 3
-"""That must show a thing in a row, or a gap more often than not."""
+OBSTACLE_MAPS, GAP_MAPS = 2, 5
+"""That must show a thing in a row, or a gap more often than not: a nosing that a detector loses is lost for three or four maps."""
 SAME_M = 0.15
 """Half a nosing pitch: within it, two findings are of one gap."""
 NEAR_M = 1.9
@@ -57,8 +57,8 @@ class GapWatch:
         """Take the nosings (distance from mid-track, height) of one map, the nearest first."""
         gap = self._gap(nosings)
         if gap is None or gap[0] > NEAR_M:
-            # One that is no longer in view is not gone.
-            in_view = bool(nosings) and nosings[0][0] < self._place_m - travel_m < nosings[-1][0] - SAME_M
+            # One that is no longer in view is not gone; it is while the nosing before it is, give or take.
+            in_view = bool(nosings) and nosings[0][0] - SAME_M < self._place_m - travel_m < nosings[-1][0] - SAME_M
             self._count = max(self._count - in_view, 0)
             return
         place_m = travel_m + gap[0]
