@@ -1,6 +1,7 @@
 """``treadline identify``: from anybody's logs to a linear model, a report and a page of plots."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,94 +73,75 @@ def identify(
         no_page: Write no page.
         out: Where the model is written, .json or .mat.
     """
-    from treadline.identification import METHODS, SOLVERS
-    from treadline.io.model_files import write_model
+    asked = _Asked(
+        logs=logs,
+        inputs=words("--inputs", inputs),
+        outputs=words("--outputs", outputs),
+        period=period,
+        resample=resample,
+        allow_gaps=allow_gaps,
+        order=order,
+        lags=lags,
+        method=method,
+        delays=_delays(delays),
+        solver=solver,
+        stable=stable,
+        validate=validate,
+        validate_on=validate_on,
+        update=update,
+        forgetting=forgetting,
+    )
+    _check(asked, sums)
+    found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
+    return _answer(found, asked, _written(found, asked, out, sums, None if no_page else page or out.with_suffix(".html")))
 
-    if not logs:
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """The options, as they were given."""
+
+    logs: Sequence[Path]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    period: float | None
+    resample: bool
+    allow_gaps: bool
+    order: int | None
+    lags: int | None
+    method: str | None
+    delays: list[int] | str | None
+    solver: str
+    stable: bool
+    validate: float | None
+    validate_on: Path | None
+    update: Path | None
+    forgetting: float
+
+
+def _check(asked: _Asked, sums: Path | None) -> None:
+    from treadline.identification import METHODS, SOLVERS
+
+    if not asked.logs:
         raise SettingsError("identify needs at least one log: a file or a run folder")
-    for option, value, allowed in (("--method", method, METHODS), ("--solver", solver, SOLVERS)):
+    for option, value, allowed in (("--method", asked.method, METHODS), ("--solver", asked.solver, SOLVERS)):
         if value is not None and value not in allowed:
             raise SettingsError(f"{option} is '{value}'; allowed: {', '.join(allowed)}")
-    _check_pairs(
-        (
-            (validate, validate_on, "give --validate or --validate-on, not both"),
-            (delays, sums or update, "--delays shifts the inputs before they are summed: sums, saved or updated, cannot know it"),
-        )
-    )
-    u, y = _channels(inputs, outputs)
-    long = [path for path in logs if path.suffix.lower() in STREAMED and path.is_file() and path.stat().st_size > STREAMED_BYTES]
-    if stream or (stream is None and long and method != "best" and update is None):
-        for name, given in (
-            ("--validate", validate),
-            ("--validate-on", validate_on),
-            ("--update", update),
-            ("--delays", delays),
-            ("--resample", resample or None),
-            ("--stable", stable or None),
-            ("--forgetting", None if forgetting == 1.0 else forgetting),
-        ):
-            if given is not None:
-                raise SettingsError(f"{name} needs the whole record; give --no-stream")
-        found = _streamed(logs, u, y, period, order, lags, method or "pbsid", solver, allow_gaps=allow_gaps)
-    else:
-        found = _whole(
-            logs,
-            u,
-            y,
-            period,
-            order,
-            lags,
-            method,
-            _delays(delays),
-            solver,
-            validate if validate_on is None else validate_on,
-            update,
-            forgetting,
-            resample=resample,
-            allow_gaps=allow_gaps,
-            stable=stable,
-        )
-    report = found.report
-    write_model(found.model, out)
-    if sums is not None:
-        found.gram.save(sums)
-    written = {"model": str(out)} | ({} if sums is None else {"sums": str(sums)})
-    if not no_page:
-        written["page"] = str(_write_page(found, page if page is not None else out.with_suffix(".html"), logs))
-    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
-    ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
-    on = "data held out" if validate is not None or validate_on is not None else "the data that were fitted"
-    return Answer(
-        values=report.as_json() | written,
-        summary=[
-            f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
-            f"{report.samples} samples",
-            f"on {on}: free run fits {fits} (100 is perfect, 0 no better than the mean)",
-            f"one step ahead: {ahead} of the variance",
-            f"written: {', '.join(written.values())}",
-            *(f"warning: {warning}" for warning in report.warnings),
-        ],
-    )
+    if asked.validate is not None and asked.validate_on is not None:
+        raise SettingsError("give --validate or --validate-on, not both")
+    if asked.delays is not None and (sums or asked.update) is not None:
+        raise SettingsError("--delays shifts the inputs before they are summed: sums, saved or updated, cannot know it")
+    both = [name for name in asked.inputs if name in asked.outputs]
+    if both:
+        raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")
 
 
-def _whole(
-    logs: Sequence[Path],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    period: float | None,
-    order: int | None,
-    lags: int | None,
-    method: str | None,
-    delays: list[int] | str | None,
-    solver: str,
-    validation: float | Path | None,
-    update: Path | None,
-    forgetting: float,
-    *,
-    resample: bool,
-    allow_gaps: bool,
-    stable: bool,
-) -> "Identified":
+def _in_chunks(asked: _Asked, stream: bool | None) -> bool:
+    """Say whether the log is read in chunks: as asked, else where it is long and nothing needs the whole of it."""
+    long = any(path.suffix.lower() in STREAMED and path.is_file() and path.stat().st_size > STREAMED_BYTES for path in asked.logs)
+    return stream or (stream is None and long and asked.method != "best" and asked.update is None)
+
+
+def _whole(asked: _Asked) -> "Identified":
     from treadline.cli.progress import Status
     from treadline.identification import Gram
     from treadline.identification import identify as fit
@@ -167,23 +149,25 @@ def _whole(
     from treadline.models import InputOutputRecord
 
     def read(path: Path) -> InputOutputRecord:
-        return read_record(path, inputs, outputs, period_s=period, resample=resample, allow_gaps=allow_gaps)
+        return read_record(
+            path, asked.inputs, asked.outputs, period_s=asked.period, resample=asked.resample, allow_gaps=asked.allow_gaps
+        )
 
     with Status("reading") as status:
-        records = [read(path) for path in logs]
-        judged = read(validation) if isinstance(validation, Path) else validation
+        records = [read(path) for path in asked.logs]
+        judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
         status.say("identifying")
         found = fit(
             records,
-            order=order,
-            lags=lags,
-            method=method,
-            delays=delays,
-            solver=solver,
-            stable=stable,
+            order=asked.order,
+            lags=asked.lags,
+            method=asked.method,
+            delays=asked.delays,
+            solver=asked.solver,
+            stable=asked.stable,
             validation=judged,
-            prior=None if update is None else Gram.load(update),
-            forgetting=forgetting,
+            prior=None if asked.update is None else Gram.load(asked.update),
+            forgetting=asked.forgetting,
             told=status.say,
         )
         status.say("judging")
@@ -191,41 +175,64 @@ def _whole(
     return found
 
 
-def _streamed(
-    logs: Sequence[Path],
-    inputs: tuple[str, ...],
-    outputs: tuple[str, ...],
-    period: float | None,
-    order: int | None,
-    lags: int | None,
-    method: str,
-    solver: str,
-    *,
-    allow_gaps: bool,
-) -> "Identified":
+def _streamed(asked: _Asked) -> "Identified":
     from treadline.cli.progress import Share
     from treadline.identification import identify_chunks
     from treadline.io.chunks import read_chunks
 
-    if len(logs) > 1:
-        raise SettingsError(f"{len(logs)} logs; a stream is one experiment: give one log, or --no-stream")
-    reader = read_chunks(logs[0], inputs, outputs, period_s=period, allow_gaps=allow_gaps)
-    with Share(f"reading {logs[0].name}", lambda: reader.fraction) as share:
-        return identify_chunks(share.of(reader), order=order, lags=lags, method=method, solver=solver)
+    for name, is_given in (
+        ("--validate", asked.validate is not None),
+        ("--validate-on", asked.validate_on is not None),
+        ("--update", asked.update is not None),
+        ("--delays", asked.delays is not None),
+        ("--resample", asked.resample),
+        ("--stable", asked.stable),
+        ("--forgetting", asked.forgetting != 1.0),
+    ):
+        if is_given:
+            raise SettingsError(f"{name} needs the whole record; give --no-stream")
+    if len(asked.logs) > 1:
+        raise SettingsError(f"{len(asked.logs)} logs; a stream is one experiment: give one log, or --no-stream")
+    log = asked.logs[0]
+    reader = read_chunks(log, asked.inputs, asked.outputs, period_s=asked.period, allow_gaps=asked.allow_gaps)
+    with Share(f"reading {log.name}", lambda: reader.fraction) as share:
+        return identify_chunks(
+            share.of(reader), order=asked.order, lags=asked.lags, method=asked.method or "pbsid", solver=asked.solver
+        )
 
 
-def _check_pairs(pairs: Sequence[tuple[object, object, str]]) -> None:
-    for one, other, why in pairs:
-        if one is not None and other is not None:
-            raise SettingsError(why)
+def _written(found: "Identified", asked: _Asked, out: Path, sums: Path | None, page: Path | None) -> dict[str, str]:
+    """Write what was found; return where each file is."""
+    from treadline.io.model_files import write_model
+
+    write_model(found.model, out)
+    written = {"model": str(out)}
+    if sums is not None:
+        found.gram.save(sums)
+        written["sums"] = str(sums)
+    if page is not None:
+        _write_page(found, page, asked.logs)
+        written["page"] = str(page)
+    return written
 
 
-def _channels(inputs: str, outputs: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    u, y = words("--inputs", inputs), words("--outputs", outputs)
-    both = [name for name in u if name in y]
-    if both:
-        raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")
-    return u, y
+def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answer:
+    report = found.report
+    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
+    ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
+    held_out = asked.validate is not None or asked.validate_on is not None
+    return Answer(
+        values=report.as_json() | written,
+        summary=[
+            f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
+            f"{report.samples} samples, one every {found.model.dt_s:.6g} s",
+            f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
+            "than the mean)",
+            f"one step ahead: {ahead} of the variance",
+            f"written: {', '.join(written.values())}",
+            *(f"warning: {warning}" for warning in report.warnings),
+        ],
+    )
 
 
 def _delays(text: str | None) -> list[int] | str | None:
@@ -237,7 +244,7 @@ def _delays(text: str | None) -> list[int] | str | None:
         raise SettingsError(f"--delays is '{text}'; give auto, or one whole number per input, for example 0,2") from None
 
 
-def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> Path:
+def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
     from treadline.cli.progress import Status
     from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification import write_identification_page
@@ -246,4 +253,3 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> Path:
     with Status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
         write_identification_page(path, found, found.fitted, found.judged, title=title, stabilisation=diagram)
-    return path
