@@ -106,8 +106,8 @@ def test_a_longer_sweep_begins_with_the_shorter_one(small: Path, tmp_path: Path)
         spec, out = read_spec(small), tmp_path / sampling
         fly(Plan(spec=spec, runs=5, sampling=sampling), out)
         fly(Plan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
-        fly(Plan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling} at once")
-        assert results(out) == results(tmp_path / f"{sampling} at once")
+        fly(Plan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling}-at-once")
+        assert results(out) == results(tmp_path / f"{sampling}-at-once")
     assert sorted(done) == sorted([*range(5, 12)] * 2)
 
 
@@ -225,7 +225,7 @@ def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp
     done = started(small, out, "--resume", "--json")
     said, progress = done.communicate(timeout=60.0)
     assert json.loads(said)["runs"] == 60, progress
-    at_once = tmp_path / "at once"
+    at_once = tmp_path / "at-once"
     fly(Plan(spec=read_spec(small), runs=60), at_once)
     assert results(out) == results(at_once)
 

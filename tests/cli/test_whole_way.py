@@ -56,7 +56,7 @@ def test_from_random_speeds_to_a_report(run, folder: Path) -> None:
     assert manifest["settings"]["start"]["heading_deg"] == 12
     page = run("report", folder / "run", "--json")
     assert page.code == 0, page.err
-    assert "time_up" in Path(page.values["path"]).read_text()
+    assert "to the end of its time" in Path(page.values["path"]).read_text()
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not(run, tmp_path: Path) -> None:
