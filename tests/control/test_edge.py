@@ -224,6 +224,20 @@ def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
     late.until("leave", tip_n=40.0)
 
 
+def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_an_arm_that_was_raised() -> None:
+    """Test: told to turn back, its centre of mass further back than believed: nothing on the tip for 1.5 s, then a load. Expected
+    result: it drives towards the landing, the tip after the ground and never up from it; then it is let down."""
+    chair = Chassis().lifted()
+    assert chair.edge.turn_back()
+    chair.run(0.3)  # the tip's load is smoothed
+    for _ in range(120):
+        command = chair.run(0.01)
+        assert (command.stage, command.speed_m_s > 0.0) == ("lower", True)
+        assert command.arm.rate_rad_s <= 0.0
+    command = chair.run(0.5, tip_n=100.0)
+    assert command.arm.rate_rad_s > 2.0 * DEG
+
+
 @pytest.mark.parametrize("stage", ["approach", "press"])
 def test_a_chair_that_is_told_to_turn_back_before_it_is_lifted_is_not(stage: str) -> None:
     chair = Chassis()

@@ -66,6 +66,8 @@ class EdgeConfig(Loading):
     spare_rad: float = 3.0 * DEG
     """Of the arm's range."""
     settle_m_s: float = 0.05
+    seek_rad_s: float = 4.0 * DEG
+    """At which a tip that does not carry is lowered onto the landing."""
     let_go_m: float = 0.15
     """Of the centre of mass past the nosing: 10 cm of error leave 5."""
     stow_rad_s: float = 25.0 * DEG
@@ -168,7 +170,7 @@ class Edge(Sequencer[Stage]):
             case "settle":
                 return -config.settle_m_s, self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
             case "lower":
-                return max(self._balance(pitch), 0.0), self._turn(self._level_rad - LIFTED_RAD, pitch, arm, speed, dt_s)
+                return max(self._balance(pitch), 0.0), self._lower(pitch, arm, speed, dt_s)
             case "barred":
                 return 0.0, self._stow(arm)
             case _:
@@ -185,6 +187,19 @@ class Edge(Sequencer[Stage]):
         speed = config.keep_per_s * (config.keep_m - left_over)
         highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
         return min(max(speed, -config.lift_m_s), highest)
+
+    def _lower(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
+        """Return the arm rate that lets the chair down on the landing, as long as it leans on the tip.
+
+        A chair that lies on the flight does not follow an arm that is raised, and would fall onto it as it drives back over the
+        nosing: the tip seeks the landing until it carries.
+        """
+        if self._tip.load_n >= UNLOADED_N:
+            return self._turn(self._level_rad - LIFTED_RAD, pitch, arm, speed, dt_s)
+        self._lead_rad, self._lead_rad_s = pitch, 0.0
+        self._watch(pitch, dt_s)
+        _, per_metre = self._geometry.rates(pitch, self._past_m)
+        return per_metre * speed - self._config.seek_rad_s
 
     def _turn(self, target: float, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
         """Return the arm rate that leads the pitch to a target, tip on the landing."""
