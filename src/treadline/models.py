@@ -6,14 +6,17 @@ models are JSON on disk: no code, no pickle.
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import ModelError, NotFinite, SettingsError, ShapeMismatch, TreadlineError
+from treadline.arrays import matrix, real, shaped
+from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 
 Provenance = dict[str, Any]
 """Where a model came from: command, versions, seeds, fit. JSON values only."""
@@ -21,7 +24,11 @@ Provenance = dict[str, Any]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputOutputRecord:
-    """What went in and what came out, sampled together; ``y[k]`` is read before ``u[k]`` acts."""
+    """What went in and what came out, sampled together; ``y[k]`` is read before ``u[k]`` acts.
+
+    One row per sample, one column per channel; a single channel may be given as a plain row of its samples, and anything that
+    numpy makes an array of real numbers of will do.
+    """
 
     u: Float[np.ndarray, "T m"]
     y: Float[np.ndarray, "T p"]
@@ -30,10 +37,15 @@ class InputOutputRecord:
     output_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("u", "y"):
+            object.__setattr__(self, name, _columns(name, getattr(self, name)))
+        for name in ("input_names", "output_names"):
+            object.__setattr__(self, name, _names(name, getattr(self, name)))
         if self.u.shape[0] != self.y.shape[0]:
             raise ShapeMismatch(
                 f"the record has {self.u.shape[0]} inputs but {self.y.shape[0]} outputs in time; cut both to one length"
             )
+        _check_number("dt_s", self.dt_s)
         if not 0.0 < self.dt_s < math.inf:
             raise ModelError(f"the record's period is {self.dt_s} s; it must be positive and finite")
 
@@ -63,6 +75,8 @@ class LinearModel:
     provenance: Provenance = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in ("A", "B", "C", "D"):
+            object.__setattr__(self, name, matrix(name, getattr(self, name)))
         n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
         wanted = {
             "A": (n, n),
@@ -73,9 +87,9 @@ class LinearModel:
             "output_offset": (p,),
         }
         for name, shape in wanted.items():
-            _check(name, getattr(self, name), shape)
+            _settle(self, name, shape)
         if self.observer_gain is not None:
-            _check("observer_gain", self.observer_gain, (n, p))
+            _settle(self, "observer_gain", (n, p))
         if not self.dt_s > 0.0:
             raise ModelError(f"the model's period is {self.dt_s} s; it must be positive")
 
@@ -120,10 +134,10 @@ class ControllerDesign:
     provenance: Provenance = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _check("K", self.K, (self.model.B.shape[1], self.model.order))
-        _check("observer_gain", self.observer_gain, (self.model.order, self.model.C.shape[0]))
+        _settle(self, "K", (self.model.B.shape[1], self.model.order))
+        _settle(self, "observer_gain", (self.model.order, self.model.C.shape[0]))
         if self.disturbance_gain is not None:
-            _check("disturbance_gain", self.disturbance_gain, (self.model.C.shape[0],))
+            _settle(self, "disturbance_gain", (self.model.C.shape[0],))
 
     def save(self, path: Path) -> None:
         """Write the controller as JSON."""
@@ -181,12 +195,34 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
-def _check(name: str, array: Float[np.ndarray, "..."], shape: tuple[int, ...]) -> None:
+def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
+    """Return a record's samples, one row each: those of a single channel may come without columns."""
+    wanted = "one row per sample, one column per channel"
+    array = real(name, given, wanted)
+    return shaped(name, array[:, None] if array.ndim == 1 else array, (None, None), wanted)
+
+
+def _names(name: str, given: Iterable[str]) -> tuple[str, ...]:
+    names = () if isinstance(given, str) else tuple(given)
+    if isinstance(given, str) or not all(isinstance(item, str) for item in names):
+        raise RecordError(f"{name} is {given!r}; wanted a list of names, one per channel")
+    return names
+
+
+def _check_number(name: str, given: object) -> None:
+    if not isinstance(given, Real):
+        raise ModelError(f"{name} is {given!r}, of type {type(given).__name__}; wanted a number")
+
+
+def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
+    """Check an array of a model, and keep it so that nobody writes to it."""
+    array = real(name, getattr(owner, name), f"an array of shape {shape}")
     if array.shape != shape:
         raise ShapeMismatch(f"{name} is {array.shape}, the other matrices ask for {shape}; is it transposed?")
     if not np.isfinite(array).all():
         raise NotFinite(f"{name} holds NaN or Inf; identify the model again")
     array.setflags(write=False)
+    object.__setattr__(owner, name, array)
 
 
 def _jsonable(value: Any) -> Any:

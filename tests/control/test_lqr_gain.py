@@ -1,12 +1,13 @@
 """Eq. (10) to (14): the gain, and the static reconstruction."""
 
+import jaxtyping
 import numpy as np
 import pytest
 
 from treadline import paper
 from treadline.control import lqr_gain
 from treadline.control.reconstruct import static_reconstruction
-from treadline.errors import NotDefinite, NotInvertible, NotStabilisable
+from treadline.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch
 
 
 def test_gain_is_the_one_in_eq_14() -> None:
@@ -33,3 +34,22 @@ def test_a_free_input_is_refused() -> None:
 def test_fewer_outputs_than_states_cannot_be_inverted() -> None:
     with pytest.raises(NotInvertible):
         static_reconstruction(paper.C[:1], paper.D[:1], paper.K)
+
+
+def test_lists_are_matrices_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    K = lqr_gain(*(matrix.tolist() for matrix in (paper.A, paper.B, paper.Q, paper.R)))
+    np.testing.assert_array_equal(K, lqr_gain(paper.A, paper.B, paper.Q, paper.R))
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "message"),
+    [
+        (paper.A, [1.0, 0.0], r"B is of shape \(2,\); wanted a matrix"),
+        (np.ones((2, 3)), paper.B, r"matrix A is \(2, 3\), A and B ask for \(2, 2\)"),
+    ],
+)
+def test_what_is_no_system_is_told(A: object, B: object, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(ShapeMismatch, match=message):
+        lqr_gain(A, B, paper.Q, paper.R)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import jaxtyping
 import numpy as np
 import pytest
 
@@ -130,3 +131,11 @@ def test_arrays_of_any_layout_and_read_only_ones_are_data(draw: Draw) -> None:
     plain, other = (identify(item, order=2, method="okid-era") for item in (record, replace(record, u=u, y=y)))
     np.testing.assert_allclose(other.model.A, plain.model.A, atol=1e-12)
     assert other.report.fit_percent == pytest.approx(plain.report.fit_percent)
+
+
+def test_a_model_of_lists_is_one_of_arrays(eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    lists = {name: getattr(eq_12, name).tolist() for name in ("A", "B", "C", "D", "input_offset", "output_offset")}
+    np.testing.assert_array_equal(LinearModel(**lists, dt_s=1.0).B, eq_12.B)
+    with pytest.raises(ShapeMismatch, match=r"C is of shape \(2,\); wanted a matrix"):
+        LinearModel(**lists | {"C": [1.0, 0.0]}, dt_s=1.0)

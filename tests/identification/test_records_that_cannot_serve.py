@@ -2,10 +2,20 @@
 
 from collections.abc import Callable
 
+import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.errors import ModelError, NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch, TreadlineError
+from treadline.errors import (
+    ModelError,
+    NotFinite,
+    PeriodMismatch,
+    PoorExcitation,
+    RecordError,
+    SettingsError,
+    ShapeMismatch,
+    TreadlineError,
+)
 from treadline.identification import identify
 from treadline.models import InputOutputRecord
 
@@ -130,3 +140,40 @@ def test_no_record_at_all_is_refused() -> None:
 def test_a_record_without_a_period_is_no_record() -> None:
     with pytest.raises(ModelError, match=r"period is 0\.0 s"):
         InputOutputRecord(u=np.zeros((3, 2)), y=np.zeros((3, 2)), dt_s=0.0)
+
+
+def test_lists_and_single_channels_are_columns(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    record = draw(0)
+    listed = InputOutputRecord(u=record.u.tolist(), y=record.y.tolist(), dt_s=1.0, input_names=["left", "right"])
+    np.testing.assert_array_equal(listed.u, record.u)
+    assert listed.input_names == ("left", "right")
+    single = InputOutputRecord(u=record.u[:, 0], y=[1] * len(record), dt_s=1.0)
+    assert (single.u.shape, single.y.shape, single.y.dtype) == ((len(record), 1), (len(record), 1), np.dtype(float))
+
+
+def test_arrays_are_kept_as_they_are(draw: Draw) -> None:
+    record = draw(0)
+    assert InputOutputRecord(u=record.u, y=record.y, dt_s=1.0).u is record.u
+
+
+@pytest.mark.parametrize(
+    ("fields", "error", "message"),
+    [
+        ({"u": np.zeros((3, 1, 1))}, ShapeMismatch, r"u is of shape \(3, 1, 1\); wanted one row per sample"),
+        ({"y": 2.0}, ShapeMismatch, r"y is of shape \(\); wanted one row per sample"),
+        ({"u": [[1.0], [2.0, 3.0]]}, ShapeMismatch, "u has rows of different lengths"),
+        ({"u": np.zeros((3, 1), dtype=complex)}, RecordError, "u is an array of complex values; wanted .* real numbers"),
+        ({"u": np.array([[1], [None], [2]])}, RecordError, "u is an array of object values"),
+        ({"y": ["1", "2", "3"]}, RecordError, "y is an array of str values"),
+        ({"y": None}, RecordError, "y is None, of type NoneType; wanted one row per sample"),
+        ({"dt_s": "0.1"}, ModelError, r"dt_s is '0\.1', of type str; wanted a number"),
+        ({"input_names": "left"}, RecordError, "input_names is 'left'; wanted a list of names"),
+    ],
+)
+def test_what_is_no_record_is_told_by_name(
+    fields: dict[str, object], error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(error, match=message):
+        InputOutputRecord(**({"u": np.zeros((3, 1)), "y": np.zeros((3, 1)), "dt_s": 1.0} | fields))

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 
+import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.errors import PoorExcitation
-from treadline.identification import era, okid, pbsid, system_markov
+from treadline.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.identification import era, identify, okid, pbsid, system_markov
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -32,3 +33,44 @@ def test_what_the_data_do_not_carry_is_refused(draw: Draw) -> None:
         pbsid(draw(3), order=3, lags=3)
     with pytest.raises(PoorExcitation, match="too few"):
         okid(draw(4, samples=30), lags=20)
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        (lambda record: pbsid(record, order=0), "order is 0; at least 1"),
+        (lambda record: okid(record, lags=0), "lags is 0; at least 1"),
+        (lambda record: identify(record, order=2.5), r"order is 2\.5; at least 1, a whole number"),
+        (lambda record: identify(record, order="2"), "order is '2', of type str; at least 1, a whole number"),
+        (lambda _: era(np.ones((9, 1, 1)), 0), "order is 0; at least 1"),
+    ],
+)
+def test_a_count_that_is_none_is_told(
+    draw: Draw, step: Callable[[InputOutputRecord], object], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(SettingsError, match=message):
+        step(draw(5))
+
+
+@pytest.mark.parametrize(
+    ("markov", "error", "message"),
+    [
+        (np.ones((9, 2)), ShapeMismatch, r"markov is of shape \(9, 2\); wanted \(steps, outputs, inputs\)"),
+        (np.full((9, 1, 1), np.nan), NotFinite, "markov holds NaN"),
+        (np.ones((2, 1, 1)), ShapeMismatch, "markov is of 2 steps; wanted 3 or more for 1 block rows"),
+        ("impulse", RecordError, "markov is 'impulse', of type str; wanted"),
+    ],
+)
+def test_what_is_no_impulse_response_is_told(
+    markov: object, error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(error, match=message):
+        era(markov, 1)
+
+
+def test_an_impulse_response_may_be_a_list(eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    response = impulse_response(eq_12, 13)
+    np.testing.assert_array_equal(era(response.tolist(), 2)[0], era(response, 2)[0])

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.linalg import LinAlgError, solve_discrete_are
 
+from treadline.arrays import matrix
 from treadline.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
 from treadline.models import ControllerDesign
 
@@ -34,17 +35,19 @@ def lqr_gain(
         K: Belt speed per unit of state [m/s].
 
     Raises:
-        ShapeMismatch: If the matrices do not fit each other.
+        RecordError: If one holds anything but real numbers.
+        ShapeMismatch: If they are no matrices, or do not fit each other.
         NotFinite: If one holds NaN or Inf.
         NotDefinite: If Q or R is not as definite as it must be.
         NotStabilisable: If no gain makes ``A - BK`` stable.
     """
+    A, B, Q, R = matrix("A", A), matrix("B", B), matrix("Q", Q), matrix("R", R)
     n, m = A.shape[0], B.shape[1]
-    for name, matrix, shape in (("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
-        if matrix.shape != shape:
-            raise ShapeMismatch(f"the weight or matrix {name} is {matrix.shape}, A and B ask for {shape}")
-    for name, matrix in (("A", A), ("B", B), ("Q", Q), ("R", R)):
-        if not np.isfinite(matrix).all():
+    for name, given, shape in (("A", A, (n, n)), ("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
+        if given.shape != shape:
+            raise ShapeMismatch(f"the weight or matrix {name} is {given.shape}, A and B ask for {shape}")
+    for name, given in (("A", A), ("B", B), ("Q", Q), ("R", R)):
+        if not np.isfinite(given).all():
             raise NotFinite(f"{name} holds NaN or Inf")
     check_definite("Q", Q, strictly=False)
     check_definite("R", R, strictly=True)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.linalg import lapack
 
-from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, ShapeMismatch
+from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
 from treadline.identification.gram import Gram, Units, units_of
 from treadline.models import InputOutputRecord
 
@@ -33,6 +33,18 @@ def check_records(records: list[InputOutputRecord]) -> Units:
     """
     check_alike(records)
     return _check_movement(records)
+
+
+def check_whole(**numbers: object) -> None:
+    """Check that options are whole numbers, at least 1, or left out.
+
+    Raises:
+        SettingsError: With the option and what it is.
+    """
+    for name, number in numbers.items():
+        if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
+            given = number if isinstance(number, int | float | np.number) else f"{number!r}, of type {type(number).__name__}"
+            raise SettingsError(f"{name} is {given}; at least 1, a whole number")
 
 
 def check_alike(records: list[InputOutputRecord]) -> None:

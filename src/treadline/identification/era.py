@@ -12,7 +12,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.fft import irfft, next_fast_len, rfft
 
-from treadline.errors import PoorExcitation
+from treadline.arrays import shaped
+from treadline.errors import NotFinite, PoorExcitation, ShapeMismatch
+from treadline.identification.checks import check_whole
 from treadline.identification.kernels import hankel_matrix
 
 DENSE_MOST = 300
@@ -188,8 +190,24 @@ def era(
     """Return A, B, C, D of an order from the impulse response ``Y_0, Y_1, …``.
 
     Paper: Eq. (7), (8).
+
+    Args:
+        markov: A matrix per step, one row per output, one column per input.
+        order: Number of states.
+        rows: Block rows of the Hankel matrix; half of the steps when left out.
+
+    Raises:
+        RecordError: If the response is none, or too short for the rows.
+        SettingsError: If order or rows are no whole numbers, at least 1.
+        PoorExcitation: If the order is above the rank that the response shows.
     """
+    markov = shaped("markov", markov, (None, None, None), "(steps, outputs, inputs): a matrix per step")
+    if not np.isfinite(markov).all():
+        raise NotFinite("markov holds NaN or Inf; cut the response before it")
+    check_whole(order=order, rows=rows)
     block = (len(markov) - 1) // 2 if rows is None else rows
+    if not 0 < block < len(markov) - 1:
+        raise ShapeMismatch(f"markov is of {len(markov)} steps; wanted {max(block, 1) + 2} or more for {max(block, 1)} block rows")
     ones_m, ones_p = np.ones(markov.shape[2]), np.ones(markov.shape[1])
     svd = hankel_svd(markov, block, len(markov) - 1 - block, ones_m, ones_p)
     A, B, C = realise(svd, order, ones_m, ones_p)

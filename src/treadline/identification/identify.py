@@ -16,6 +16,7 @@ from treadline.identification.checks import (
     channel_names,
     check_alike,
     check_records,
+    check_whole,
 )
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.fitting import with_inputs_again
@@ -183,9 +184,7 @@ def _check_options(
     for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(allowed)}")
-    for name, number in (("order", order), ("lags", lags)):
-        if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
-            raise SettingsError(f"{name} is {number}; at least 1, a whole number")
+    check_whole(order=order, lags=lags)
     if not 0.0 < forgetting <= 1.0:
         raise SettingsError(f"forgetting is {forgetting}; above 0, at most 1")
     if prior is None and forgetting < 1.0:

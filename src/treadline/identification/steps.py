@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_records
+from treadline.identification.checks import channel_names, check_records, check_whole
 from treadline.identification.gram import Gram, gram_of
 from treadline.identification.okid import ObserverMarkov, observer_markov
 from treadline.identification.pbsid import pbsid as realised_by_pbsid
@@ -28,6 +28,7 @@ def okid(
 
     Raises:
         RecordError: If the data cannot carry as many lags.
+        SettingsError: If lags is no whole number, at least 1.
     """
     return observer_markov(_sums(records, lags, None, solver), feedthrough=feedthrough)
 
@@ -45,6 +46,7 @@ def pbsid(
 
     Raises:
         RecordError: If the data cannot carry as many lags, or do not show as many states.
+        SettingsError: If order or lags is no whole number, at least 1.
     """
     data = _sums(records, lags, order, solver)
     states = state_map(data, lags, feedthrough=feedthrough)
@@ -56,6 +58,7 @@ def pbsid(
 
 
 def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
+    check_whole(order=order, lags=lags)
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
     units = check_records(given)
     return gram_of(given, carried_lags(given, lags, order), units, solver=solver)

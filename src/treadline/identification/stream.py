@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_records
+from treadline.identification.checks import channel_names, check_records, check_whole
 from treadline.identification.from_sums import from_sums, made_by
 from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
@@ -46,12 +46,13 @@ def identify_chunks(
 
     Raises:
         RecordError: If a chunk cannot be used, or the data cannot carry what is asked.
-        SettingsError: If an option is unknown.
+        SettingsError: If an option is unknown or out of range.
     """
     started = time.perf_counter()
     for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; for chunks allowed: {', '.join(allowed)}")
+    check_whole(order=order, lags=lags)
     rest = iter(chunks)
     start = _start(rest, lags, order)
     data, halves, last = _summed(start, rest, solver)
