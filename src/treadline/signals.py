@@ -19,10 +19,15 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from treadline.angles import rotation_x, rotation_y, rotation_z
+from treadline.arrays import shaped
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera that looks straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
 CAMERA_AXES_IN_CHAIR.setflags(write=False)
+
+IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
+IMU_SHAPES = ((4,), (3,), (3,))
+"""Of an IMU's sample: a quaternion and two vectors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +81,15 @@ class ImuSample:
     angular_velocity_rad_s: Float[np.ndarray, " 3"]
     linear_acceleration_m_s2: Float[np.ndarray, " 3"]
     """Specific force: +g along z when at rest and level."""
+
+    def __post_init__(self) -> None:
+        try:
+            shapes = self.orientation.shape, self.angular_velocity_rad_s.shape, self.linear_acceleration_m_s2.shape
+        except AttributeError:
+            shapes = None
+        if shapes != IMU_SHAPES:
+            for name, shape in zip(IMU_ARRAYS, IMU_SHAPES, strict=True):
+                object.__setattr__(self, name, shaped(name, getattr(self, name), shape, f"{shape[0]} numbers"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

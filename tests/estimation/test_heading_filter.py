@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import jaxtyping
 import numpy as np
 import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rms, rotation_y, rotation_z, wrap
+from treadline.errors import ShapeMismatch
 from treadline.estimation import FilterConfig, HeadingFilter
 from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
@@ -625,3 +627,13 @@ def test_a_gyro_clock_that_leaps_ahead_does_not_spin_the_heading() -> None:
     # One second of the rate is believed, and the sigma says that nothing is known: half a turn.
     assert abs(estimate.heading_rad - 0.1) <= 0.2 + 1e-9
     assert estimate.sigma_rad == pytest.approx(np.pi, rel=0.01)
+
+
+def test_an_imu_sample_may_be_of_lists_and_must_be_of_three_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    listed = {"orientation": [1, 0, 0, 0], "angular_velocity_rad_s": [0.0, 0.0, 0.1], "linear_acceleration_m_s2": [0.0, 0.0, 9.81]}
+    sample = ImuSample(t_s=0.0, **listed)
+    assert HeadingFilter().step(sample) is None
+    assert sample.orientation.dtype == float
+    with pytest.raises(ShapeMismatch, match=r"angular_velocity_rad_s is of shape \(2,\); wanted 3 numbers"):
+        ImuSample(t_s=0.0, **listed | {"angular_velocity_rad_s": [0.0, 0.1]})

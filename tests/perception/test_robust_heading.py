@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+import jaxtyping
 import numpy as np
 import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rms, rotation_x, rotation_z
+from treadline.errors import ImageError, ShapeMismatch
 from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.scenario import Stair
 
@@ -157,3 +159,30 @@ def test_steep_headings_are_refused_or_right(view) -> None:
             assert sight.reason
         else:
             assert sight.heading_rad == pytest.approx(heading, abs=1.0 * DEG)
+
+
+def test_gravity_may_be_a_list_and_must_be_three_numbers(view, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    frame, down = view(4202, 0.2, STAIR)
+    assert ROBUST.look(frame, down.tolist()).heading_rad == ROBUST.look(frame, down).heading_rad
+    for look in (ROBUST.step, ROBUST.look):
+        with pytest.raises(ShapeMismatch, match=r"gravity_C is of shape \(4,\); wanted three numbers x, y, z"):
+            look(frame, np.append(down, 0.0))
+
+
+@pytest.mark.parametrize(("gravity_C", "told"), [([0.0, 0.0, 0.0], "(0, 0, 0)"), ([0.0, float("nan"), 1.0], "(0, nan, 1)")])
+def test_gravity_without_a_direction_is_no_gravity(view, gravity_C: list[float], told: str) -> None:
+    sight = ROBUST.look(view(4202, 0.2, STAIR)[0], np.array(gravity_C))
+    assert (sight.accepted, sight.reason) == (False, f"gravity is not a direction but {told}")
+
+
+def test_depth_must_be_an_image_of_the_cameras_size(view, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    frame, _ = view(4202, 0.2, STAIR)
+    for depth_m, told in (
+        (frame.depth_m[::2, ::2], "depth is 160×120 pixels, its calibration is for 320×240"),
+        (frame.depth_m.ravel(), r"depth is no image but an array of shape \(76800,\); its calibration is for 320×240 pixels"),
+        (frame.depth_m.tolist(), "depth is no image but a list; its calibration is for 320×240 pixels"),
+    ):
+        with pytest.raises(ImageError, match=told):
+            ROBUST.look(replace(frame, depth_m=depth_m))

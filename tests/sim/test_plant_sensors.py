@@ -4,11 +4,12 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import jaxtyping
 import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.errors import SimulationDiverged
+from treadline.errors import SettingsError, SimulationDiverged
 from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.signals import (
     ImuSample,
@@ -100,3 +101,9 @@ def test_a_simulator_that_left_physics_gives_no_result(
         plant.advance(0.1)
     # Left to itself, MuJoCo writes a log of its warnings where it stands.
     assert not list(tmp_path.iterdir())
+
+
+def test_a_plant_is_not_opened_by_a_scenarios_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+    with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario makes one"):
+        open_plant("paper-28")

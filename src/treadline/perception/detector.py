@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.arrays import shaped
 from treadline.errors import ImageError
 from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import look_robust
@@ -53,15 +54,22 @@ class StairDetector:
         """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
     def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
-        """Return the heading seen in a frame, or None.
+        """Return the heading seen in a frame, or None; ``look`` tells why there is none.
 
         Args:
-            gravity_C: Unit vector that points down, in the camera's frame; without it the robust method takes it from the treads.
+            gravity_C: Vector that points down, in the camera's frame; without it the robust method takes it from the treads.
+
+        Raises:
+            RecordError: If gravity is no three numbers.
         """
         return self.see(frame, gravity_C).measurement
 
     def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Seen:
-        """Return heading and map of one frame."""
+        """Return heading and map of one frame.
+
+        Raises:
+            RecordError: If gravity is no three numbers.
+        """
         try:
             sight = self.look(frame, gravity_C)
         except ImageError:
@@ -73,19 +81,33 @@ class StairDetector:
 
         Raises:
             ImageError: If an image is not of the size that the frame's calibration is for.
+            RecordError: If gravity is no three numbers.
         """
+        if gravity_C is not None:
+            gravity_C = shaped("gravity_C", gravity_C, (3,), "three numbers x, y, z")
         size = (frame.camera.height_px, frame.camera.width_px)
         for name, image in (("depth", frame.depth_m), ("colour", frame.rgb) if self._config.method == "paper" else ("", None)):
-            if image is not None and image.shape[:2] != size:
-                raise ImageError(
-                    f"{name} is {image.shape[1]}×{image.shape[0]} pixels, its calibration is for {size[1]}×{size[0]}; scale fx, "
-                    "fy, cx and cy with the image"
-                )
+            if image is not None:
+                _check_size(name, image, size)
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
             return look_robust(frame, gravity_C, watch)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
+
+
+def _check_size(name: str, image: np.ndarray, size: tuple[int, int]) -> None:
+    if not isinstance(image, np.ndarray) or image.ndim < 2:
+        raise ImageError(f"{name} is no image but {_kind(image)}; its calibration is for {size[1]}×{size[0]} pixels")
+    if image.shape[:2] != size:
+        raise ImageError(
+            f"{name} is {image.shape[1]}×{image.shape[0]} pixels, its calibration is for {size[1]}×{size[0]}; scale fx, "
+            "fy, cx and cy with the image"
+        )
+
+
+def _kind(image: object) -> str:
+    return f"an array of shape {image.shape}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
 
 
 def _measured(t_s: float, sight: Sight) -> HeadingMeasurement | None:

@@ -74,7 +74,7 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
     if gravity_C is not None:
         told = _unit(gravity_C)
         if told is None:
-            return refused("gravity is not a direction")
+            return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         down = _Down(direction=levelled(told, unit, UPRIGHT), reference=told, sigma_rad=GRAVITY_SIGMA)
         return _look_under(down, frame, blocks, unit, watch)
     sight = refused("no gravity, and no treads to tell it from")

@@ -18,7 +18,7 @@ from treadline.devices import kernels as drives
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
-from treadline.errors import SimulationDiverged
+from treadline.errors import SettingsError, SimulationDiverged
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
@@ -267,5 +267,11 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
 
 
 def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:
-    """Return a simulated chair on the scenario's stair."""
+    """Return a simulated chair on the scenario's stair.
+
+    Raises:
+        SettingsError: If it is given a scenario's name, not the scenario.
+    """
+    if not isinstance(scenario, Scenario):
+        raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario makes one of a name or a file")
     return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair)
