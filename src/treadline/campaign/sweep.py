@@ -142,7 +142,7 @@ def write_results(plan: Plan, folder: Path, rows: Mapping[int, Row], flights: Ma
     times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
     _write_json(folder / "summary.json", summary)
     _write_json(folder / "times.json", times)
-    page = write_page(folder, summary, times, flat_rows)
+    page = write_page(folder, summary, times, flat_rows, drawn)
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
 
 

@@ -48,6 +48,11 @@ def channel(name: str) -> Channel:
     return Channel(name=name, quantity=_drawable(name), unit=None)
 
 
+def suffix(unit: str) -> str:
+    """Return a unit as it follows a number."""
+    return unit if unit in ("", "°") else f" {unit}"
+
+
 def _drawable(text: str) -> str:
     shown = "".join(letter for letter in text if letter.isprintable())
     shown = shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…"

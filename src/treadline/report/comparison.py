@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, replace
 
+from treadline.report.channels import suffix
+
 REACHED, NO_TARGET = "reached", "-"
 
 
@@ -43,18 +45,14 @@ def judged(
     )
     if target is None:
         return row
-    row = replace(row, target=f"{'≥' if at_least else '≤'} {target:g}{_unit(unit)}")
+    row = replace(row, target=f"{'≥' if at_least else '≤'} {target:g}{suffix(unit)}")
     if value is None or not known:
         return replace(row, verdict="missed")
     gap = target - value if at_least else value - target
-    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {gap:.{2 if gap < 100.0 else 3}g}{_unit(unit)}")
+    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {gap:.{2 if gap < 100.0 else 3}g}{suffix(unit)}")
 
 
 def written(value: float, unit: str) -> str:
     """Return a value with three digits, a length to the millimetre: what is below is not a result."""
     text = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
-    return text + _unit(unit)
-
-
-def _unit(unit: str) -> str:
-    return unit if unit in ("", "°") else f" {unit}"
+    return text + suffix(unit)
