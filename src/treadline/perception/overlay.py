@@ -20,6 +20,8 @@ WIDTH_PX = 960
 BAND_PX, LINE_PX = 66, 26
 DIAL_PX, DIAL_SPAN = 96, 60.0 * DEG
 """Radius of the dial, and the heading at its ends."""
+LABEL_PX, LETTER_PX, DIAL_HALF_PX = 12, 7.5, 130
+"""From the dial's arc to its labels, a letter's width, and half the width of dial and labels."""
 LEAST_WEDGE = 0.6 * DEG
 """A narrower interval would not be seen."""
 
@@ -43,7 +45,7 @@ def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
     for number, (line, colour) in enumerate(_words(sight)):
         _write(canvas, line, (12, picture.shape[0] + LINE_PX * (number + 1)), colour)
     if sight.heading_rad is not None and sight.sigma_rad is not None:
-        _dial(canvas, (WIDTH_PX - DIAL_PX - 24, picture.shape[0] - 20), sight.heading_rad, 1.96 * sight.sigma_rad)
+        _dial(canvas, (WIDTH_PX - DIAL_HALF_PX - 8, picture.shape[0] - 20), sight.heading_rad, 1.96 * sight.sigma_rad)
     return canvas
 
 
@@ -84,7 +86,7 @@ def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"
 
 def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad: float) -> None:
     """Draw the heading as a needle from above, the flight straight up, with its interval as a wedge; anticlockwise is left."""
-    box = canvas[centre[1] - DIAL_PX - 40 : centre[1] + 16, centre[0] - DIAL_PX - 16 : centre[0] + DIAL_PX + 16]
+    box = canvas[centre[1] - DIAL_PX - 40 : centre[1] + 16, centre[0] - DIAL_HALF_PX : centre[0] + DIAL_HALF_PX]
     box[:] = (0.35 * box).astype(np.uint8)
     cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -DIAL_SPAN / DEG, DIAL_SPAN / DEG, NEEDLE, 1, cv2.LINE_AA)
     for tick_deg in range(-60, 61, 15):
@@ -98,11 +100,18 @@ def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad
             cv2.LINE_AA,
         )
         if tick_deg % 30 == 0:
-            u, v = _at(centre, DIAL_PX + 14.0, tick_deg * DEG)
-            _write(canvas, f"{tick_deg:+d}°" if tick_deg else "0°", (u - 14, v + 5), NEEDLE, size=13)
+            _label(canvas, centre, tick_deg)
     half = max(half_rad, LEAST_WEDGE)
     wedge = [centre, *(_at(centre, DIAL_PX - 12.0, heading_rad + part * half) for part in np.linspace(-1.0, 1.0, 9))]
     cv2.fillPoly(canvas, [np.array(wedge, dtype=np.int32)], NOSING, cv2.LINE_AA)
+
+
+def _label(canvas: Picture, centre: tuple[int, int], tick_deg: int) -> None:
+    """Write a tick's heading beyond the arc: one at the left ends there, one at the right begins there."""
+    text = (f"{tick_deg:+d}" if tick_deg else "0") + ("°" if hasattr(cv2, "FontFace") else "")
+    u, v = _at(centre, float(DIAL_PX + LABEL_PX), tick_deg * DEG)
+    before = 0.5 * (1.0 + math.sin(tick_deg * DEG))
+    _write(canvas, text, (round(u - before * LETTER_PX * len(text)), v + 5), NEEDLE, size=13)
 
 
 def _at(centre: tuple[int, int], radius: float, angle_rad: float) -> tuple[int, int]:
