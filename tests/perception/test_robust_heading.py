@@ -98,6 +98,18 @@ def test_half_a_degree_of_gravity_error_moves_the_heading_by_less_than_a_fifth(v
         assert off == pytest.approx(true, abs=0.2 * DEG)
 
 
+def test_gravity_so_wrong_that_no_tread_is_level_is_refused(view) -> None:
+    reasons = []
+    for seed in range(4210, 4218):
+        frame, down = view(seed, heading_of(seed), stair_of(seed))
+        for angle in (20.0 * DEG, 23.0 * DEG):
+            sight = ROBUST.look(frame, tilted(down, angle, seed))
+            # What risers alone say under such a gravity is ten degrees off.
+            assert sight.heading_rad is None or sight.heading_rad == pytest.approx(heading_of(seed), abs=1.0 * DEG)
+            reasons.append(sight.reason or "")
+    assert any("treads agree on a level" in reason and "° off the gravity told" in reason for reason in reasons)
+
+
 def test_gravity_may_be_off_by_degrees_and_of_any_length(view) -> None:
     frame, down = view(4202, 0.2, STAIR)
     assert ROBUST.look(frame, rotation_x(DEG) @ rotation_z(DEG) @ down).heading_rad == pytest.approx(0.2, abs=1.0 * DEG)

@@ -121,6 +121,21 @@ def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
     return sigma_rad**2
 
 
+def off_gravity(normals: Float[np.ndarray, "k 3"], told: Float[np.ndarray, " 3"]) -> float | None:
+    """Return how far treads are off the IMU's down if they agree with each other against it, both ways of tilting; else None.
+
+    Args:
+        normals: The treads' own, unit vectors that all point down.
+        told: Unit vector that the IMU calls down.
+    """
+    if len(normals) < 2:
+        return None
+    mean = normals.mean(axis=0)
+    gap = float(np.arccos(np.clip(mean @ told / np.linalg.norm(mean), -1.0, 1.0)))
+    apart = float(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
+    return gap if apart < AGREED_SHARE * gap else None
+
+
 def fit_edges(
     nosings: Sequence[Nosing],
     treads: Sequence[Surface],

@@ -14,7 +14,7 @@ from jaxtyping import Float, Float32
 
 from treadline.angles import DEG
 from treadline.perception.ahead import map_of
-from treadline.perception.direction import EdgeFit, fit_edges
+from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
 from treadline.perception.down import down_of_treads, levelled
 from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
 from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, way_of
@@ -37,6 +37,8 @@ LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
 seen from the front and a floor seen from above are alike."""
 GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Trust in the IMU's idea of down, and in one taken from the treads."""
+TREADS_LEAST = 2
+"""That gravity must leave level for nobody to look for others that are not."""
 DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
 """Between risers and nosings, from which on one of them is something else."""
 
@@ -76,7 +78,8 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
         if told is None:
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         down = _Down(direction=levelled(told, unit, UPRIGHT), reference=told, sigma_rad=GRAVITY_SIGMA)
-        return _look_under(down, frame, blocks, unit, watch)
+        sight = _look_under(down, frame, blocks, unit, watch)
+        return _unless_treads_differ(sight, told, frame, blocks, unit, watch)
     sight = refused("no gravity, and no treads to tell it from")
     guess = down_of_treads(unit, LOOKING_AHEAD)
     if guess is not None:
@@ -90,6 +93,27 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
         tried = _look_under(ladder, frame, blocks, unit, watch)
         sight = tried if tried.accepted else sight
     return sight
+
+
+def _unless_treads_differ(
+    sight: Sight, told: Float[np.ndarray, " 3"], frame: RgbdFrame, blocks: Blocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
+) -> Sight:
+    """Return what was seen, or a refusal where it shows hardly a tread because gravity is told so wrong that none looks level.
+
+    Risers alone tell nothing of how the edges tilt: gravity does, and its error becomes the heading's.
+    """
+    if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
+        return sight
+    guess = down_of_treads(unit, LOOKING_AHEAD)
+    if guess is None or float(guess @ told) > np.cos(UPRIGHT):
+        return sight
+    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
+    treads = () if other.parts is None else other.parts.treads
+    normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
+    off = off_gravity(normals, told)
+    if off is None:
+        return sight
+    return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the gravity told", edge_count=sight.edge_count)
 
 
 def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
