@@ -92,17 +92,6 @@ def test_a_start_on_the_flight_stands_on_one_of_its_steps(tmp_path: Path) -> Non
     read('[stair]\nsteps = 8\n[start]\nplace = "floor"\nstep = 8', tmp_path)  # where the step means nothing
 
 
-def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(tmp_path: Path) -> None:
-    assert refusal('[drive]\ndirection = "down"', tmp_path) == (
-        "no flight leads down from start.place = 'floor'; start on the landing, or give drive.direction = 'up'"
-    )
-    assert refusal('[start]\nplace = "landing"', tmp_path) == (
-        "no flight leads up from start.place = 'landing'; start on the floor, or give drive.direction = 'down'"
-    )
-    for direction in ("up", "down"):
-        read(f'[start]\nplace = "flight"\n[drive]\ndirection = "{direction}"', tmp_path)
-
-
 def test_a_chairs_file_is_sought_beside_the_scenario_then_where_one_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     working, beside = tmp_path / "here", tmp_path / "there"
     for folder in (working, beside):

@@ -172,15 +172,6 @@ class Scenario(Settings):
             )
         return self
 
-    @model_validator(mode="after")
-    def _has_a_flight_ahead(self) -> "Scenario":
-        place, direction = self.start.place, self.drive.direction
-        if (place, direction) in {("floor", "down"), ("landing", "up")}:
-            other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
-            remedy = f"start on the {other}, or give drive.direction = '{turned}'"
-            raise ValueError(f"no flight leads {direction} from start.place = '{place}'; {remedy}")
-        return self
-
 
 def read_scenario(name: str | Path) -> Scenario:
     """Return the scenario in a file, or the shipped one of that name.

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from treadline import cli
 from treadline.cli import main
 from treadline.io.mcap_read import read_log
 from treadline.ports import Truth
@@ -72,6 +73,20 @@ def test_many_interrupts_while_it_is_still_loading_are_one_line(tmp_path: Path) 
     done = interrupted(["check", "paper-28"], tmp_path, after_s=0.12, by=(signal.SIGINT,) * 3)
     assert done.returncode == 130, done.stderr
     assert (done.stdout, len(done.stderr.splitlines())) == ("", 1)
+
+
+@pytest.mark.parametrize(("by", "code"), [(KeyboardInterrupt, 130), (cli.Terminated, 143)])
+def test_an_interrupt_in_the_moment_compiled_code_is_dispatched_is_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], by: type[KeyboardInterrupt], code: int
+) -> None:
+    """Test: the dispatcher turns Ctrl-C, or a request to end, into an error of its own. Expected result: as any interrupt."""
+
+    def dispatched(*_: object, **__: object) -> None:
+        raise SystemError("returned a result with an exception set") from by()
+
+    monkeypatch.setattr(cli, "app", type("App", (), {"meta": cli.app.meta, "__call__": dispatched})())
+    assert main(["doctor"]) == code
+    assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:

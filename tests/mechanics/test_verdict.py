@@ -13,7 +13,7 @@ from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import MARGIN_LIMIT_RAD, CheckReport, check
-from treadline.scenario import SEAT_SHIFT_M, Scenario, read_scenario, shipped_scenarios
+from treadline.scenario import SEAT_SHIFT_M, Drive, Scenario, Start, read_scenario, shipped_scenarios
 
 CHAIR = read_chair("wheelchair")
 
@@ -272,3 +272,19 @@ def test_an_unknown_chair_lists_the_shipped_ones() -> None:
     for model in ("throne", "../chairs/wheelchair", ""):
         with pytest.raises(SettingsError, match=r"^chair\.model: no shipped chair .*\(shipped: rescue, wheelchair"):
             read_chair(model)
+
+
+@pytest.mark.parametrize(
+    ("place", "direction", "why"),
+    [
+        ("floor", "down", "no flight leads down from start.place = 'floor'; start on the landing, or give drive.direction = 'up'"),
+        ("landing", "up", "no flight leads up from start.place = 'landing'; start on the floor, or give drive.direction = 'down'"),
+        ("floor", "up", None),
+        ("landing", "down", None),
+        ("flight", "up", None),
+        ("flight", "down", None),
+    ],
+)
+def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(place: Any, direction: Any, why: str | None) -> None:
+    report = check(Scenario(start=Start(place=place), drive=Drive(direction=direction)), read_chair("wheelchair"))
+    assert [reason for reason in report.reasons if "leads" in reason] == ([] if why is None else [why])

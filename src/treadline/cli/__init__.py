@@ -102,10 +102,12 @@ def _launch(
         return _fail(str(error), 1, debug=debug)
     except TreadlineError as error:
         return _fail(str(error), 2, debug=debug)
-    except Terminated:
-        return _fail("asked to end; what was finished is readable", 143, debug=debug)
-    except KeyboardInterrupt:
-        return _fail("interrupted; what was finished is readable", 130, debug=debug)
+    except KeyboardInterrupt as error:
+        return _ended(error, debug=debug)
+    except SystemError as error:
+        if not isinstance(error.__cause__, KeyboardInterrupt):  # so it looks where compiled code is just being dispatched
+            raise
+        return _ended(error.__cause__, debug=debug)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", 2, debug=debug)
@@ -190,6 +192,11 @@ def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
         again.start()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _ended(by: KeyboardInterrupt, *, debug: bool) -> int:
+    said, code = ("asked to end", 143) if isinstance(by, Terminated) else ("interrupted", 130)
+    return _fail(f"{said}; what was finished is readable", code, debug=debug)
 
 
 def _usage(error: cyclopts.CycloptsError) -> str:

@@ -141,8 +141,9 @@ class Gram:
                 names = tuple(str(name) for name in file["names"]) if "names" in file else ()
         except FileNotFoundError:
             raise LogFormatError(f"{path}: no such file") from None
-        except KeyError:
-            raise LogFormatError(f"{path}: holds no sums; --update takes the file that identify --sums wrote") from None
+        except KeyError as error:
+            lacks = f"it lacks {str(error.args[0]).split(' ', maxsplit=1)[0]}"
+            raise LogFormatError(f"{path}: not a saved Gram matrix: {lacks}; --update takes what identify --sums wrote") from None
         except IsADirectoryError:
             raise LogFormatError(f"{path}: not a saved Gram matrix but a folder") from None
         except Exception:  # noqa: BLE001 - a broken archive fails in a dozen ways

@@ -65,6 +65,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_steep_for_the_seat(seat_range[1], slope),
         _too_wide_a_gap(stair, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
+        _nowhere_to_go(scenario),
         _beside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
         _over_the_landings_end(scenario, chair),
@@ -186,6 +187,15 @@ def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
     if stair.flights == 1 or stair.between_m >= needed_m:
         return None
     return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
+
+
+def _nowhere_to_go(scenario: Scenario) -> str | None:
+    place, direction = scenario.start.place, scenario.drive.direction
+    if (place, direction) not in {("floor", "down"), ("landing", "up")}:
+        return None
+    other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
+    remedy = f"start on the {other}, or give drive.direction = '{turned}'"
+    return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
 
 
 def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
