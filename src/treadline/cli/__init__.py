@@ -47,8 +47,8 @@ from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
 from treadline.errors import SimulationDiverged, TreadlineError
 
-AGAIN_S = 0.05
-"""After which an interrupt that was swallowed comes again."""
+AGAIN_S = 0.25
+"""After which an interrupt that was swallowed comes again: longer than a burst that counts as one (``__main__``)."""
 EPILOGUE = """\
 Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
 Start with: treadline doctor; treadline check paper-28; treadline climb paper-28 --out runs/first
