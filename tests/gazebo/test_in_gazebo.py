@@ -20,11 +20,9 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.mechanics.chair import read_chair
-from treadline.ports import TruthPlant
 from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
 from treadline.signals import (
     ImuSample,
-    Reading,
     SeatCommand,
     TrackCommand,
 )
@@ -59,19 +57,11 @@ def started() -> Iterator[Opened]:
         yield start
 
 
-def climb(plant: TruthPlant, until_s: float, *, stride_s: float = 0.25, left: float = 0.2, right: float = 0.2) -> list[Reading]:
-    """Climb, a stride at a time, and return every reading."""
-    readings: list[Reading] = []
-    for k in range(1, round(until_s / stride_s) + 1):
-        plant.write(TrackCommand(t_s=0.0, left_m_s=left, right_m_s=right), SeatCommand(t_s=0.0, rate_m_s=0.01))
-        plant.advance(k * stride_s)
-        readings.extend(plant.read())
-    return readings
-
-
 def test_an_ideal_imu_tells_the_truth(started: Opened) -> None:
     plant = started(sensors=Sensors(imu="ideal"))
-    samples = [reading for reading in climb(plant, 2.0) if isinstance(reading, ImuSample)]
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
+    plant.advance(2.0)
+    samples = [reading for reading in plant.read() if isinstance(reading, ImuSample)]
     truth = plant.truth()
     rate = [sample.angular_velocity_rad_s[1] for sample in samples]
     np.testing.assert_allclose(rate, [-sample.pitch_rate_rad_s for sample in truth], atol=1e-12)

@@ -13,7 +13,6 @@ from treadline.errors import SettingsError, SimulationDiverged
 from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.signals import (
     ImuSample,
-    Reading,
     SeatCommand,
     TrackCommand,
 )
@@ -34,19 +33,11 @@ def started(seed: int = 3, *, sensors: Sensors | None = None, mismatch: float = 
     return plant
 
 
-def climb(plant: MujocoPlant, until_s: float, *, stride_s: float = 0.25) -> list[Reading]:
-    """Climb at 0.2 m/s, a stride at a time, and return every reading."""
-    readings: list[Reading] = []
-    for k in range(1, round(until_s / stride_s) + 1):
-        plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
-        plant.advance(k * stride_s)
-        readings.extend(plant.read())
-    return readings
-
-
 def test_an_ideal_imu_tells_the_truth() -> None:
     plant = started(sensors=Sensors(imu="ideal"))
-    samples = [reading for reading in climb(plant, 2.0) if isinstance(reading, ImuSample)]
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
+    plant.advance(2.0)
+    samples = [reading for reading in plant.read() if isinstance(reading, ImuSample)]
     truth = plant.truth()
     rate = [sample.angular_velocity_rad_s[1] for sample in samples]
     np.testing.assert_allclose(rate, [-sample.pitch_rate_rad_s for sample in truth], atol=1e-12)

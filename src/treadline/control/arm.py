@@ -26,7 +26,7 @@ ARM_RAD_S2 = 120.0 * DEG
 ARM_PER_S = 2.0
 """Rate of an arm that is brought to an angle, per angle that is left."""
 OVER_BELTS_RAD = 5.0 * DEG
-"""In line with the belts it would carry on the nosings."""
+"""Where it waits, a little above the belts: in line with them it would carry on the nosings."""
 SMALL_RAD = 8.0 * DEG
 """Below this pitch the arm's angle tells the pivot's distance no more."""
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from treadline.angles import DEG
 from treadline.control.allocate import slowest_share
+from treadline.control.arm import ARM_PER_S
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
@@ -46,7 +47,7 @@ class AscentConfig:
     clear_m: float = 0.05
     """Of the arm's tip above the next nosing while mounting. The section meets the second nosing at its own angle plus the pitch:
     from its rest, at 40°, belts with friction 0.45 do not get up there; so low they do."""
-    arm_per_s: float = 2.0
+    arm_per_s: float = ARM_PER_S
     arm_rate_rad_s: float = 15.0 * DEG
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
