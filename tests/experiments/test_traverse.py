@@ -97,6 +97,21 @@ def test_from_thirty_degrees_it_arrives_gently_and_each_phase_is_in_the_log(dire
     assert_gentle(run)
 
 
+@pytest.mark.parametrize(("payload_kg", "friction"), [(102.0, 0.41), (42.0, 0.43)])
+def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(payload_kg: float, friction: float) -> None:
+    """Test: 20°, friction 1.12 and 1.18 of its tangent. Expected result: no fall of the front from nosing to nosing.
+
+    With the front section at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
+    """
+    stair = {"run_m": 0.338, "friction": (friction, 0.8 * friction), "steps": 11}
+    trip = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg})
+    scenario = trip.scenario().model_copy(update={"start": Start(place="flight", step=8)})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=3)
+    assert (run.verdict, phases(run)[-2:]) == ("arrived", ["leave", "arrived"])
+    assert run.scores.max_pitch_rate_deg_s < 10.0
+    assert run.scores.passenger_max_m_s2 < 2.5
+
+
 def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_again() -> None:
     # 0.9 of friction as told, of which a wet floor leaves 0.92 of tan 28°: check cannot know.
     wet = {"kind": "low_friction", "at_s": 0.0, "for_s": 90.0, "value": 0.55}

@@ -16,6 +16,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import Descent, DescentConfig
+from treadline.mission.traversal import CLEAR_M
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -37,6 +38,7 @@ class World:
     knows: bool = True
     """Whether the filter has a heading."""
     arm_rad: float = 0.7
+    arm_moves: bool = True
     tips: bool = True
     """Whether it pitches over the edge."""
     shows_end: bool = True
@@ -91,6 +93,7 @@ class World:
         """Do what the last plan says."""
         plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
         moved = plan.speed_m_s * TICK_S
+        self.arm_rad += plan.arm.rate_rad_s * TICK_S if plan.arm is not None and self.arm_moves else 0.0
         self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
         self.z_m += moved * math.sin(self.pitch_rad)
         if self.z_m < 0.0 or self.x_m < 0.0:
@@ -249,6 +252,18 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
 
 
 @pytest.mark.usefixtures("edge")
+def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_floor() -> None:
+    world = World()
+    world.run("leave", limit_s=120.0)
+    assert world.arm_rad > 39.0 * DEG
+    world.run("arrived", limit_s=30.0)
+    tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad)
+    assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)
+    world.run(limit_s=3.0)
+    assert world.arm_rad == pytest.approx(CHAIR.tracks.approach_angle_deg * DEG, abs=0.5 * DEG)
+
+
+@pytest.mark.usefixtures("edge")
 def test_a_nosing_beyond_which_nothing_was_ever_seen_is_not_driven_over() -> None:
     """Test: no frame shows the flight's end. Expected result: slow, and HOLD a quarter of a metre before the lowest nosing seen."""
     world = World(shows_end=False)
@@ -366,11 +381,11 @@ def test_let_down_on_the_landing_again_the_chair_stows_its_arm_before_it_holds(e
     had its time, if it is dead."""
     edge.stages = ("press", "lower", "barred")
     for dead in (False, True):
-        world = World(arm_rad=-0.1, tips=False)
+        world = World(arm_moves=not dead, tips=False)
         world.run("edge")
+        world.arm_rad = -0.1
         began_s = world.t_s
         while world.tick().hold is None:
-            world.arm_rad += 0.0 if dead or world.plans[-1].arm is None else world.plans[-1].arm.rate_rad_s * TICK_S
             assert world.t_s < began_s + 20.0
         assert (world.t_s - began_s > CONFIG.stow_s) == dead
         assert dead == (world.arm_rad < 0.0)

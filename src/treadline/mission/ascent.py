@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 
 from treadline.angles import DEG
 from treadline.control.allocate import slowest_share
-from treadline.control.arm import ARM_PER_S
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
-from treadline.signals import ArmCommand, HeadingEstimate, ImuSample, Phase, Plan, TrackReading
+from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading left alone over the crest, and half the belts' difference per heading beyond. Nothing but the gyro tells it there, and
@@ -44,11 +43,6 @@ class AscentConfig:
     gap_m: float = 0.45
     """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
     mount_from_m: float = 0.22
-    clear_m: float = 0.05
-    """Of the arm's tip above the next nosing while mounting. The section meets the second nosing at its own angle plus the pitch:
-    from its rest, at 40°, belts with friction 0.45 do not get up there; so low they do."""
-    arm_per_s: float = ARM_PER_S
-    arm_rate_rad_s: float = 15.0 * DEG
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
     mounted_rad: float = 4.0 * DEG
@@ -165,22 +159,7 @@ class Ascent(Traversal):
             self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
-        return self._plan(
-            t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad())
-        )
-
-    def _mounting_rad(self) -> float:
-        """Return the arm's angle at which its tip just clears a step."""
-        tracks = self._config.chair.tracks
-        lowest = math.asin(min((self._where.rise_m + self._config.clear_m) / tracks.approach_m, 1.0))
-        return min(lowest, tracks.approach_angle_deg * DEG)
-
-    def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
-        if self._arm is None:
-            return None
-        rate = self._config.arm_per_s * (angle_rad - self._arm.angle_rad)
-        limit = self._config.arm_rate_rad_s
-        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -limit), limit))
+        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._stepping_rad))
 
     def _lift_off_m(self) -> float:
         """Return how far ahead of mid-track the first nosing is when belts on two nosings lift the rear pulley off the floor."""

@@ -78,6 +78,9 @@ class Descent(Traversal):
                 return self._turn_by_climbing(t_s, estimate)
             case "descend" | "leave":
                 return self._down(t_s, estimate)
+            case "arrived":
+                arm = self._arm_to(t_s, self._rest_rad)
+                return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False)
             case _:
                 return self._stand(t_s, needs_stair=False)
 
@@ -204,7 +207,8 @@ class Descent(Traversal):
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
         if self._phase == "leave":
-            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), needs_stair=False)
+            arm = self._arm_to(t_s, self._stepping_rad)
+            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
         return self._plan(t_s, speed, needs_stair=not slow)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:

@@ -3,9 +3,11 @@
 ``ascent`` and ``descent`` add the phases of their own; see docs/decisions/0019.
 """
 
+import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
+from treadline.control.arm import ARM_PER_S
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
@@ -15,6 +17,11 @@ from treadline.signals import ArmCommand, ArmReading, ImuSample, Phase, Plan, St
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
 LEVEL_RAD = 2.0 * DEG
+CLEAR_M = 0.05
+"""Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
+pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
+ARM_RAD_S = 15.0 * DEG
+"""Of an arm that is brought to an angle."""
 
 
 def beside(before_m: float) -> str:
@@ -38,6 +45,8 @@ class Traversal:
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
+        self._arm_m = tracks.approach_m
+        self._rest_rad = tracks.approach_angle_deg * DEG
         self._gauge_m = tracks.gauge_m
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
@@ -97,6 +106,18 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._flights_done += 1
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
+
+    @property
+    def _stepping_rad(self) -> float:
+        """The arm's angle at which its tip just clears a step."""
+        return min(math.asin(min((self._where.rise_m + CLEAR_M) / self._arm_m, 1.0)), self._rest_rad)
+
+    def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
+        """Return what brings the arm to an angle; None without an arm."""
+        if self._arm is None:
+            return None
+        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad)
+        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
 
     def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> Plan:
         """Let the belts stand."""
