@@ -121,6 +121,17 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     assert chair.ahead_m == waiting
 
 
+def test_an_arm_that_lifts_the_chair_stands_on_something_else_than_the_landing() -> None:
+    """Test: belts have slipped, the arm reaches down onto the nosing itself. Expected result: barred."""
+    chair = Chassis(0.6)
+    chair.until("reach")
+    chair.pitch_deg = 31.0
+    assert chair.run(0.1, tip_n=40.0).stage == "reach"
+    chair.pitch_deg = 32.5
+    command = chair.run(0.1, tip_n=40.0)
+    assert (command.stage, command.speed_m_s) == ("barred", 0.0)
+
+
 def test_a_short_knock_on_the_arm_is_not_the_landing() -> None:
     chair = Chassis(0.6)
     chair.run(4.5)

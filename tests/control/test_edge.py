@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.control.arm import ArmGeometry, plumb
+from treadline.control.arm import OVER_BELTS_RAD, ArmGeometry, plumb
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
@@ -90,7 +90,7 @@ def test_it_backs_to_the_edge_slows_down_and_lays_the_arm() -> None:
     chair = Chassis(1.2)
     assert chair.run(0.5).speed_m_s == -CONFIG.cruise_m_s
     assert chair.until("press").speed_m_s == 0.0
-    assert chair.angle_rad == pytest.approx(5.0 * DEG, abs=0.5 * DEG)
+    assert chair.angle_rad == pytest.approx(OVER_BELTS_RAD, abs=0.5 * DEG)
 
 
 @pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.edge import EdgeCommand, EdgeConfig
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import read_chair
@@ -255,7 +256,7 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
 def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_floor() -> None:
     world = World()
     world.run("leave", limit_s=120.0)
-    assert world.arm_rad > 39.0 * DEG
+    assert world.arm_rad == pytest.approx(OVER_BELTS_RAD, abs=0.5 * DEG)
     world.run("arrived", limit_s=30.0)
     tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad)
     assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)

@@ -25,7 +25,7 @@ ARM_RAD_S2 = 120.0 * DEG
 """Change of the arm's rate: the rotor's inertia then stays under 2 N·m and is no load."""
 ARM_PER_S = 2.0
 """Rate of an arm that is brought to an angle, per angle that is left."""
-OVER_BELTS_RAD = 5.0 * DEG
+OVER_BELTS_RAD = 2.0 * DEG
 """Where it waits, a little above the belts: in line with them it would carry on the nosings."""
 SMALL_RAD = 8.0 * DEG
 """Below this pitch the arm's angle tells the pivot's distance no more."""

@@ -22,6 +22,8 @@ LATER_M = 0.03
 """Of the centre of mass past the nosing before the lead; as much further before the next try, if the chair did not follow."""
 NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
+PROPPED_RAD = 4.0 * DEG
+"""Above the pitch at which it began to reach: the arm stands on something else than the landing, and lifts the chair."""
 LIES_S = 1.0
 """Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 
@@ -78,7 +80,7 @@ class Crest(Sequencer[Stage]):
         super().__init__(config, "climb", nosing_ahead_m)
         self._config = config
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
-        self._waited_s = 0.0
+        self._waited_s = self._reached_rad = 0.0
         self._lead_from_m = LATER_M
         self._lead_rad = 0.0
         self._lead_rad_s = 0.0
@@ -93,12 +95,12 @@ class Crest(Sequencer[Stage]):
         self._waited_s = self._waited_s + dt_s if waits else 0.0
         beyond = self._com_beyond(pitch)
         match self._stage:
-            case "reach" | "carry" if self._waited_s > config.patience_s:
+            case "reach" | "carry" if self._waited_s > config.patience_s or pitch > self._reached_rad + PROPPED_RAD:
                 self._stage = "barred"
             case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.arm_m:
                 self._stage = "slow"
             case "slow" if self._past_m > config.reach_from_m:
-                self._stage = "reach"
+                self._stage, self._reached_rad = "reach", pitch
             case "reach" if self._tip.carries:
                 self._stage = "carry"
                 self._ahead_m = self._by_the_arm(pitch, arm)

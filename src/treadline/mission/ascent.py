@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from treadline.angles import DEG
 from treadline.control.allocate import slowest_share
+from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
@@ -159,7 +160,13 @@ class Ascent(Traversal):
             self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
-        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._stepping_rad))
+        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad))
+
+    @property
+    def _mounting_rad(self) -> float:
+        """The arm's angle at which its tip clears the next step: the more the chair is pitched, the less is left to clear."""
+        left = 1.0 - self._where.pitch_rad / max(self._where.slope_rad, LEVEL_RAD)
+        return max(self._stepping_rad * min(left, 1.0), OVER_BELTS_RAD)
 
     def _lift_off_m(self) -> float:
         """Return how far ahead of mid-track the first nosing is when belts on two nosings lift the rear pulley off the floor."""
@@ -168,7 +175,7 @@ class Ascent(Traversal):
 
     def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
         if not test.over:
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0)
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, arm=self._arm_to(t_s, self._mounting_rad))
         if not test.holds and self._pulses < self._config.pulses:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
@@ -201,14 +208,13 @@ class Ascent(Traversal):
         elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
             self._crest = None  # a nosing came into view beyond what was taken for the last
         if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
-            rest = config.chair.tracks.approach_angle_deg * DEG
             slid_m = where.slid_m(t_s)
             return self._plan(
                 t_s,
                 config.cruise_m_s,
                 heading_rad=self._aside(),
                 slowest_share=None if slid_m is None else slowest_share(slid_m),
-                arm=self._arm_to(t_s, rest),
+                arm=self._arm_to(t_s, OVER_BELTS_RAD),
             )
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)
@@ -256,7 +262,8 @@ class Ascent(Traversal):
         config, where = self._config, self._where
         if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
-        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
+        arm = self._arm_to(t_s, self._stepping_rad)
+        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
 
     def _aside(self) -> float:
         """Return the heading that takes the chair off a wall that is near, or to the middle between two."""

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
+from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
@@ -209,7 +210,7 @@ class Descent(Traversal):
         if self._phase == "leave":
             arm = self._arm_to(t_s, self._stepping_rad)
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
-        return self._plan(t_s, speed, needs_stair=not slow)
+        return self._plan(t_s, speed, arm=self._arm_to(t_s, OVER_BELTS_RAD), needs_stair=not slow)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Back on over a landing until the next flight is in view."""

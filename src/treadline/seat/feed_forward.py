@@ -15,6 +15,8 @@ from treadline.signals import ImuSample, SeatCommand, SeatReading
 
 QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
 """Mean pitch rate below which there is nothing to lead, and the time of that mean: chairs rock at 3 to 4 Hz on uneven nosings."""
+ROCKS_S, ROCKS_SHARE = 0.8, 0.5
+"""Two periods of a chair that rocks by a degree and more, at 2.5 Hz: with less of its way left on balance it rocks."""
 FRESH_S = 0.05
 ROUNDING_S = 1e-6
 SMOOTHING_S = 0.03
@@ -46,18 +48,35 @@ class PitchFeedForward:
         return SeatCommand(t_s=imu.t_s, rate_m_s=min(max(rate, -limit), limit))
 
 
+class _Turned:
+    """How far the chair has pitched within a window, by rates alone: on balance, and to and fro."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._sums: deque[tuple[float, float, float]] = deque()
+
+    def step(self, t_s: float, rate_rad_s: float) -> tuple[float, float]:
+        """Take one rate; return both angles, neither negative."""
+        before_s, net, path = self._sums[-1] if self._sums else (t_s, 0.0, 0.0)
+        turned = rate_rad_s * min(max(t_s - before_s, 0.0), FRESH_S)
+        self._sums.append((t_s, net + turned, path + abs(turned)))
+        while t_s - self._sums[0][0] > self._window_s + ROUNDING_S:
+            self._sums.popleft()
+        (_, net_0, path_0), (_, net_1, path_1) = self._sums[0], self._sums[-1]
+        return abs(net_1 - net_0), path_1 - path_0
+
+
 class PitchLeveller:
     """The seat's loop with the feed-forward: what a chair that pitches needs.
 
-    Below ``QUIET_RAD_S`` of mean pitch rate the loop is alone: rocking is not a manoeuvre, and a seat that follows it, by its
-    actuator's lag late, drives it on.
+    Below ``QUIET_RAD_S`` of mean pitch rate the loop is alone, and where the chair pitches to and fro: rocking is not a
+    manoeuvre, and a seat that follows it, by its actuator's lag late, drives it on.
     """
 
     def __init__(self, config: LevellerConfig) -> None:
         self._leveller = Leveller(config)
         self._feed_forward = PitchFeedForward(config.seat)
-        self._turned: deque[tuple[float, float]] = deque()
-        """Times and pitches, from rates alone, of the last ``QUIET_S``."""
+        self._lately, self._longer = _Turned(QUIET_S), _Turned(ROCKS_S)
 
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
         """Answer one reading; without a fresh IMU sample the loop is alone."""
@@ -65,13 +84,11 @@ class PitchLeveller:
         if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(float(imu.angular_velocity_rad_s[1])):
             return levelling
         led = self._feed_forward.step(imu, reading, levelling)
-        return led if self._mean_rate_rad_s(imu) > QUIET_RAD_S else levelling
+        return led if self._manoeuvres(imu) else levelling
 
-    def _mean_rate_rad_s(self, imu: ImuSample) -> float:
-        """Return how fast the chair has pitched on average, whichever way."""
-        before_s, turned = self._turned[-1] if self._turned else (imu.t_s, 0.0)
-        turned += float(imu.angular_velocity_rad_s[1]) * min(max(imu.t_s - before_s, 0.0), FRESH_S)
-        self._turned.append((imu.t_s, turned))
-        while imu.t_s - self._turned[0][0] > QUIET_S + ROUNDING_S:
-            self._turned.popleft()
-        return abs(turned - self._turned[0][1]) / QUIET_S
+    def _manoeuvres(self, imu: ImuSample) -> bool:
+        """Say whether the chair pitches one way, and not to and fro."""
+        rate_rad_s = float(imu.angular_velocity_rad_s[1])
+        lately_rad, _ = self._lately.step(imu.t_s, rate_rad_s)
+        net_rad, path_rad = self._longer.step(imu.t_s, rate_rad_s)
+        return lately_rad > QUIET_RAD_S * QUIET_S and net_rad > ROCKS_SHARE * path_rad
