@@ -207,10 +207,10 @@ class Descent(Traversal):
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
+        arm = self._arm_to(t_s, self._stepping_rad if slow else OVER_BELTS_RAD)
         if self._phase == "leave":
-            arm = self._arm_to(t_s, self._stepping_rad)
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
-        return self._plan(t_s, speed, arm=self._arm_to(t_s, OVER_BELTS_RAD), needs_stair=not slow)
+        return self._plan(t_s, speed, arm=arm, needs_stair=not slow)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Back on over a landing until the next flight is in view."""
