@@ -1,6 +1,7 @@
 """The phases of a traversal up, each way in and out, with hand-made maps, belts and IMU; crossing the crest has its own tests."""
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -282,6 +283,22 @@ def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None
     assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
 
 
+def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_is_re_armed() -> None:
+    """Test: something holds the chair before the stair. Expected result: HOLD after half as much again and 0.5 m, said once."""
+    world = World()
+    world.run("approach")
+    to_go_m, world.slip = world.front_before_m, 1.0
+    while world.tick().hold is None:
+        assert world.t_s < 60.0
+    assert re.fullmatch(
+        r"the belts ran \d\.\d m for the \d\.\d m to go: something is in the chair's way", world.plans[-1].hold or ""
+    )
+    ran_m = sum(plan.speed_m_s for plan in world.plans if plan.phase == "approach") * TICK_S
+    assert ran_m == pytest.approx(1.5 * to_go_m + 0.5, abs=0.1)
+    world.slip = 0.0
+    assert world.run("mount").hold is None
+
+
 def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
     rng = np.random.default_rng(3)
 
@@ -481,9 +498,14 @@ def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> 
     assert all(plan.arm is None for plan in world.plans)
 
 
-def test_on_the_flight_the_arm_lies_a_little_above_the_belts() -> None:
-    """What stands a few millimetres higher than its neighbours is met by a flat section, not by a pulley's round."""
+@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.5, -0.5), (-2.0, 0.75), (5.0, 2.0)])
+def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
+    heading_deg: float, angle_deg: float
+) -> None:
     world = World(steps=14)
     world.run("climb")
-    world.run(limit_s=4.0)
-    assert world.arm_rad == pytest.approx(OVER_BELTS_RAD, abs=0.5 * DEG)
+    for _ in range(400):
+        world.heading_rad = heading_deg * DEG
+        world.tick()
+    assert world.plans[-1].phase == "climb"
+    assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.arm import OVER_BELTS_RAD
+from treadline.control.arm import IN_LINE_RAD
 from treadline.control.edge import EdgeCommand, EdgeConfig
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import read_chair
@@ -40,6 +40,8 @@ class World:
     """Whether the filter has a heading."""
     arm_rad: float = 0.7
     arm_moves: bool = True
+    blocked: bool = False
+    """Whether something stands behind its rear."""
     tips: bool = True
     """Whether it pitches over the edge."""
     shows_end: bool = True
@@ -93,7 +95,7 @@ class World:
     def _move(self) -> float:
         """Do what the last plan says."""
         plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
-        moved = plan.speed_m_s * TICK_S
+        moved = 0.0 if self.blocked else plan.speed_m_s * TICK_S
         if plan.arm is not None and self.arm_moves:
             self.arm_rad = min(self.arm_rad + plan.arm.rate_rad_s * TICK_S, 0.7)
         self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
@@ -208,6 +210,16 @@ def test_what_mechanics_forbid_is_refused_on_the_landing_with_its_number() -> No
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
 
 
+def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
+    """Test: its rear stands against the end of a wall. Expected result: HOLD after half as much again as to go, and 0.5 m."""
+    world = World()
+    world.run("approach")
+    world.blocked = True
+    while world.tick().hold is None:
+        assert world.t_s < 60.0
+    assert world.plans[-1].hold == "the belts ran 2.2 m for the 1.1 m to go: something is in the chair's way"
+
+
 def test_an_edge_under_the_chair_holds_it() -> None:
     world = World(x_m=EDGE_M + 0.3)
     # A camera of a chair that stands over the edge: it shows the edge all the same.
@@ -259,7 +271,7 @@ def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_
     world.run("descend", limit_s=60.0)
     while world.tick().needs_stair:
         pass
-    assert world.arm_rad == pytest.approx(OVER_BELTS_RAD, abs=0.5 * DEG)
+    assert world.arm_rad == pytest.approx(IN_LINE_RAD, abs=0.5 * DEG)
     world.run("arrived", limit_s=30.0)
     tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad)
     assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)

@@ -31,7 +31,7 @@ PROPPED_RAD = 3.0 * DEG
 CLEAR_M = 0.15
 """Of the front pulley before the nosing: no nearer while the arm hangs below the belts' line."""
 STOWED_RAD = 5.0 * DEG
-"""To where the arm rests."""
+"""To where the arm is to be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +145,7 @@ class Edge(Sequencer[Stage]):
                 self._stage = "barred"
             case "settle" if self._com_beyond(self._slope_rad) < -config.let_go_m:
                 self._begin("leave", pitch)
-            case "leave" if self._past_m < 0.0 and self._is_up(arm, self._rest_rad - STOWED_RAD):
+            case "leave" if self._past_m < 0.0 and self._is_up(arm, OVER_BELTS_RAD - STOWED_RAD):
                 self._stage = "done"
             case _:
                 pass
@@ -172,11 +172,11 @@ class Edge(Sequencer[Stage]):
             case "lower":
                 return max(self._balance(pitch), 0.0), self._lower(pitch, arm, speed, dt_s)
             case "barred":
-                return 0.0, self._stow(arm)
+                return 0.0, self._stow(self._rest_rad, arm)
             case _:
                 self._watch(pitch, dt_s)
                 waits = self._past_m < CLEAR_M and not self._is_up(arm, 0.0)
-                return (0.0 if waits else -config.edge_m_s), self._stow(arm)
+                return (0.0 if waits else -config.edge_m_s), self._stow(OVER_BELTS_RAD, arm)
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass where the whole lift leaves it before the nosing."""
@@ -229,6 +229,6 @@ class Edge(Sequencer[Stage]):
         """Tell whether the arm is up so far, or dead: then it trails over the nosing, for its brake lets it rise slowly."""
         return arm.angle_rad > angle_rad or self._waited_s > self._config.patience_s
 
-    def _stow(self, arm: ArmReading) -> float:
+    def _stow(self, angle_rad: float, arm: ArmReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
-        return min(self._towards(self._rest_rad, arm), fastest)
+        return min(self._towards(angle_rad, arm), fastest)

@@ -135,13 +135,15 @@ class Ascent(Traversal):
             if refusal is not None:
                 return self._begin(t_s, "refused", refusal)
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
-            return self._begin(t_s, "approach", f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}")
+            to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
+            cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
+            return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if (missing := self._missing()) is not None:
-            return self._stand(t_s, missing)
+        if (stops := self._missing() or (self._stuck() if self._phase == "approach" else None)) is not None:
+            return self._stand(t_s, stops)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
         ahead = where.ahead_m()
@@ -214,7 +216,7 @@ class Ascent(Traversal):
                 config.cruise_m_s,
                 heading_rad=self._aside(),
                 slowest_share=None if slid_m is None else slowest_share(slid_m),
-                arm=self._arm_to(t_s, OVER_BELTS_RAD),
+                arm=self._lie(t_s, estimate),
             )
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)

@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
-from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
@@ -120,13 +119,15 @@ class Descent(Traversal):
             return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
         belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
         self._edge = Edge(belief, -edge, where.slope_rad)
-        return self._begin(
-            t_s, "approach", f"square within {estimate.heading_rad / DEG:+.1f}°; edge {-edge - self._pivot_m:.2f} m behind"
-        )
+        to_go_m = -edge - self._pivot_m
+        cause = f"square within {estimate.heading_rad / DEG:+.1f}°; edge {to_go_m:.2f} m behind"
+        return self._begin(t_s, "approach", cause, to_go_m)
 
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
             return self._stand(t_s)
+        if self._phase == "approach" and (stuck := self._stuck()) is not None:
+            return self._stand(t_s, stuck)
         edge = self._where.top_ahead_m()
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
         missing = self._missing(self._told_to_m(whole_to_m) - self._pivot_m)
@@ -182,7 +183,7 @@ class Descent(Traversal):
     def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
             return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
-        return self._plan(t_s, self._config.cruise_m_s)
+        return self._plan(t_s, self._config.cruise_m_s, arm=self._lie(t_s, estimate))
 
     def _missing(self, within_m: float) -> str | None:
         """Return that a step is missing so near the rear pulley that the chair must stop, or already under it; None if none is."""
@@ -207,7 +208,7 @@ class Descent(Traversal):
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
-        arm = self._arm_to(t_s, self._stepping_rad if slow else OVER_BELTS_RAD)
+        arm = self._arm_to(t_s, self._stepping_rad) if slow else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
         return self._plan(t_s, speed, arm=arm, needs_stair=not slow)

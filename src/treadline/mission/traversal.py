@@ -7,12 +7,12 @@ import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S
+from treadline.control.arm import ARM_PER_S, IN_LINE_RAD, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
 from treadline.mission.whereabouts import Whereabouts
-from treadline.signals import ArmCommand, ArmReading, ImuSample, Phase, Plan, StairMap, TrackReading
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
 
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
@@ -20,6 +20,11 @@ LEVEL_RAD = 2.0 * DEG
 CLEAR_M = 0.05
 """Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
 pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
+SQUARE_RAD, ASKEW_RAD = 1.0 * DEG, 3.0 * DEG
+"""Heading up to which the front section carries on the nosings, and from which on it lies above them: what lengthens the track by
+half, so that the chair hardly rocks, turns it 2.5 times less."""
+STUCK_SHARE, STUCK_M = 1.5, 0.5
+"""Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
 ARM_RAD_S = 15.0 * DEG
 """Of an arm that is brought to an angle."""
 
@@ -57,6 +62,10 @@ class Traversal:
         self._flights_done = 0
         self._from_m = 0.0
         """Travel at which the phase began."""
+        self._ran_m = 0.0
+        """Of the belts since then, whatever the camera says of the way made."""
+        self._to_go_m = math.inf
+        """Of belts, when the phase began."""
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._arm: ArmReading | None = None
@@ -71,6 +80,8 @@ class Traversal:
                 self._imu = signal
                 self._where.feel(signal)
             case TrackReading():
+                dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
+                self._ran_m += 0.5 * dt_s * abs(signal.left_m_s + signal.right_m_s)
                 self._tracks = signal
                 self._where.feel(signal)
             case StairMap():
@@ -112,6 +123,12 @@ class Traversal:
         """The arm's angle at which its tip just clears a step."""
         return min(math.asin(min((self._where.rise_m + CLEAR_M) / self._arm_m, 1.0)), self._rest_rad)
 
+    def _lie(self, t_s: float, estimate: HeadingEstimate | None) -> ArmCommand | None:
+        """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
+        off = ASKEW_RAD if estimate is None else abs(estimate.heading_rad)
+        share = min(max((off - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD), 0.0), 1.0)
+        return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
+
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
         """Return what brings the arm to an angle; None without an arm."""
         if self._arm is None:
@@ -119,13 +136,22 @@ class Traversal:
         rate = ARM_PER_S * (angle_rad - self._arm.angle_rad)
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
 
+    def _stuck(self) -> str | None:
+        """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""
+        ran_m, to_go_m = self._ran_m, self._to_go_m
+        if ran_m < STUCK_SHARE * to_go_m + STUCK_M:
+            return None
+        self._ran_m = 0.0
+        return f"the belts ran {ran_m:.1f} m for the {to_go_m:.1f} m to go: something is in the chair's way"
+
     def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> Plan:
         """Let the belts stand."""
         return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=needs_stair, hold=hold)
 
-    def _begin(self, t_s: float, phase: Phase, cause: str) -> Plan:
+    def _begin(self, t_s: float, phase: Phase, cause: str, to_go_m: float = math.inf) -> Plan:
         """Enter a phase; for this one tick the belts go on as they are, or stand."""
         self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
+        self._ran_m, self._to_go_m = 0.0, to_go_m
         return self._plan(t_s, self._where.speed_m_s if phase in self.ROLLING else 0.0, turn_m_s=0.0)
 
     def _plan(
