@@ -837,13 +837,14 @@ class Flight:
 
     def __init__(self, sign: float = 1.0) -> None:
         self.slip = 0.0
+        self.silent = False
         self.passed_m = 0.0
         self.sign = sign
         self.noise = np.random.default_rng(2)
 
     def __call__(self, drive: Drive) -> None:
         self.passed_m += self.sign * TICK_S * 0.5 * sum(drive.speeds) * (1.0 - self.slip)
-        if drive.tick % FRAME_TICKS == 0:
+        if drive.tick % FRAME_TICKS == 0 and not self.silent:
             first = 0.85 + (0.4 - self.passed_m) % PITCH_M
             places = [first + k * PITCH_M + self.noise.normal(0.0, 0.003) for k in range(4)]
             direction = "up" if self.sign > 0 else "down"
@@ -909,6 +910,42 @@ def test_a_chair_that_rolls_back_is_held_even_where_it_turns() -> None:
     drive.until_held(5.0, each)
     assert -0.3 < flight.passed_m < -0.2
     assert (drive.guard.holding or "").startswith("rolled back 0.2")
+
+
+def test_a_chair_that_rolls_back_is_held_though_its_nosings_come_and_go() -> None:
+    """Test: turning from 10°, the chair goes back half as fast as its belts go up; of each 0.8 s no map comes for 0.4 s.
+    Expected result: HOLD before 0.3 m are lost."""
+    drive, flight = Drive(), Flight()
+    flight.slip = 1.5
+
+    def each(drive: Drive) -> None:
+        flight.silent = drive.tick % 80 >= 50
+        flight(drive)
+        drive.heading_deg = 10.0 - 2.0 * drive.t_s
+
+    drive.until_held(5.0, each)
+    assert -0.3 < flight.passed_m < -0.2
+    assert (drive.guard.holding or "").startswith("rolled back 0.2")
+
+
+@pytest.mark.parametrize("why", ["phase", "direction"])
+def test_a_way_driven_back_on_purpose_is_not_rolled_back(why: str) -> None:
+    """Test: up the flight for 1.5 s, then 0.5 m back as a plan has it, without a map, and up again; without a plan, up towards a
+    flight and then back towards one that falls. Expected result: no event."""
+    drive, flight = Drive(), Flight()
+    if why == "phase":
+        drive.guard.notice(Plan(t_s=0.0, phase="climb", speed_m_s=0.2))
+    drive.run(1.5, flight)
+    drive.asked = (-0.2, -0.2)
+    if why == "phase":
+        drive.guard.notice(Plan(t_s=1.5, phase="back_off", speed_m_s=-0.2, needs_stair=False))
+        drive.run(2.5)
+        drive.guard.notice(Plan(t_s=4.0, phase="climb", speed_m_s=0.2))
+        drive.asked = (0.2, 0.2)
+        drive.run(2.0, flight)
+    else:
+        drive.run(2.5, Flight(-1.0))
+    assert drive.events() == []
 
 
 def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:

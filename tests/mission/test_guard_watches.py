@@ -355,6 +355,40 @@ def test_a_chair_rolls_back_beyond_its_limit() -> None:
     assert slipping(config, (0.0625, 0.125, 3), forwards, (0.0625, 0.125, 3)).cause is None
 
 
+@pytest.mark.parametrize("lost", ["late", "empty", "others"])
+def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str) -> None:
+    """Test: the chair slides back by 0.1875 m; while the belts drive 0.125 m its nosings go out of view and come back where they
+    were, or others do; it slides on by 0.0625 m, and by as much again. Expected result: a cause with the last of it, for 0.31 m in
+    all; none if another way begins meanwhile."""
+    t_s = 1.0 if lost == "late" else 0.625
+    there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
+    for anew in (False, True):
+        watch = slipping(GuardConfig(slip=9.0), (0.0, 0.0625, 3))
+        if lost == "empty":
+            watch.look(0.5, [], 0.125, 0.0)
+        if anew:
+            watch.begin()
+        watch.look(t_s, list(there), 0.125, 0.0)
+        watch.look(t_s + 0.125, list(there + 0.0625), 0.125, 0.0)
+        assert watch.cause is None
+        watch.look(t_s + 0.25, list(there + 0.125), 0.125, 0.0)
+        assert watch.cause == (None if anew else "rolled back 0.31 m")
+
+
+def test_what_slides_back_unseen_counts_as_far_as_the_nosings_tell_it() -> None:
+    """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
+    0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
+    slid, climbs, stands = SlipWatch(GuardConfig()), SlipWatch(GuardConfig()), SlipWatch(GuardConfig())
+    for k in range(4):
+        slid.look(float(k), [1.0 + 0.1 * k, 1.5 + 0.1 * k], 0.0, 0.0)
+        climbs.look(float(k), [1.0, 1.5], 0.2 * k, 0.0)
+    for k in range(200):
+        stands.look(float(k), [1.0 + 0.005 * (k % 2)], 0.0, 0.0)
+    assert slid.cause == "rolled back 0.30 m"
+    assert climbs.cause is None
+    assert stands.cause is None
+
+
 def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
     watch = SlipWatch(GuardConfig())

@@ -99,9 +99,10 @@ class SlipWatch:
     """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
 
     A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not
-    turn, rolling back wherever it does, from where the nosings were last lost sight of. Slip that falls belongs to a chair that
-    catches up with its belts, as where they slow down after a turn: the wait begins anew with each fall, at most three times on the
-    way from two to the limit.
+    turn, rolling back wherever it does. Nosings out of view start the slip anew, but not what was rolled back: what the chair came
+    forward unseen does not make good for it, and what it slid back meanwhile counts as far as a nosing is told from its neighbour.
+    Slip that falls belongs to a chair that catches up with its belts, as where they slow down after a turn: the wait begins anew
+    with each fall, at most three times on the way from two to the limit.
     """
 
     def __init__(self, config: GuardConfig) -> None:
@@ -110,7 +111,7 @@ class SlipWatch:
         self._travel_m = 0.0
         self._places: Sequence[float] = ()
         self._slid_m = 0.0
-        self._furthest_m = -math.inf
+        self._back_m = 0.0
         self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
         self._since_slip = 0.0
@@ -125,26 +126,46 @@ class SlipWatch:
             places_m: Of the nosings from mid-track, square to them.
             travel_m: Of the belts towards them.
         """
-        if t_s - self._t_s > MATCH_S or not places_m:
-            self.forget()
+        if not places_m:
+            self._lose()
+            return
+        driven_m = travel_m - self._travel_m if self._places else 0.0
+        slid_m = self._slid(places_m, driven_m)
+        came_m = driven_m - (slid_m or 0.0)
+        if slid_m is None or not self._window or t_s - self._t_s > MATCH_S:
+            self._lose()
+            came_m = came_m if came_m < DRIVEN_LEAST_M else 0.0
         else:
-            predicted = [place - (travel_m - self._travel_m) for place in self._places]
-            apart = sorted(min((place - there for there in predicted), key=abs) for place in places_m)
-            if abs(apart[len(apart) // 2]) > MATCH_M:
-                self.forget()  # other nosings than before
-            else:
-                self._slid_m += apart[len(apart) // 2]
-        self._t_s, self._places, self._travel_m = (t_s if places_m else -math.inf), places_m, travel_m
+            self._slid_m += slid_m
+        self._t_s, self._places, self._travel_m = t_s, places_m, travel_m
         self._window.append((t_s, travel_m, self._slid_m, heading_rad))
         self._judge(t_s)
-        self._roll(travel_m - self._slid_m)
+        self._roll(came_m)
+
+    def begin(self) -> None:
+        """Count from here on what is rolled back."""
+        self._back_m = 0.0
+        self._places = ()
 
     def forget(self) -> None:
         """Start anew."""
-        self._t_s = self._furthest_m = -math.inf
+        self.begin()
+        self._lose()
+
+    def _lose(self) -> None:
+        """Start the slip anew: the nosings are not in view."""
         self._window.clear()
         self._since_s = self.cause = None
         self.slip = 0.0
+
+    def _slid(self, places_m: Sequence[float], driven_m: float) -> float | None:
+        """Return what the nosings do not show of the belts' travel since the last map; None where these are other nosings."""
+        expected = [place - driven_m for place in self._places]
+        if not expected:
+            return None
+        apart = sorted(min((place - there for there in expected), key=abs) for place in places_m)
+        middle = apart[len(apart) // 2]
+        return middle if abs(middle) <= MATCH_M else None
 
     def _judge(self, t_s: float) -> None:
         limits, window_s = self._config, self._config.slip_s - ROUNDING_S
@@ -164,8 +185,8 @@ class SlipWatch:
         elif t_s - self._since_s >= window_s:
             self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
 
-    def _roll(self, travel_m: float) -> None:
-        """Note how far the chair has come by the nosings."""
-        self._furthest_m = max(self._furthest_m, travel_m)
-        if self._furthest_m - travel_m > self._config.roll_back_m:
-            self.cause = f"rolled back {self._furthest_m - travel_m:.2f} m"
+    def _roll(self, came_m: float) -> None:
+        """Note how far the chair has come by the nosings since the last map."""
+        self._back_m = max(self._back_m - came_m, 0.0)
+        if self._back_m > self._config.roll_back_m:
+            self.cause = f"rolled back {self._back_m:.2f} m"

@@ -60,6 +60,7 @@ class Guard:
         self._driver_s: float | None = None
         self._t_s: float | None = None
         self._map_s = -math.inf
+        self._direction = ""
         self._heading_rad = math.inf
         self._plan: Plan | None = None
         self._plan_s = -math.inf
@@ -242,6 +243,9 @@ class Guard:
         if not stair.t_s > self._map_s or not _is_finite(stair):
             return
         self._map_s = stair.t_s
+        if stair.direction != self._direction:
+            self._slip.begin()
+        self._direction = stair.direction
         sign = 1.0 if stair.direction == "up" else -1.0
         travel = sign * self._belts.travel_m
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
@@ -292,6 +296,8 @@ class Guard:
         if plan.t_s < self._plan_s:
             return
         self._plan, self._plan_s = plan, plan.t_s
+        if plan.phase not in FLIGHT:
+            self._slip.begin()
         if not plan.needs_stair:
             self._senses.seen(plan.t_s)
 
