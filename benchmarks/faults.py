@@ -31,9 +31,9 @@ from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
 from treadline.mission.guard.phases import TIPPING
 from treadline.mission.loop import Tick
-from treadline.mission.rates import TICK_S
 from treadline.processes import default_workers
 from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
+from treadline.signals import TICK_S
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant
 

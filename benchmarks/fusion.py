@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
-from treadline.devices.drives import TICK_S
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
@@ -25,6 +24,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.perception import StairDetector
 from treadline.scenario import Scenario
 from treadline.signals import (
+    TICK_S,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,

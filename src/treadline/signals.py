@@ -18,8 +18,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from treadline import paper
 from treadline.angles import rotation_x, rotation_y, rotation_z
 from treadline.arrays import shaped
+
+TICK_S = 1.0 / paper.IMU_RATE_HZ
+"""Base period of mission and plant: the IMU's."""
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera that looks straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""

@@ -8,8 +8,8 @@ from treadline import paper
 from treadline.control.heading import ControllerConfig
 from treadline.experiments.literal import paper_controller
 from treadline.experiments.plan import SLOPES_DEG, turn
-from treadline.mission.rates import TICK_S
 from treadline.scenario import Scenario
+from treadline.signals import TICK_S
 from treadline.sim import CAMERA_PERIOD_S
 
 

@@ -7,9 +7,8 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of, rotation_y, rotation_z, wrap
-from treadline.devices.drives import TICK_S
 from treadline.devices.imu import IMUS, Imu
-from treadline.signals import ImuSample
+from treadline.signals import TICK_S, ImuSample
 
 LEVEL = np.eye(3)
 STILL = np.zeros(3)

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG, tilt_of
 from treadline.errors import MechanicsError
-from treadline.mechanics.chair import EMPTY_SEAT_KG, Arm, ChairDescription
+from treadline.mechanics.chair import EMPTY_SEAT_KG, GRAVITY_M_S2, Arm, ChairDescription
 from treadline.signals import ArmReading, ImuSample
 
-G_M_S2 = 9.81
 CARRIES_N = 80.0
 """Load from which the tip counts as standing: five times what torque noise and the arm's weight leave in doubt."""
 CARRIES_SHARE, PRESS_SHARE = 0.2, 0.3
@@ -51,7 +50,7 @@ class Loading:
     def weight_n(self) -> float:
         """Of chair and payload."""
         arm_kg = 0.0 if self.chair.arm is None else self.chair.arm.mass_kg
-        return G_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.seat_kg)
+        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.seat_kg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +118,7 @@ class Tip:
         lever = self._arm_m * math.cos(arm.angle_rad + pitch_rad)
         if lever < 0.3 * self._arm_m:
             return 0.0
-        return 0.5 * self._arm.mass_kg * G_M_S2 - arm.torque_n_m / lever
+        return 0.5 * self._arm.mass_kg * GRAVITY_M_S2 - arm.torque_n_m / lever
 
 
 class ArmRate:

@@ -11,9 +11,8 @@ from treadline.errors import MechanicsError, SettingsError, SimulationDiverged
 from treadline.mechanics.chair import Arm, ChairDescription
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, SeatCommand, TrackCommand
+from treadline.signals import TICK_S, ArmCommand, SeatCommand, TrackCommand
 
-TICK_S = kernels.TICK_S
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt when the brake falls in."""
 ARM_STIFFNESS_N_M_RAD = 6000.0

@@ -14,8 +14,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_x, rotation_y
 from treadline.devices import kernels
-from treadline.devices.kernels import TICK_S
-from treadline.signals import ImuSample
+from treadline.signals import TICK_S, ImuSample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.devices import kernels
-from treadline.devices.drives import TICK_S
 from treadline.devices.imu import IMUS, Imu
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass, payload_place
@@ -18,7 +17,7 @@ from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import ArmReading, ImuSample, Reading, SeatReading, TrackReading
+from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S

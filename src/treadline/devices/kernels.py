@@ -9,10 +9,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.products import dot, fused
-
-TICK_S = 0.01
-GRAVITY_M_S2 = 9.81
+from treadline.signals import TICK_S
 
 # Rows of the drive state.
 LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5

@@ -15,12 +15,11 @@ from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.experiments.scores import COMFORT_TICKS
 from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mission.rates import TICK_S
 from treadline.ports import Truth
 from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.seat import Leveller, LevellerConfig
 from treadline.seat.feed_forward import PitchFeedForward
-from treadline.signals import ArmReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
+from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
 from treadline.sim import MujocoPlant, open_plant
 
 STEPS = 8

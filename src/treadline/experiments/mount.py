@@ -22,13 +22,12 @@ from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.estimation.mount import PAIRED_S, STANDING_M_S
 from treadline.experiments.replay_source import source_of
 from treadline.io.sensor_log import SensorLog
-from treadline.mission.rates import TICK_S
 from treadline.mission.replay import ReplayPlant
 from treadline.models import write_whole
 from treadline.perception import StairDetector
 from treadline.perception.camera_file import CameraFile
 from treadline.settings import settings_of
-from treadline.signals import ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
+from treadline.signals import TICK_S, ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
 
 ANGLES = ("pitch", "roll", "yaw")
 MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")

@@ -15,9 +15,9 @@ from treadline.angles import DEG, rms, wrap
 from treadline.experiments.recorded import PLAIN_SERIES, SERIES
 from treadline.experiments.scores import STEADY_FROM_S, settling_time
 from treadline.mission.loop import Signal, Tick
-from treadline.mission.rates import TICK_S
 from treadline.ports import Truth
 from treadline.signals import (
+    TICK_S,
     Event,
     HeadingEstimate,
     HeadingMeasurement,

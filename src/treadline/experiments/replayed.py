@@ -24,11 +24,10 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.loop import Mission, Signal
-from treadline.mission.rates import TICK_S
 from treadline.mission.replay import ReplayPlant
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.sight import Sight
-from treadline.signals import Event, RgbdFrame
+from treadline.signals import TICK_S, Event, RgbdFrame
 
 _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 

@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rms
 from treadline.ports import Truth
+from treadline.signals import TICK_S
 
 SETTLED_RAD = 2.0 * DEG
-TICK_S = 0.01
 COMFORT_TICKS = 5
 """Acceleration is a mean over 50 ms: what a body follows (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 STEADY_FROM_S = 20.0

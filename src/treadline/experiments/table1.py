@@ -5,7 +5,7 @@ from typing import Any
 from treadline import paper
 from treadline.experiments.plan import SLOPES_DEG, TABLE_SPEED_M_S, turn
 from treadline.mechanics.chair import read_chair
-from treadline.mission.rates import TICK_S
+from treadline.signals import TICK_S
 from treadline.sim import CAMERA_PERIOD_S
 
 

@@ -21,11 +21,10 @@ from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks, is_whole
 from treadline.mission.drivers import Driver
 from treadline.mission.loop import Mission, Signal, Tick
-from treadline.mission.rates import TICK_S
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import Event, Plan
+from treadline.signals import TICK_S, Event, Plan
 from treadline.sim import open_plant as open_mujoco
 from treadline.sim.faults import faulty
 

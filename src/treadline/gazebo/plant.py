@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
 from treadline.devices import kernels
-from treadline.devices.drives import TICK_S, Drives
+from treadline.devices.drives import Drives
 from treadline.devices.instruments import ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -23,6 +23,7 @@ from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Scenario
+from treadline.signals import TICK_S
 from treadline.sim.camera.eye import look, open_eye
 
 STEPS = 10

@@ -5,6 +5,8 @@ Only what a log writes; readers of ROS 2 (and the tests' independent decoder) re
 
 import struct
 
+from treadline.signals import TICK_S
+
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation: CDR, little-endian."""
 
@@ -89,9 +91,7 @@ class Ros1Writer(CdrWriter):
         return bytes(self._data)
 
 
-TICK_NS = 10_000_000
-TICK_S = 0.01
-"""Base period of a mission (Table I: 100 Hz)."""
+TICK_NS = round(TICK_S * 1e9)
 
 
 def seconds_of(time_ns: int) -> float:

@@ -14,6 +14,7 @@ from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
 from treadline.signals import PinholeCamera
 
+GRAVITY_M_S2 = 9.81
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
 # Bounds far beyond any chair, so that a slipped unit or digit shows.

@@ -7,8 +7,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
-from treadline.mission.rates import TICK_S
-from treadline.signals import HeadingEstimate
+from treadline.signals import TICK_S, HeadingEstimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

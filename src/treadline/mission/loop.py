@@ -25,10 +25,11 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
-from treadline.mission.rates import TICK_S, Rate, seat_now
+from treadline.mission.rates import Rate, seat_now
 from treadline.perception.quality import quality_of
 from treadline.ports import Plant
 from treadline.signals import (
+    TICK_S,
     ArmCommand,
     ArmReading,
     Event,

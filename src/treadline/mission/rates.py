@@ -1,10 +1,7 @@
 """Which blocks run at which tick: 100 Hz base, 4 Hz control (Table I); and for how long a rate asked of the seat counts."""
 
-from treadline import paper
-from treadline.signals import SeatCommand
+from treadline.signals import TICK_S, SeatCommand
 
-TICK_S = 1.0 / paper.IMU_RATE_HZ
-"""Base period of the mission: the IMU's."""
 SEAT_S = 0.1
 """For which a seat's rate counts: it answers one reading, and readings come a hundred times a second."""
 ROUNDING_S = 1e-6

@@ -9,7 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control.arm import G_M_S2, pitch_of
+from treadline.control.arm import pitch_of
+from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import ImuSample, TrackReading
 
 Stage = Literal["rest", "pulse", "brake", "over"]
@@ -59,7 +60,7 @@ class TractionTest:
             self._began_s = self._t_s = signal.t_s
         since, dt_s = signal.t_s - self._began_s, signal.t_s - self._t_s
         self._t_s = signal.t_s
-        push = float(signal.linear_acceleration_m_s2[0]) - G_M_S2 * math.sin(pitch_of(signal))
+        push = float(signal.linear_acceleration_m_s2[0]) - GRAVITY_M_S2 * math.sin(pitch_of(signal))
         if 0.5 * self._config.rest_s < since <= self._config.rest_s:
             self._rest_sum += push
             self._pitch_rad = pitch_of(signal)
@@ -84,7 +85,7 @@ class TractionTest:
     def _speeding_up(self, share: float) -> float:
         """Return the acceleration along the belts at which they ask for friction of (1 + share)·tan β."""
         friction = (1.0 + share) * math.tan(self._slope_rad)
-        return G_M_S2 * (friction * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
+        return GRAVITY_M_S2 * (friction * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
 
     @property
     def over(self) -> bool:

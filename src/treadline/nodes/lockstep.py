@@ -2,13 +2,12 @@
 
 from treadline.mission.guard import GuardConfig
 from treadline.mission.loop import Blocks
-from treadline.mission.rates import TICK_S
 from treadline.nodes import channels as on
 from treadline.nodes.inproc import InProcess
 from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, PlantNode, SeatNode
 from treadline.nodes.words import Beat
 from treadline.ports import Plant, Transport
-from treadline.signals import PinholeCamera
+from treadline.signals import TICK_S, PinholeCamera
 
 BEAT_TICKS = 25
 """Ticks between two signs of life: a third of what the guard waits for."""

@@ -11,11 +11,11 @@ from threading import Event as Flag
 from typing import Any, Literal
 
 from treadline.errors import TreadlineError
-from treadline.mission.rates import TICK_S
 from treadline.nodes import channels as on
 from treadline.nodes.shells import GuardNode, Node, PlantNode
 from treadline.nodes.wire import WireTransport
 from treadline.nodes.words import Beat, Clock
+from treadline.signals import TICK_S
 
 BEAT_S = 0.2
 """Between two signs of life."""

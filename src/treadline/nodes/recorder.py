@@ -11,13 +11,12 @@ import numpy as np
 from treadline.errors import SettingsError
 from treadline.io.records import RECORD, write_record
 from treadline.io.runs import LOG, clear_run
-from treadline.mission.rates import TICK_S
 from treadline.models import InputOutputRecord
 from treadline.nodes import channels as on
 from treadline.nodes.bags import Bag, open_bag
 from treadline.nodes.words import Beat
 from treadline.ports import Transport
-from treadline.signals import HeadingEstimate, TrackCommand
+from treadline.signals import TICK_S, HeadingEstimate, TrackCommand
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad", "yaw_rate_rad_s")

@@ -14,13 +14,14 @@ from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
-from treadline.mission.rates import TICK_S, seat_now
+from treadline.mission.rates import seat_now
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.words import Beat, Drive, GuardState, Mounts
 from treadline.perception.quality import quality_of
 from treadline.ports import Plant, Transport, TruthPlant
 from treadline.signals import (
+    TICK_S,
     ArmCommand,
     ArmReading,
     FrameQuality,

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of
 from treadline.devices import kernels as drives
-from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, TICK_S, Drives
+from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -23,7 +23,7 @@ from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Scenario
-from treadline.signals import Reading
+from treadline.signals import TICK_S, Reading
 from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage

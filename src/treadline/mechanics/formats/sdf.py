@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, fromstring
 import numpy as np
 
 from treadline.mechanics.bodies import Body, Hinge, Nosing, Shape, Solid, Standing, Vehicle, sides, solids, vehicle
-from treadline.mechanics.chair import ChairDescription, Point, Tracks
+from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, Point, Tracks
 from treadline.mechanics.formats.elements import Mass, child, divided, document, roll_pitch_yaw, text
 from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Chair
@@ -69,7 +69,7 @@ def sdf_world(
     solver = child(child(physics, "ode"), "solver")
     child(solver, "type", "quick")
     child(solver, "iters", str(ITERATIONS))
-    child(world, "gravity", "0 0 -9.81")
+    child(world, "gravity", f"0 0 {-GRAVITY_M_S2:g}")
     world.append(fromstring(LIGHT))  # noqa: S314 - a constant of ours
     _stair(world, solids(staircase))
     _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins, is_whole=is_whole)

@@ -8,7 +8,7 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.signals import TrackCommand, TrackReading
 
 BRAKE_M_S2 = 10.0
-"""Deceleration of a belt when the brake falls in."""
+"""Deceleration of a belt when the brake falls in; the guard's own number, not the plant's: it judges the drives."""
 GAP_S = 0.1
 """Without a reading for longer, nobody knows what the belts did."""
 ROUNDING_S = 1e-6

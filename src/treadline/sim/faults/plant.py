@@ -7,12 +7,11 @@ they are.
 
 from collections.abc import Sequence
 
-from treadline.devices.drives import TICK_S
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import TICK_S, ArmCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim.faults.damage import PHYSICAL, Breakable, Damage, damage_of
 from treadline.sim.faults.orders import Line, Order, Watchdog
 from treadline.sim.faults.sensors import SensorFaults

@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
-from treadline.devices.drives import TICK_S
 from treadline.faults import SAME_TIME_S, Fault, FaultKind, Process
 from treadline.signals import (
+    TICK_S,
     ArmReading,
     FrameQuality,
     HeadingMeasurement,
