@@ -158,13 +158,13 @@ class ControllerDesign:
         return design
 
 
-def write_whole(path: Path, text: str) -> None:
+def write_whole(path: Path, data: str | bytes) -> None:
     """Write a file so that readers see the old one or the new one, never a part."""
     temporary = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            temporary.write_text(text, encoding="utf-8")
+            temporary.write_bytes(data.encode() if isinstance(data, str) else data)
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)

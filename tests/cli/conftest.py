@@ -1,8 +1,10 @@
 """The command line as a caller has it: arguments in; exit code, stdout and stderr out."""
 
+import errno
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,3 +35,20 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
         return Outcome(code=code, out=captured.out, err=captured.err)
 
     return call
+
+
+@pytest.fixture
+def no_room_for(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Fill the disk for files whose name begins so."""
+    write = Path.write_bytes
+
+    def fill(beginning: str) -> None:
+        def full(path: Path, data: bytes) -> int:
+            if path.name.startswith(beginning):
+                write(path, data[: len(data) // 2])
+                raise OSError(errno.ENOSPC, "No space left on device")  # as write(2) fails: it knows no name
+            return write(path, data)
+
+        monkeypatch.setattr(Path, "write_bytes", full)
+
+    return fill

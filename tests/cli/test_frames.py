@@ -37,6 +37,18 @@ def test_see_reads_the_folder_and_finds_the_true_heading(run, tmp_path: Path, op
         assert float(np.dot(edge, item["edge_direction"])) > np.cos(1.0 * DEG)
 
 
+@pytest.mark.parametrize("name", ["camera.toml", "00001_depth.png", "truth.csv"])
+def test_a_full_disk_is_one_line_that_names_the_file(run, no_room_for, tmp_path: Path, name: str) -> None:
+    """Test: no room is left for one of the files. Expected result: one line, exit code 2; what was written is whole."""
+    no_room_for(name)
+    outcome = run("frames", "--out", tmp_path, "--count", 2)
+    assert (outcome.code, outcome.err.splitlines()[-1]) == (
+        2,
+        f"treadline: {tmp_path / name}: cannot be written: No space left on device",
+    )
+    assert not {path.name for path in tmp_path.iterdir()} & {name, f"{name}.part"}
+
+
 def test_gravity_is_told_with_its_error_and_the_truth_without(run, tmp_path: Path) -> None:
     run("frames", "--out", tmp_path, "--count", 4)
     told, truth = table(tmp_path / "gravity.csv"), table(tmp_path / "truth.csv")

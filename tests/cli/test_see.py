@@ -353,6 +353,18 @@ def test_a_calibration_of_another_size_is_noticed_by_its_centre(run, folder: Pat
     assert_refused(run("see", *pair(folder)), "cx_px = 319.5", "320×240", "another size")
 
 
+@pytest.mark.parametrize("picture", ["a_rgb-1.png", "a_rgb-seen.png"])
+def test_pictures_on_a_full_disk_are_one_line_that_names_the_file(run, no_room_for, folder: Path, picture: str) -> None:
+    """Test: no room is left for a picture. Expected result: one line, exit code 2, and no part of it."""
+    no_room_for(picture.removesuffix(".png"))
+    outcome = run("see", *pair(folder), "--out", folder / "out")
+    assert (outcome.code, outcome.err) == (
+        2,
+        f"treadline: {folder / 'out' / picture}: cannot be written: No space left on device\n",
+    )
+    assert picture not in {path.name.removesuffix(".part") for path in (folder / "out").iterdir()}
+
+
 POSE = "registered = false\nX_depth_colour = [[1, 0, 0, {x}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n"
 
 

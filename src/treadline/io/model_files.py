@@ -16,7 +16,7 @@ from scipy.io import savemat
 
 from treadline.errors import LogFormatError, ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.io.mat import load_mat
-from treadline.models import LinearModel
+from treadline.models import LinearModel, write_whole
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -46,7 +46,7 @@ def write_model(model: LinearModel, path: Path) -> None:
         variables["K"] = model.observer_gain
     data = io.BytesIO()
     savemat(cast("Any", data), variables, oned_as="column")
-    _write_whole(path, data.getvalue())
+    write_whole(path, data.getvalue())
 
 
 def read_model(path: Path) -> LinearModel:
@@ -159,17 +159,3 @@ def _suffix(path: Path) -> str:
     if suffix not in {".json", ".mat"}:
         raise SettingsError(f"{path}: '{suffix}' is no kind of model file: .json or .mat")
     return suffix
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that readers see the old one or the new one, never a part."""
-    temporary = path.with_name(path.name + ".part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(data)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from treadline.errors import ImageError
+from treadline.models import write_whole
 from treadline.perception.sight import Stages
 
 
@@ -20,8 +21,5 @@ def write_picture(picture: UInt8[np.ndarray, "h w 3"], path: Path) -> Path:
     done, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:
         raise ImageError(f"{path}: could not be written as PNG")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".part")
-    temporary.write_bytes(data.tobytes())
-    temporary.replace(path)
+    write_whole(path, data.tobytes())
     return path

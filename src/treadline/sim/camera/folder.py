@@ -11,6 +11,7 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.errors import ImageError, SettingsError
+from treadline.models import write_whole
 from treadline.signals import PinholeCamera
 from treadline.sim.camera.recipe import Recipe
 from treadline.sim.camera.views import View, draw_view
@@ -72,15 +73,15 @@ def write_views(recipe: Recipe, folder: Path, *, count: int, seed: int, watch: C
         for number, name in enumerate(names):
             named = NamedView(name=name, view=draw_view(np.random.default_rng([seed, number]), recipe))
             if not written:
-                _put(folder / "camera.toml", _camera_toml(named.view.frame.camera).encode())
+                write_whole(folder / "camera.toml", _camera_toml(named.view.frame.camera))
             _write_images(named, folder)
             written.append(named)
             watch(name)
     finally:
         # After an interruption the tables hold what was finished.
         if written:
-            _put(folder / "gravity.csv", _gravity_table(written).encode())
-            _put(folder / "truth.csv", _truth_table(written).encode())
+            write_whole(folder / "gravity.csv", _gravity_table(written))
+            write_whole(folder / "truth.csv", _truth_table(written))
 
 
 def _write_images(named: NamedView, folder: Path) -> None:
@@ -91,17 +92,7 @@ def _write_images(named: NamedView, folder: Path) -> None:
         done, data = cv2.imencode(".png", image)
         if not done:
             raise ImageError(f"{named.name}_{ending}.png could not be written as PNG")
-        _put(folder / f"{named.name}_{ending}.png", data.tobytes())
-
-
-def _put(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_name(path.name + ".part")
-    try:
-        temporary.write_bytes(data)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        write_whole(folder / f"{named.name}_{ending}.png", data.tobytes())
 
 
 def _camera_toml(camera: PinholeCamera) -> str:
