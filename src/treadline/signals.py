@@ -206,6 +206,10 @@ class FrameQuality:
     """How far ahead of mid-track something stands on the ground where the camera looks; None if nothing, or not asked."""
 
 
+Source = Literal["vision", "gyro"]
+"""What a heading rests on: the gyro while it coasts."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadingEstimate:
     """Heading carried between frames."""
@@ -214,8 +218,7 @@ class HeadingEstimate:
     heading_rad: float
     heading_rate_rad_s: float
     sigma_rad: float
-    source: str
-    """``vision``, or ``gyro`` while it coasts."""
+    source: Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -290,7 +293,8 @@ class Event:
     t_s: float
     name: str
     """``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, or the phase that begins."""
+    ``refused``, or the phase that begins; ``dropped`` and ``ended`` in a recording; others on the same topic say
+    what they like."""
     cause: str
     """What was seen, with its number."""
 

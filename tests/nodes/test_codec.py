@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from treadline.errors import LogFormatError
 from treadline.estimation import HeadingHealth
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder, encoded
@@ -152,6 +153,23 @@ def test_rosbags_reads_the_same_bytes(channel: str, signal: Any, *, ros1: bool) 
         message = store.deserialize_ros1(data, kind) if ros1 else store.deserialize_cdr(data, kind)
         again = store.serialize_ros1(message, kind) if ros1 else store.serialize_cdr(message, kind)
         assert bytes(again)[4 * (not ros1) :] == data[4 * (not ros1) :]
+
+
+@pytest.mark.parametrize(
+    ("channel", "word", "other", "known"),
+    [
+        (on.PLAN, b"climb", b"chute", "search, align"),
+        (on.MAP, b"down", b"left", "up, down"),
+        (on.ESTIMATE, b"gyro", b"nose", "vision, gyro"),
+    ],
+)
+def test_a_word_that_treadline_does_not_know_is_refused(channel: str, word: bytes, other: bytes, known: str) -> None:
+    """Test: a phase, a direction, a source of another make. Expected result: a line that says what is known."""
+    signal = next(signal for name, signal in SIGNALS if name == channel)
+    decoder = Decoder(channel, ros1=False)
+    topic, _, data = next(message for message in encoded(channel, signal, ros1=False) if word in message[2])
+    with pytest.raises(LogFormatError, match=f"'{other.decode()}' stands where one of {known}"):
+        decoder.signal(topic, data.replace(word, other))
 
 
 @pytest.mark.parametrize("ahead", [0, 1], ids=["colour ahead", "depth ahead"])

@@ -8,7 +8,7 @@ calibration has come. The camera's mount is not in a ``CameraInfo``: it comes ba
 
 import struct
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -25,11 +25,13 @@ from treadline.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
+    Phase,
     PinholeCamera,
     Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
+    Source,
     StairMap,
     TrackCommand,
     TrackReading,
@@ -234,6 +236,14 @@ def _counted(values: tuple[float, ...], count: int) -> tuple[float, ...]:
     return values
 
 
+def one_of(words: Any, word: str) -> Any:
+    """Return a word, if it is one of a ``Literal``'s."""
+    known = get_args(words)
+    if word not in known:
+        raise LogFormatError(f"'{word[:40]}' stands where one of {', '.join(known)} belongs; is it of another version?")
+    return word
+
+
 class Status(NamedTuple):
     """The one status of a DiagnosticArray that ``messages`` writes."""
 
@@ -306,7 +316,7 @@ def _operator(r: CdrReader) -> OperatorInput:
 def _estimate(r: CdrReader) -> HeadingEstimate:
     t_s, source, places, _ = _joints(r)
     heading, rate, sigma = _counted(places, 3)
-    return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=rate, sigma_rad=sigma, source=source)
+    return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=rate, sigma_rad=sigma, source=one_of(Source, source))
 
 
 def _measurement(r: CdrReader) -> HeadingMeasurement:
@@ -338,7 +348,7 @@ def _plan(r: CdrReader) -> Plan:
     arm = ArmCommand(t_s=float(values["arm_t_s"]), rate_rad_s=float(values["arm_rad_s"])) if "arm_t_s" in values else None
     return Plan(
         t_s=told.t_s,
-        phase=cast("Any", told.name),
+        phase=one_of(Phase, told.name),
         speed_m_s=float(values["speed_m_s"]),
         turn_m_s=float(values["turn_m_s"]) if "turn_m_s" in values else None,
         heading_rad=float(values["heading_rad"]),
@@ -356,7 +366,7 @@ def _stair_map(r: CdrReader) -> StairMap:
     seen = {name: values.pop(name, None) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
     return StairMap(
         t_s=t_s,
-        direction=cast("Any", direction),
+        direction=one_of(Literal["up", "down"], direction),
         nosings_B=np.array(nosings).reshape(-1, 3),
         rise_m=values["rise_m"],
         run_m=values["run_m"],
