@@ -18,6 +18,8 @@ from jaxtyping import Float
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 
+Reconstruct = Literal["observer", "static"]
+"""Where the state comes from: an observer, or one output alone (Eq. 11b)."""
 Provenance = dict[str, Any]
 """Where a model came from: command, versions, seeds, fit. JSON values only."""
 
@@ -129,7 +131,7 @@ class ControllerDesign:
     period_s: float
     disturbance_gain: Float[np.ndarray, " _"] | None = None
     """Corrects the constant difference between asked and acting belts, per unit of innovation; None carries none."""
-    reconstruct: Literal["observer", "static"] = "observer"
+    reconstruct: Reconstruct = "observer"
     vehicle: str = "wheelchair"
     provenance: Provenance = field(default_factory=dict)
 

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from treadline.chair_files import CHAIRS, chair_file
 from treadline.errors import SettingsError
 from treadline.faults import Fault
+from treadline.models import Reconstruct
 from treadline.settings import Settings, parse_toml, settings_of
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
@@ -137,7 +138,7 @@ class Control(Settings):
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper", "truth"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] | None = None
+    reconstruct: Reconstruct | None = None
     """None leaves it to the controller's file, which says observer unless it was tuned otherwise."""
 
 

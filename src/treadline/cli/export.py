@@ -1,8 +1,10 @@
 """``treadline export``: the controller for other places."""
 
 from pathlib import Path
+from typing import get_args
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import choice
 
 
 def export(
@@ -31,17 +33,14 @@ def export(
         speed: Climb speed in m/s: the C code takes it at every step, the others as a setting.
     """
     from treadline.control import ControllerConfig
-    from treadline.control.export import exported
+    from treadline.control.export import Target, exported
     from treadline.errors import SettingsError
     from treadline.mechanics.chair import read_chair
-    from treadline.models import ControllerDesign, write_whole
+    from treadline.models import ControllerDesign, Reconstruct, write_whole
 
-    if to not in ("c", "ros", "json"):
-        raise SettingsError(f"--to is '{to}'; allowed: c, ros, json")
-    if allocation not in ("climb-safe", "paper"):
-        raise SettingsError(f"--allocation is '{allocation}'; allowed: climb-safe, paper")
-    if reconstruct not in (None, "observer", "static"):
-        raise SettingsError(f"--reconstruct is '{reconstruct}'; allowed: observer, static")
+    target = choice("--to", to, get_args(Target))
+    shared = choice("--allocation", allocation, ("climb-safe", "paper"))
+    chosen = None if reconstruct is None else choice("--reconstruct", reconstruct, get_args(Reconstruct))
     if not 0.0 < speed <= 0.3:
         raise SettingsError(f"--speed is {speed}; it must be above 0 and at most 0.3 m/s")
     design = ControllerDesign.load(controller)
@@ -49,11 +48,11 @@ def export(
     config = ControllerConfig(
         climb_speed_m_s=speed,
         max_speed_m_s=limit_m_s,
-        allocation="paper" if allocation == "paper" else "climb-safe",
-        reconstruct=None if reconstruct is None else "static" if reconstruct == "static" else "observer",
+        allocation=shared,
+        reconstruct=chosen,
         period_s=design.period_s,
     )
-    files = exported("c" if to == "c" else "ros" if to == "ros" else "json", design, config)
+    files = exported(target, design, config)
     for name, text in files.items():
         write_whole(out / name, text)
     return Answer(

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.cli.answer import Answer
-from treadline.cli.numbers import List
+from treadline.cli.numbers import List, choice
 
 
 def frames(
@@ -73,7 +73,6 @@ def frames(
 
 def _scenes(word: str) -> tuple[str, ...]:
     """Return the scenes a word stands for: several, or the one of that name."""
-    from treadline.errors import SettingsError
     from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES
 
     several: dict[str, tuple[str, ...]] = {
@@ -83,6 +82,4 @@ def _scenes(word: str) -> tuple[str, ...]:
     }
     single: dict[str, tuple[str, ...]] = {name: (name,) for name in (*STAIR_SCENES, *ROOM_SCENES)}
     known = single | several
-    if word not in known:
-        raise SettingsError(f"--scene is '{word}'; allowed: {', '.join(sorted(known))}")
-    return known[word]
+    return known[choice("--scene", word, sorted(known))]

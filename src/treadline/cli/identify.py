@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from treadline.cli.answer import Answer
-from treadline.cli.numbers import words
+from treadline.cli.numbers import choice, words
 from treadline.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -124,8 +124,8 @@ def _check(asked: _Asked, sums: Path | None) -> None:
     if not asked.logs:
         raise SettingsError("identify needs at least one log: a file or a run folder")
     for option, value, allowed in (("--method", asked.method, METHODS), ("--solver", asked.solver, SOLVERS)):
-        if value is not None and value not in allowed:
-            raise SettingsError(f"{option} is '{value}'; allowed: {', '.join(allowed)}")
+        if value is not None:
+            choice(option, value, allowed)
     if asked.validate is not None and asked.validate_on is not None:
         raise SettingsError("give --validate or --validate-on, not both")
     if asked.delays is not None and (sums or asked.update) is not None:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import choice
 
 
 def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, seed: int = 0) -> Answer:
@@ -20,7 +21,6 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
     """
     import numpy as np
 
-    from treadline.errors import SettingsError
     from treadline.mechanics.bodies import standing, vehicle
     from treadline.mechanics.chair import read_chair
     from treadline.mechanics.formats import sdf_model, sdf_world, urdf
@@ -28,8 +28,7 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
     from treadline.models import write_whole
     from treadline.scenario import read_scenario
 
-    if to not in ("mjcf", "urdf", "sdf"):
-        raise SettingsError(f"--to is '{to}'; allowed: mjcf, urdf, sdf")
+    choice("--to", to, ("mjcf", "urdf", "sdf"))
     settings = read_scenario(scenario)
     chair, loading = read_chair(settings.chair.model), settings.chair
     # The stair of a run with this seed: the plant draws it from the first of its streams.

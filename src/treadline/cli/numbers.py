@@ -1,8 +1,9 @@
-"""Numbers and lists on the command line: ``3``, ``1,1`` and ``a,b``."""
+"""Numbers, lists and choices on the command line: ``3``, ``1,1``, ``a,b`` and one word of a few."""
 
 import math
 import re
-from typing import Annotated, get_args
+from collections.abc import Iterable
+from typing import Annotated, Any, get_args
 
 from cyclopts import App, ArgumentCollection, Parameter
 
@@ -58,6 +59,18 @@ def numbers(option: str, text: str | None) -> list[float] | None:
             raise SettingsError(f"{option}: '{part}' is not finite")
         values.append(value)
     return values
+
+
+def choice(option: str, word: str, allowed: Iterable[str]) -> Any:
+    """Return a word that is among those allowed.
+
+    Raises:
+        SettingsError: If it is not.
+    """
+    allowed = tuple(allowed)
+    if word not in allowed:
+        raise SettingsError(f"{option} is '{word}'; allowed: {', '.join(allowed)}")
+    return word
 
 
 def words(option: str, text: str) -> tuple[str, ...]:

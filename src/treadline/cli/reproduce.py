@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import choice
 
 
 def reproduce(
@@ -37,8 +38,7 @@ def reproduce(
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
-    if plant not in ("mujoco", "gazebo"):
-        raise SettingsError(f"--plant is '{plant}'; allowed: mujoco, gazebo")
+    choice("--plant", plant, ("mujoco", "gazebo"))
     plan = QUICK if quick else WHOLE
     if seeds is not None and not 1 <= seeds <= len(plan.seeds):
         raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")

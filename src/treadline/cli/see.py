@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, get_args
 
 from treadline.cli.answer import Answer
-from treadline.cli.numbers import List
+from treadline.cli.numbers import List, choice
 
 MANY = 20
 """Frames of a folder from which on progress is told."""
@@ -37,19 +37,13 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
             heading as the robust method sees them (NAME-seen.png).
     """
-    from typing import cast, get_args
-
     from treadline.errors import SettingsError
     from treadline.perception.edges import ThresholdRule
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
     from treadline.perception.images import alone
 
-    if method not in ("robust", "paper"):
-        raise SettingsError(f"--method is '{method}'; allowed: robust, paper")
-    if threshold not in get_args(ThresholdRule):
-        raise SettingsError(f"--threshold is '{threshold}'; allowed: {', '.join(get_args(ThresholdRule))}")
-    chosen: Literal["paper", "robust"] = "paper" if method == "paper" else "robust"
-    rule = cast("ThresholdRule", threshold)
+    chosen = choice("--method", method, ("robust", "paper"))
+    rule = choice("--threshold", threshold, get_args(ThresholdRule))
     if depth is None and not rgb.is_dir():
         raise alone(rgb)
     if depth is None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from treadline.cli.answer import Answer
+from treadline.cli.numbers import choice
 from treadline.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -58,8 +59,7 @@ def sweep(
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
-    if score not in scores():
-        raise SettingsError(f"--score is '{score}'; allowed: {', '.join(scores())}")
+    choice("--score", score, scores())
     plan = Plan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)

@@ -1,9 +1,10 @@
 """``treadline tune``: from a model to a controller."""
 
 from pathlib import Path
+from typing import get_args
 
 from treadline.cli.answer import Answer
-from treadline.cli.numbers import List, numbers
+from treadline.cli.numbers import List, choice, numbers
 
 
 def tune(
@@ -34,10 +35,9 @@ def tune(
     from treadline.control import tune as design
     from treadline.control.tune import doubt
     from treadline.errors import SettingsError
-    from treadline.models import LinearModel
+    from treadline.models import LinearModel, Reconstruct
 
-    if reconstruct not in ("observer", "static"):
-        raise SettingsError(f"--reconstruct is '{reconstruct}'; allowed: observer, static")
+    chosen = choice("--reconstruct", reconstruct, get_args(Reconstruct))
     if state_weight is not None and output_weight is not None:
         raise SettingsError("give --state-weight or --output-weight, not both")
     if out.resolve() == model.resolve():
@@ -48,7 +48,7 @@ def tune(
         output_weight=numbers("--output-weight", output_weight),
         input_weight=numbers("--input-weight", input_weight),
         period_s=period,
-        reconstruct="static" if reconstruct == "static" else "observer",
+        reconstruct=chosen,
         vehicle=vehicle,
     )
     controller.save(out)

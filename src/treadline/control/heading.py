@@ -17,7 +17,7 @@ from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT
 from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
-from treadline.models import ControllerDesign
+from treadline.models import ControllerDesign, Reconstruct
 from treadline.signals import HeadingEstimate, Plan, TrackCommand
 
 FASTEST_TURN_RAD_S = 35.0
@@ -31,7 +31,7 @@ class ControllerConfig:
     climb_speed_m_s: float = 0.2
     max_speed_m_s: float = 1.0
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] | None = None
+    reconstruct: Reconstruct | None = None
     """None: as the design says."""
     period_s: float = 0.25
 

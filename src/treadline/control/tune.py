@@ -6,7 +6,6 @@ The default weights were chosen on seeds from 100 on, at 25, 28 and 30°; the se
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -17,7 +16,7 @@ from treadline.control.lqr import closed_loop_poles, lqr_gain
 from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
 from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
-from treadline.models import ControllerDesign, LinearModel
+from treadline.models import ControllerDesign, LinearModel, Reconstruct
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Price of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
@@ -45,7 +44,7 @@ def tune(
     output_weight: Sequence[float] | None = None,
     input_weight: Sequence[float] | None = None,
     period_s: float | None = None,
-    reconstruct: Literal["observer", "static"] = "observer",
+    reconstruct: Reconstruct = "observer",
     vehicle: str = "wheelchair",
 ) -> ControllerDesign:
     """Return the controller of a model: LQR gain (Eq. 10) and an observer with a constant input disturbance.

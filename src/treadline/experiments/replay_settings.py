@@ -24,7 +24,7 @@ from treadline.mission.config import MissionConfig, build_blocks, guard_config, 
 from treadline.mission.guard import Guard
 from treadline.mission.loop import Blocks
 from treadline.mission.planner import Cruise
-from treadline.models import ControllerDesign
+from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
@@ -167,7 +167,7 @@ def keys_of(base: MissionConfig) -> type[Settings]:
     control: dict[str, Any] = {
         "speed_m_s": (Annotated[float, Field(gt=0.0, le=0.30)], base.climb_speed_m_s),
         "allocation": (Literal["climb-safe", "paper"], base.allocation),
-        "reconstruct": (Literal["observer", "static"] | None, base.reconstruct),
+        "reconstruct": (Reconstruct | None, base.reconstruct),
     }
     guard = guard_config(base, CONTROL_RATE_PERIOD_S)
     parts: dict[str, type[Settings]] = {

@@ -18,7 +18,7 @@ from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import Blocks, Detector, Estimator
 from treadline.mission.planner import Cruise, Planner
-from treadline.models import ControllerDesign
+from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.seat import LevellerConfig, PitchLeveller
 
@@ -42,7 +42,7 @@ class MissionConfig:
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    reconstruct: Literal["observer", "static"] | None = None
+    reconstruct: Reconstruct | None = None
     """None leaves it to the controller's file."""
 
 
