@@ -277,11 +277,6 @@ def test_the_papers_own_controller_can_be_built_and_drives_static() -> None:
         np.testing.assert_allclose([command.left_m_s, command.right_m_s], asked, atol=1e-12)
 
 
-def test_the_papers_c_minus_dk_has_condition_2_42() -> None:
-    # Two decimals, as measured from the printed matrices.
-    assert np.linalg.cond(paper.C - paper.D @ paper.K) == pytest.approx(2.42, abs=0.005)
-
-
 def test_configuration_overrides_the_designs_reconstruction() -> None:
     design = tune(chair_model(), reconstruct="static")
     static = HeadingController(design, ControllerConfig())

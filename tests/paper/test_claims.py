@@ -5,18 +5,11 @@ import pytest
 
 from treadline import paper
 from treadline.control import lqr_gain
-from treadline.control.reconstruct import static_reconstruction
 from treadline.experiments.literal import asked_at
 from treadline.experiments.plan import WHOLE
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov, system_markov
 from treadline.mechanics.chair import read_chair
-
-
-def test_equation_14_follows_from_equations_12_and_13() -> None:
-    K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)
-    # Eq. (12) is printed to four decimals: half a unit in the last place of A and B moves K by some 3e-4.
-    np.testing.assert_allclose(K, paper.K, atol=5e-4)
 
 
 def test_another_weight_does_not_give_equation_14() -> None:
@@ -27,8 +20,6 @@ def test_another_weight_does_not_give_equation_14() -> None:
 def test_equation_11b_can_be_solved_with_the_printed_matrices() -> None:
     # 2.42 is what the printed digits give; the third digit is theirs.
     assert np.linalg.cond(paper.C - paper.D @ paper.K) == pytest.approx(2.42, abs=0.005)
-    inverse = static_reconstruction(paper.C, paper.D, paper.K)
-    np.testing.assert_allclose((paper.C - paper.D @ paper.K) @ inverse, np.eye(2), atol=1e-12)
 
 
 def test_the_recipe_asks_more_of_the_right_track_at_30_degrees_than_a_track_can_do() -> None:
