@@ -41,7 +41,7 @@ test-gazebo: setup
 	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo tests/devices/test_plant_contract.py
 
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
-	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-ros
+	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-msgs python3-tf2-ros
 
 test-ros1: setup
 	@command -v rostest >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
