@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from treadline.estimation import HeadingHealth
+from treadline.mechanics.chair import read_chair
+from treadline.mission.config import MissionConfig, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.mission.guard.ahead import GAP_MAPS, AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
@@ -770,6 +772,19 @@ def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_no
     assert watch.cause is None
     turning(0.3 / per_metre, "crest", 1, watch)
     assert watch.cause is not None
+
+
+@pytest.mark.parametrize(("model", "gauge_m"), [("wheelchair", 0.65), ("rescue", 0.56)])
+def test_belts_that_stand_closer_turn_a_chair_further(model: str, gauge_m: float) -> None:
+    """Test: either vehicle's guard; belts that turn the wheelchair by 0.25 rad/s on the flight. Expected result: the wheelchair is
+    judged by the numbers that were measured, the narrower robot by more in the ratio of the gauges, and so sooner."""
+    chair = read_chair(model)
+    limits = guard_config(MissionConfig(chair=chair), 0.25)
+    assert limits.gauge_m == chair.tracks.gauge_m == gauge_m
+    watch = BlindTurnWatch(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0))
+    readings = 2 + math.floor(2.0 * 16 * gauge_m / 0.65)
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", readings - 1, watch).cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
 
 
 def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:

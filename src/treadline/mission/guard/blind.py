@@ -10,9 +10,9 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, Plan
 
-FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M = 0.38, 0.24, 0.8
-"""Turn of the chair per metre that one belt runs further: on nosings, over one, and on the level (measured with the
-wheelchair; with the rescue robot it was not)."""
+FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M, GAUGE_M = 0.38, 0.24, 0.8, 0.65
+"""Turn of a chair of this gauge per metre that one belt runs further: on nosings, over one, and on the level. Measured with the
+wheelchair; another chair's are taken to be the same share, a quarter on nosings, of what belts that do not skid would turn it."""
 LEVEL_RAD = 2.0 * DEG
 SWINGS_RAD_S = 4.5 * DEG
 """Pitch rate above which a chair swings over a nosing, which turns it by a degree or two: belts that answer are right."""
@@ -24,6 +24,7 @@ class BlindTurnWatch:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
+        self._turns = GAUGE_M / config.gauge_m
         self.t_s = 0.0
         """Of the last reading of the belts."""
         self._pitch_rad = self._swing_rad_s = 0.0
@@ -62,7 +63,7 @@ class BlindTurnWatch:
             self._window.clear()
         if not self._window:
             dt_s = 0.0
-        self._turned_rad += self._per_metre(plan.phase) * apart_m_s * dt_s
+        self._turned_rad += self._turns * self._per_metre(plan.phase) * apart_m_s * dt_s
         self._window.append((t_s, self._turned_rad))
         while t_s - self._window[0][0] > self._config.blind_turn_s:
             self._window.popleft()

@@ -115,6 +115,8 @@ class GuardConfig:
     """From mid-track to the foremost part of the chair, its front section at rest."""
     rear_m: float = 0.55
     """From mid-track to the rearmost part of the tracks."""
+    gauge_m: float = 0.65
+    """Between the belts: how far they turn the chair goes with its inverse."""
     track_span_m: float = 0.95
     """Flat run: three neighbouring nosings lie closer together, or the track would rest on one (row 17)."""
     gap_clear_m: float = 0.2
