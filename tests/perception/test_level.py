@@ -105,6 +105,19 @@ def test_what_is_beside_the_way_or_low_is_no_obstacle(y_m: float, half_m: Float[
     assert obstacle_on_the_level(*seen([*solids_of(staircase.boxes()), aside], pitch, p_WB)) is None
 
 
+@pytest.mark.parametrize(("model", "half_m"), [("wheelchair", 0.40), ("rescue", 0.345)])
+def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is(model: str, half_m: float) -> None:
+    """Test: either vehicle; a leg on the landing 2 cm within what it sweeps, and 2 cm beside. Expected result: a distance; None."""
+    chair = read_chair(model)
+    assert chair.swept_half_m == pytest.approx(half_m, abs=1e-12)
+    staircase = flight()
+    pitch, p_WB = at_the_crest(staircase, 0.3)
+    for aside_m, met in ((-0.02, True), (0.02, False)):
+        leg = thing(p_WB[0] + 1.5, half_m + aside_m + LEG_HALF_M[1], staircase.steps[-1].z_m, LEG_HALF_M)
+        frame, down_C = seen([*solids_of(staircase.boxes()), leg], pitch, p_WB)
+        assert (obstacle_on_the_level(frame, down_C, chair.swept_half_m) is not None) is met
+
+
 def test_without_ground_nothing_is_told() -> None:
     """Test: no depth at all; a wall before the camera and nothing else. Expected result: None."""
     staircase = flight()

@@ -98,7 +98,7 @@ class ReplaySettings:
     def detector(self) -> DetectorConfig:
         """How to look."""
         values: Any = self.values
-        return replace(applied(DetectorConfig(), values.detector), method=values.vision)
+        return replace(applied(_detector(self.mission), values.detector), method=values.vision)
 
     @property
     def depth_unit_m(self) -> float:
@@ -162,6 +162,10 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
     return ReplaySettings(values=values, mission=mission, controller_name=name or f"shipped for {base.chair.name}")
 
 
+def _detector(base: MissionConfig) -> DetectorConfig:
+    return DetectorConfig(swept_half_m=base.chair.swept_half_m)
+
+
 def keys_of(base: MissionConfig) -> type[Settings]:
     """Return the model of all keys, with what the log's run had as defaults."""
     control: dict[str, Any] = {
@@ -174,7 +178,7 @@ def keys_of(base: MissionConfig) -> type[Settings]:
         "control": create_model("control", __base__=Settings, **control),
         "camera": CameraKeys,
         "imu": ImuKeys,
-        "detector": table_of("detector", DetectorConfig(), leave=("method",)),
+        "detector": table_of("detector", _detector(base), leave=("method",)),
         "filter": table_of("filter", FilterConfig()),
         "offset": table_of("offset", AberrationRule()),
         "guard": table_of("guard", guard, leave=("needs_heading",)),

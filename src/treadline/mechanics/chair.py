@@ -17,6 +17,8 @@ from treadline.signals import PinholeCamera
 GRAVITY_M_S2 = 9.81
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
+SWEPT_SPARE_M = 0.025
+"""To either side of a chair: a thing there is in its way."""
 # Bounds far beyond any chair, so that a slipped unit or digit shows.
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 Place = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -170,6 +172,12 @@ class ChairDescription(Settings):
             mount_yaw_rad=mount.yaw_deg * DEG,
             mount_m=mount.position_m,
         )
+
+    @property
+    def swept_half_m(self) -> float:
+        """Half the width of the volume it sweeps as it drives straight."""
+        widest = max(self.tracks.gauge_m + self.tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
+        return 0.5 * widest + SWEPT_SPARE_M
 
     @property
     def nose_m(self) -> Point:

@@ -108,7 +108,7 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
     """Return the blocks of one mission; an experiment may bring its own driver, which then drives on the flight alone."""
     planner = planner_of(config, driver)
     driver = driver or heading_driver(config)
-    detector: Detector = StairDetector(DetectorConfig(method=config.vision))
+    detector: Detector = StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
     estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()
     return Blocks(
         detector=detector,
@@ -117,6 +117,7 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
         driver=driver,
         leveller=PitchLeveller(LevellerConfig(seat=config.chair.seat)),
         guard=Guard(guard_config(config, driver.period_s, driven=isinstance(driver, HeadingController))),
+        swept_half_m=config.chair.swept_half_m,
     )
 
 

@@ -27,6 +27,7 @@ from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
 from treadline.mission.rates import Rate, seat_now
 from treadline.perception.quality import quality_of
+from treadline.perception.sight import SWEPT_HALF_M
 from treadline.ports import Plant
 from treadline.signals import (
     TICK_S,
@@ -106,6 +107,8 @@ class Blocks:
     driver: Driver
     leveller: SeatLeveller
     guard: Guard
+    swept_half_m: float = SWEPT_HALF_M
+    """What the chair sweeps to either side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +232,7 @@ class Mission:
 
     def _look(self, frame: RgbdFrame) -> None:
         gravity_C = self._gravity_in(frame)
-        quality = quality_of(frame, gravity_C)
+        quality = quality_of(frame, gravity_C, self._blocks.swept_half_m)
         self._log(quality)
         if not self._blocks.guard.admit(quality):
             return

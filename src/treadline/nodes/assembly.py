@@ -59,7 +59,7 @@ def node_of(
             awaited = tuple(other for other in DRIVING if other != "guard" and not (stick and other == "driver"))
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
         case "camera":
-            node = CameraNode(blocks.detector, limits)
+            node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
             node.warm(mount_of(config))
             return node
         case "heading":

@@ -31,7 +31,7 @@ class LockStep:
         self._plant = PlantNode(plant)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
-        camera, seat = CameraNode(blocks.detector, config), SeatNode(blocks.leveller, config)
+        camera, seat = CameraNode(blocks.detector, config, blocks.swept_half_m), SeatNode(blocks.leveller, config)
         # The guard takes each reading before anybody acts on it, and speaks after all others.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]
         for node in listeners:

@@ -98,8 +98,9 @@ class CameraNode:
     says = (on.QUALITY, on.MEASURED, on.MAP)
     needs = ((on.CAMERA, on.CAMERA_QUALITY, on.CAMERA_HEADING),)
 
-    def __init__(self, detector: Detector, config: GuardConfig) -> None:
+    def __init__(self, detector: Detector, config: GuardConfig, swept_half_m: float) -> None:
         self._detector = detector
+        self._swept_half_m = swept_half_m
         self._gate = Gate(config)
         self._gravity_B: Float[np.ndarray, " 3"] | None = None
 
@@ -134,7 +135,7 @@ class CameraNode:
 
     def _look(self, frame: RgbdFrame) -> None:
         gravity_C = None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
-        quality = quality_of(frame, gravity_C)
+        quality = quality_of(frame, gravity_C, self._swept_half_m)
         self._say(on.QUALITY, quality)
         if not (self._gate.admits(frame) and self._gate.admits(quality)):
             return

@@ -20,8 +20,8 @@ from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 SIDE_WALL = 15.0 * DEG
 """How far a side wall's normal may lie from the edges' direction."""
 WALL_BLOCKS = 16
-SWEPT_HALF_M, SWEPT_HEIGHT_M = 0.40, 1.5
-"""Half the tracks' width and 3 cm, and a seated person's height above the nosing plane."""
+SWEPT_HEIGHT_M = 1.5
+"""A seated person's, above the nosing plane."""
 CLEAR_M = 0.06
 """Above the nosing plane: what is lower passes under the belts or is the stair's own irregularity."""
 LEAST_POINTS = 12
@@ -41,8 +41,14 @@ END_MARGIN_M = 0.12
 END_POINTS, END_SHARE = 40, 0.7
 
 
-def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axes, shape: StairShape) -> StairMap:
-    """Return what lies ahead, in the chair's frame."""
+def map_of(
+    frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axes, shape: StairShape, swept_half_m: float
+) -> StairMap:
+    """Return what lies ahead, in the chair's frame.
+
+    Args:
+        swept_half_m: What the chair sweeps to either side.
+    """
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
     points = points_of(flight, axes, shape)
     way = way_of(R_BC)
@@ -66,7 +72,7 @@ def map_of(frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axe
         ends=ends,
         left_wall_m=left,
         right_wall_m=right,
-        obstacle_m=_obstacle(standing, free, axes, R_BC, p_BC),
+        obstacle_m=_obstacle(standing, free, axes, R_BC, p_BC, swept_half_m),
     )
 
 
@@ -144,6 +150,7 @@ def _obstacle(
     axes: Axes,
     R_BC: Float[np.ndarray, "3 3"],
     p_BC: Float[np.ndarray, " 3"],
+    swept_half_m: float,
 ) -> float | None:
     """Return how far ahead of the chair something stands between its sides; walls and rails and what is behind them left out.
 
@@ -159,7 +166,7 @@ def _obstacle(
         within &= aside < right_m - RAIL_THICK_M
     x, y, _ = (standing[within] @ R_BC.T + p_BC).T
     far = way_of(R_BC) * x
-    return first_crowd(far[(np.abs(y) < SWEPT_HALF_M) & (far > 0.0)], BIN_M, LEAST_POINTS)
+    return first_crowd(far[(np.abs(y) < swept_half_m) & (far > 0.0)], BIN_M, LEAST_POINTS)
 
 
 def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None:

@@ -4,7 +4,7 @@
 reason of a refusal.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -15,7 +15,7 @@ from treadline.arrays import shaped
 from treadline.errors import ImageError
 from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import look_robust
-from treadline.perception.sight import Sight
+from treadline.perception.sight import SWEPT_HALF_M, Sight
 from treadline.perception.stopwatch import Stopwatch
 from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap
 
@@ -29,6 +29,8 @@ class DetectorConfig:
 
     method: Literal["paper", "robust"] = "robust"
     paper: PaperConfig = field(default_factory=PaperConfig)
+    swept_half_m: float = SWEPT_HALF_M
+    """What the chair sweeps to either side: what stands there is in its way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,7 +94,7 @@ class StairDetector:
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
-            return look_robust(frame, gravity_C, watch)
+            return replace(look_robust(frame, gravity_C, watch), swept_half_m=self._config.swept_half_m)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.perception import kernels
 from treadline.perception.geometry import first_crowd, way_of
+from treadline.perception.sight import SWEPT_HALF_M
 from treadline.signals import RgbdFrame
 
 STRIDE_AT_240 = 4
@@ -20,15 +21,15 @@ GROUND_BIN_M, GROUND_POINTS = 0.03, 40
 """Heights that are one ground, and the patches that it needs."""
 GROUND_HALF_M = 0.5
 """To one side of the other, at least: a suitcase's lid is level too, and narrower."""
-SWEPT_HALF_M, CLEAR_M, SWEPT_HEIGHT_M = 0.40, 0.10, 1.5
-"""Half the tracks' width and 3 cm; the height above the ground below which a thing may be noise; a seated person's height."""
+CLEAR_M, SWEPT_HEIGHT_M = 0.10, 1.5
+"""The height above the ground below which a thing may be noise; a seated person's height."""
 FAR_M = 3.0
 """From mid-track: depth further away is noise, and a chair stops within one."""
 CROWD_M, CROWD_POINTS = 0.10, 6
 """Points that stand together, for something to be there."""
 
 
-def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) -> float | None:
+def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], swept_half_m: float = SWEPT_HALF_M) -> float | None:
     """Return how far ahead of mid-track something stands on the ground where the camera looks; None if nothing does.
 
     Ahead of a chair that climbs its ground is the highest level in view, behind one that backs down it is the lowest. Distances are
@@ -36,6 +37,7 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
 
     Args:
         gravity_C: Unit vector that points down, in the camera's frame.
+        swept_half_m: What the chair sweeps to either side.
     """
     up = -gravity_C
     camera = frame.camera
@@ -50,7 +52,7 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"]) 
     if level_m is None:
         return None
     above = (height > level_m + CLEAR_M) & (height < level_m + SWEPT_HEIGHT_M)
-    above &= (np.abs(aside) < SWEPT_HALF_M) & (far > 0.0) & (far < FAR_M)
+    above &= (np.abs(aside) < swept_half_m) & (far > 0.0) & (far < FAR_M)
     if way < 0.0:
         # The steps that lead down to the floor are above it, but not above the belts; a thing's top leans towards the chair.
         above &= points @ camera.R_BC[2] > CLEAR_M

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception.level import obstacle_on_the_level
+from treadline.perception.sight import SWEPT_HALF_M
 from treadline.signals import FrameQuality, RgbdFrame
 
 STRIDE_AT_240 = 8
@@ -21,13 +22,16 @@ UNASKED = (0.5, 0.25)
 """Brightness and contrast of colours that were not looked at."""
 
 
-def quality_of(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> FrameQuality:
+def quality_of(
+    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, swept_half_m: float = SWEPT_HALF_M
+) -> FrameQuality:
     """Return what tells a frame worth looking at from one that is dark, frozen or empty, and whether something is in the way.
 
     Two depth images of a living camera never agree to the last bit, so a checksum tells one that is frozen.
 
     Args:
         gravity_C: Unit vector that points down, in the camera's frame; without it nobody looks for what stands on the ground.
+        swept_half_m: What the chair sweeps to either side.
     """
     stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
     depths = frame.depth_m[::stride, ::stride]
@@ -44,7 +48,7 @@ def quality_of(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = Non
         brightness=brightness,
         contrast=contrast,
         valid_share=share,
-        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_the_level(frame, gravity_C),
+        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_the_level(frame, gravity_C, swept_half_m),
     )
 
 

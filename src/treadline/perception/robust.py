@@ -168,9 +168,11 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
     )
 
 
-def _drawn_map(frame: RgbdFrame, blocks: Blocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch) -> StairMap:
+def _drawn_map(
+    frame: RgbdFrame, blocks: Blocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch, swept_half_m: float
+) -> StairMap:
     watch.resume()
-    stair_map = map_of(frame, blocks, seen.nosings, axes, shape)
+    stair_map = map_of(frame, blocks, seen.nosings, axes, shape, swept_half_m)
     watch.lap("map")
     return stair_map
 

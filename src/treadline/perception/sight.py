@@ -10,6 +10,9 @@ from treadline.perception.nosings import Direction, Nosing
 from treadline.perception.planes import Blocks, Surface
 from treadline.signals import StairAxes, StairMap
 
+SWEPT_HALF_M = 0.40
+"""Half the width that the shipped wheelchair sweeps: where no chair is told, as of a folder of frames."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StairShape:
@@ -63,13 +66,14 @@ class Sight:
     """The edges' angle about the vertical by risers less that by lines; None unless both are seen."""
     axes: StairAxes | None = None
     parts: Parts | None = None
-    draw_map: Callable[[], StairMap] | None = None
-    """Makes the map at its first call."""
+    draw_map: Callable[[float], StairMap] | None = None
+    """Makes the map at its first call, for a chair that sweeps so much to either side."""
+    swept_half_m: float = SWEPT_HALF_M
 
     @property
     def stair_map(self) -> StairMap | None:
         """What lies ahead, made when it is first asked for: who wants the heading alone need not wait for it."""
-        return None if self.draw_map is None else self.draw_map()
+        return None if self.draw_map is None else self.draw_map(self.swept_half_m)
 
 
 def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> Sight:

@@ -1,0 +1,45 @@
+"""What stands on the flight: in the way of a chair as wide as the one that looks."""
+
+import math
+
+import numpy as np
+import pytest
+
+from treadline.angles import rotation_y
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import build_staircase
+from treadline.perception.detector import DetectorConfig, StairDetector
+from treadline.perception.sight import SWEPT_HALF_M
+from treadline.scenario import Stair
+from treadline.sim.camera import Camera
+from treadline.sim.camera.solids import Solid, solids_of
+
+LEG_HALF_M = np.array([0.06, 0.06, 0.4])
+
+
+@pytest.mark.parametrize("model", ["wheelchair", "rescue"])
+@pytest.mark.parametrize(("aside_m", "met"), [(-0.03, True), (0.03, False)])
+def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str, aside_m: float, met: bool) -> None:
+    """Test: either vehicle on a flight; a leg 3 cm within what it sweeps, and 3 cm beside. Expected result: a distance; None."""
+    chair = read_chair(model)
+    staircase = build_staircase(Stair(slope_deg=28.0, steps=12, width_m=2.4), np.random.default_rng(1))
+    slope, here, there = staircase.slope_rad, staircase.steps[3], staircase.steps[7]
+    centre = np.array([there.x_m + 0.15, chair.swept_half_m + aside_m + LEG_HALF_M[1], there.z_m + LEG_HALF_M[2]])
+    leg = Solid(kind="bag", centre_W=centre, half_m=LEG_HALF_M, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
+    calibration, R_WB = chair.camera_at(240), rotation_y(-slope)
+    R_WC = R_WB @ calibration.R_BC
+    camera = Camera([*solids_of(staircase.boxes()), leg], calibration, rng=np.random.default_rng(2))
+    frame = camera.frame(0.0, R_WC, np.array([here.x_m, 0.0, here.z_m]) + R_WB @ np.array(calibration.mount_m))
+    stair_map = (
+        StairDetector(DetectorConfig(swept_half_m=chair.swept_half_m)).see(frame, R_WC.T @ np.array([0.0, 0.0, -1.0])).stair_map
+    )
+    assert stair_map is not None
+    if not met:
+        assert stair_map.obstacle_m is None
+        return
+    reach_m = (centre[0] - LEG_HALF_M[0] - here.x_m) / math.cos(slope)
+    assert stair_map.obstacle_m == pytest.approx(reach_m, abs=0.2)  # its foot is near, its top leans towards the chair
+
+
+def test_where_no_chair_is_told_the_wheelchair_looks() -> None:
+    assert read_chair("wheelchair").swept_half_m == SWEPT_HALF_M
