@@ -92,15 +92,8 @@ def _side_walls(blocks: Blocks, axes: Axes, middle: float) -> tuple[float | None
 
 
 def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:
-    near = np.sort(places[places > 0.1])
-    if near.size < WALL_BLOCKS:
-        return None
-    together = np.searchsorted(near, near + BIN_M) - np.arange(near.size)
-    first = np.flatnonzero(together >= WALL_BLOCKS)
-    if not first.size:
-        return None
-    start = int(first[0])
-    return median(near[start : start + int(together[start])].tolist())
+    group = first_crowd(places[places > 0.1], BIN_M, WALL_BLOCKS)
+    return median(group) if group else None
 
 
 def _standing(
@@ -166,7 +159,7 @@ def _obstacle(
         within &= aside < right_m - RAIL_THICK_M
     x, y, _ = (standing[within] @ R_BC.T + p_BC).T
     far = way_of(R_BC) * x
-    return first_crowd(far[(np.abs(y) < swept_half_m) & (far > 0.0)], BIN_M, LEAST_POINTS)
+    return next(iter(first_crowd(far[(np.abs(y) < swept_half_m) & (far > 0.0)], BIN_M, LEAST_POINTS)), None)
 
 
 def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None:

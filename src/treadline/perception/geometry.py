@@ -25,12 +25,12 @@ SHAPE_SIGMA_M = 0.0055
 """Of a nosing's place: noise of the sensor and the stair's own irregularity."""
 
 
-def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> float | None:
-    """Return the smallest place with enough others close behind it, or None."""
+def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> list[float]:
+    """Return the smallest place with enough others close behind it, and these, in order; an empty list if there is none."""
     places = np.sort(places)
     together = np.searchsorted(places, places + within) - np.arange(places.size)
     first = np.flatnonzero(together >= least)
-    return float(places[first[0]]) if first.size else None
+    return places[first[0] : first[0] + together[first[0]]].tolist() if first.size else []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

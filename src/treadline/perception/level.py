@@ -57,7 +57,7 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], 
         # The steps that lead down to the floor are above it, but not above the belts; a thing's top leans towards the chair.
         above &= points @ camera.R_BC[2] > CLEAR_M
         far = np.minimum(far, way * (points @ camera.R_BC[0]))
-    return first_crowd(far[above], CROWD_M, CROWD_POINTS)
+    return next(iter(first_crowd(far[above], CROWD_M, CROWD_POINTS)), None)
 
 
 def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
