@@ -35,18 +35,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
     plain, turned, tilted = np.zeros((n + 1, n + 1)), np.zeros((steps, n + 1)), np.zeros((steps, n + 1))
     own = np.zeros((steps, 3))
     _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own)
-    at = 0
-    for turn in turns:
-        for tilt in tilts:
-            log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
-            for warp in warps:
-                logs[at] = log + _solved(M, warp, L, x) + SCEPTICISM * math.log(turn * tilt * warp)
-                means[at] = x
-                # The last two unknowns' part of the inverse needs the last corner of L alone.
-                first, last = 1.0 / L[n - 2, n - 2], 1.0 / L[n - 1, n - 1]
-                both = -L[n - 1, n - 2] * first * last
-                spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
-                at += 1
+    _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, means, spreads)
     best = np.argmax(logs)
     belief = np.exp(logs - logs[best])
     belief /= belief.sum()
@@ -108,15 +97,33 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
 def _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x):
     """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
     logs = np.empty(turns.size * tilts.size * warps.size)
-    at = 0
+    none = np.empty((0, 0))
+    _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, none, none)
+    best = logs.max()
+    return best + math.log(np.exp(logs - best).mean())
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, means, spreads):
+    """Fill ``logs`` with the log evidence of each guess at τ, κ and the warp's size.
+
+    Args:
+        means: Filled with x of each, ``spreads`` with the variances and covariance of α and ρ; empty where nobody asks.
+    """
+    n, at = L.shape[0], 0
     for turn in turns:
         for tilt in tilts:
             log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
             for warp in warps:
                 logs[at] = log + _solved(M, warp, L, x) + SCEPTICISM * math.log(turn * tilt * warp)
+                if means.size:
+                    means[at] = x
+                    # The last two unknowns' part of the inverse needs the last corner of L alone.
+                    first, last = 1.0 / L[n - 2, n - 2], 1.0 / L[n - 1, n - 1]
+                    both = -L[n - 1, n - 2] * first * last
+                    spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
                 at += 1
-    best = logs.max()
-    return best + math.log(np.exp(logs - best).mean())
 
 
 @njit(cache=True, error_model="numpy")
