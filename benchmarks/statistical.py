@@ -21,16 +21,14 @@ from jaxtyping import Float
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.devices.outlook import Geometry, Outlook, Wall
 from treadline.devices.statistical import (
     COUNTS,
     DEPTHS_M,
     LONGEST_RUN_M,
     MARGINS_PX,
     WALL_SHARES,
-    Geometry,
-    Outlook,
     StatisticalCamera,
-    Wall,
     cell_of,
     end_class,
     told_cell,

@@ -7,7 +7,8 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_z
-from treadline.devices.statistical import FAR_M, LONGEST_RUN_M, Geometry, StatisticalCamera, fitted_numbers
+from treadline.devices.outlook import FAR_M, Geometry
+from treadline.devices.statistical import LONGEST_RUN_M, StatisticalCamera, fitted_numbers
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.perception import Sight, StairDetector
