@@ -16,8 +16,9 @@ from treadline.mission.replay import ReplayPlant
 from treadline.nodes import channels as on
 from treadline.nodes import process, ros1
 from treadline.nodes.codec import encoded
+from treadline.nodes.plant import PlantNode
 from treadline.nodes.process import Turning, run_plant
-from treadline.nodes.shells import PlantNode, SeatNode
+from treadline.nodes.shells import SeatNode
 from treadline.nodes.wire import Inbox, WireTransport
 from treadline.nodes.words import Clock
 from treadline.signals import SeatReading

@@ -15,8 +15,8 @@ from rclpy.lifecycle.node import LifecycleState
 from treadline.cli.node import simulated, told
 from treadline.errors import TreadlineError
 from treadline.nodes.assembly import mount_of, node_of
+from treadline.nodes.plant import PlantNode
 from treadline.nodes.process import Turning, run_plant
-from treadline.nodes.shells import PlantNode
 from treadline_ros2.transport import RclpyTransport
 
 

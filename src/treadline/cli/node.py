@@ -66,9 +66,9 @@ def node(
     """
     from treadline.errors import SettingsError
     from treadline.nodes.assembly import node_of
+    from treadline.nodes.plant import PlantNode
     from treadline.nodes.process import Turning, run_plant
     from treadline.nodes.recorder import RecorderNode
-    from treadline.nodes.shells import PlantNode
 
     if transport == "inproc":
         raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")

@@ -4,7 +4,8 @@ from treadline.mission.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.nodes import channels as on
 from treadline.nodes.inproc import InProcess
-from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, PlantNode, SeatNode
+from treadline.nodes.plant import PlantNode
+from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.words import Beat
 from treadline.ports import Plant, Transport
 from treadline.signals import TICK_S, PinholeCamera

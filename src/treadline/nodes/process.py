@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 from treadline.errors import TreadlineError
 from treadline.nodes import channels as on
-from treadline.nodes.shells import GuardNode, Node, PlantNode
+from treadline.nodes.plant import PlantNode
+from treadline.nodes.shells import GuardNode, Node
 from treadline.nodes.wire import WireTransport
 from treadline.nodes.words import Beat, Clock
 from treadline.signals import TICK_S

@@ -14,12 +14,11 @@ from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
-from treadline.mission.rates import seat_now
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.words import Beat, Drive, GuardState, Mounts
 from treadline.perception.quality import quality_of
-from treadline.ports import Plant, Transport, TruthPlant
+from treadline.ports import Transport
 from treadline.signals import (
     TICK_S,
     ArmCommand,
@@ -28,7 +27,6 @@ from treadline.signals import (
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
-    OperatorInput,
     PinholeCamera,
     Plan,
     Reading,
@@ -40,10 +38,6 @@ from treadline.signals import (
     TrackReading,
 )
 
-COMMAND_TIMEOUT_S = 0.3
-"""The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
-TRUTH_TICKS = 10
-"""A simulator tells people and tests how it is ten times a second; no node listens."""
 ODOM_TICKS = 5
 """Between two places told: 20 Hz."""
 MOUNTS_S = 1.0
@@ -403,83 +397,3 @@ class GuardNode:
         if self._guard.holding != self._told:
             self._told = self._guard.holding
             self.repeat_state()
-
-
-SPOKEN: dict[type, str] = {
-    ImuSample: on.IMU,
-    TrackReading: on.TRACKS,
-    SeatReading: on.SEAT,
-    ArmReading: on.ARM,
-    OperatorInput: on.OPERATOR,
-    RgbdFrame: on.CAMERA,
-    FrameQuality: on.CAMERA_QUALITY,
-    HeadingMeasurement: on.CAMERA_HEADING,
-    StairMap: on.CAMERA_MAP,
-}
-"""The channel of each reading of a plant."""
-
-
-def spoken(reading: Reading) -> str:
-    """Return the channel of a reading; a plant may have its own kind of frame."""
-    return next(SPOKEN[kind] for kind in type(reading).__mro__ if kind in SPOKEN)
-
-
-class PlantNode:
-    """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
-
-    name = "plant"
-    says = (
-        on.IMU,
-        on.TRACKS,
-        on.SEAT,
-        on.ARM,
-        on.OPERATOR,
-        on.CAMERA,
-        on.CAMERA_QUALITY,
-        on.CAMERA_HEADING,
-        on.CAMERA_MAP,
-        on.TRUTH,
-    )
-    needs = ()
-
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-        self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
-        self._arm: ArmCommand | None = None
-        self._t_s = self._heard_s = 0.0
-        self.commanded_s = 0.0
-        """Stamp of the newest command: how far the guard has come."""
-
-    def listen(self, transport: Transport) -> None:
-        """Take commands from the guard."""
-        self._say = transport.publish
-        transport.subscribe(on.TRACKS_CMD, self._write)
-        transport.subscribe(on.SEAT_CMD, self._level)
-        transport.subscribe(on.ARM_CMD, self._raise)
-
-    def start(self) -> None:
-        """Put the chair at its start."""
-        self._plant.start()
-
-    def tick(self, t_s: float) -> None:
-        """Go on to this time, and tell what the sensors read."""
-        if t_s - self._heard_s > COMMAND_TIMEOUT_S:
-            self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
-        self._t_s = t_s
-        self._plant.advance(t_s)
-        for reading in self._plant.read():
-            self._say(spoken(reading), reading)
-        if isinstance(self._plant, TruthPlant):
-            for truth in self._plant.truth():
-                if round(truth.t_s / TICK_S) % TRUTH_TICKS == 0:
-                    self._say(on.TRUTH, truth)
-
-    def _write(self, tracks: TrackCommand) -> None:
-        self._heard_s, self.commanded_s = self._t_s, tracks.t_s
-        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), self._arm)
-
-    def _level(self, command: SeatCommand) -> None:
-        self._seat = command
-
-    def _raise(self, command: ArmCommand) -> None:
-        self._arm = command
