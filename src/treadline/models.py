@@ -6,7 +6,8 @@ models are JSON on disk: no code, no pickle.
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from numbers import Real
 from pathlib import Path
@@ -162,11 +163,22 @@ class ControllerDesign:
 
 def write_whole(path: Path, data: str | bytes) -> None:
     """Write a file so that readers see the old one or the new one, never a part."""
+    with written_whole(path) as part:
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield the path to write to: what is there at the end takes the file's place, and after an error nothing does.
+
+    Raises:
+        TreadlineError: If it cannot be written.
+    """
     temporary = path.with_name(path.name + ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            temporary.write_bytes(data.encode() if isinstance(data, str) else data)
+            yield temporary
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)

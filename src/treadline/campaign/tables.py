@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.campaign.run import TIMES, Row
-from treadline.errors import TreadlineError
-from treadline.models import write_whole
+from treadline.models import write_whole, written_whole
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
@@ -63,14 +62,8 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> bool:
     except ImportError:
         return False
     columns = {name: _of_one_kind([row.get(name) for row in rows]) for name in _columns(rows)}
-    temporary = path.with_name(path.name + ".part")
-    try:
-        parquet.write_table(pa.table(columns), temporary, compression="zstd")
-        temporary.replace(path)
-    except OSError as error:
-        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written_whole(path) as part:
+        parquet.write_table(pa.table(columns), part, compression="zstd")
     return True
 
 

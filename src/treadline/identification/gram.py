@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.errors import LogFormatError, ShapeMismatch, TreadlineError
+from treadline.errors import LogFormatError, ShapeMismatch
 from treadline.identification.factor import Factor
 from treadline.identification.kernels import column_moments, fold, lagged_products, normalise, slide
-from treadline.models import InputOutputRecord
+from treadline.models import InputOutputRecord, written_whole
 
 CHUNK = 1 << 18
 """Samples per pass: eight megabytes of four channels."""
@@ -105,28 +105,19 @@ class Gram:
 
     def save(self, path: Path) -> None:
         """Write the sums as NPZ: numbers alone, no code."""
-        temporary = path.with_name(path.name + ".part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                with temporary.open("wb") as file:
-                    np.savez(
-                        file,
-                        lags=self.lags,
-                        dt_s=self.dt_s,
-                        sums=self.sums,
-                        count=self.count,
-                        dropped=self.dropped,
-                        shift=self.units.shift,
-                        scale=self.units.scale,
-                        input_count=self.units.input_count,
-                        names=np.array(self.names, dtype=np.str_),
-                    )
-                temporary.replace(path)
-            finally:
-                temporary.unlink(missing_ok=True)
-        except OSError as error:
-            raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+        with written_whole(path) as part, part.open("wb") as file:
+            np.savez(
+                file,
+                lags=self.lags,
+                dt_s=self.dt_s,
+                sums=self.sums,
+                count=self.count,
+                dropped=self.dropped,
+                shift=self.units.shift,
+                scale=self.units.scale,
+                input_count=self.units.input_count,
+                names=np.array(self.names, dtype=np.str_),
+            )
 
     @classmethod
     def load(cls, path: Path) -> "Gram":
