@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.settings import text_of
 
 Reconstruct = Literal["observer", "static"]
 """Where the state comes from: an observer, or one output alone (Eq. 11b)."""
@@ -192,18 +193,14 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         SettingsError: If it is missing, a folder, not UTF-8, not JSON or not an object.
     """
+    text = text_of(path, "a JSON file")
     try:
-        value = json.loads(path.read_bytes().decode("utf-8"))
-    except FileNotFoundError:
-        raise SettingsError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise SettingsError(f"{path}: is a folder, not a JSON file") from None
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: not UTF-8 (byte {error.start})") from None
+        value = json.loads(text)
     except json.JSONDecodeError as error:
         raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
-    except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror}") from None
+    except (ValueError, RecursionError) as error:
+        # ValueError: Python's refusal of an integer of thousands of digits.
+        raise SettingsError(f"{path}: not JSON that can be read: {error}") from None
     if not isinstance(value, dict):
         raise SettingsError(f"{path}: holds a {type(value).__name__}, not an object")
     return value

@@ -53,21 +53,33 @@ def parse_toml(path: Path) -> dict[str, object]:
     Raises:
         SettingsError: If it is missing, a folder, not UTF-8 or not TOML.
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig")  # some editors begin a file with a mark
-    except FileNotFoundError:
-        raise SettingsError(f"{path}: no such file") from None
-    except IsADirectoryError:
-        raise SettingsError(f"{path}: is a folder, not a settings file") from None
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror}") from None
+    text = text_of(path, "a settings file")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # ValueError: tomllib's own error is one, and so is Python's refusal of an integer of thousands of digits.
         raise SettingsError(f"{path}: not TOML: {error}") from None
+
+
+def text_of(path: Path, kind: str) -> str:
+    """Return the text in a file.
+
+    Args:
+        kind: What the file should be, for the message.
+
+    Raises:
+        SettingsError: If it is missing, a folder or not UTF-8.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")  # some editors begin a file with a mark
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise SettingsError(f"{path}: is a folder, not {kind}") from None
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: {error.strerror}") from None
 
 
 def settings_of(tables: Mapping[str, object], model: type[S], *, where: str) -> S:

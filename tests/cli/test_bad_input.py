@@ -217,6 +217,8 @@ def broken(key: str, value: object) -> dict[str, object]:
     ("text", "word"),
     [
         ("", "not JSON"),
+        pytest.param('{"A": ' + "1" * 5000 + "}", "not JSON", id="a number of 5000 digits"),
+        pytest.param("[" * 100_000, "not JSON", id="100000 brackets"),
         ("[]", "not an object"),
         ("{}", "A"),
         (json.dumps(broken("colour", "red")), "colour"),
