@@ -29,13 +29,23 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
         turns: Standard deviations τ, ``tilts`` κ and ``warps`` of the warp's terms that are tried.
     """
     n = by.shape[1]
-    size = turns.size * tilts.size * warps.size
+    pairs, size = turns.size * tilts.size, turns.size * tilts.size * warps.size
     logs, means, spreads = np.empty(size), np.empty((size, n)), np.empty((size, 3))
-    M, L, x = np.zeros((n + 1, n + 1)), np.zeros((n, n)), np.empty(n)
+    M, L, of_pair, of_warp = _room(n, pairs)
     plain, turned, tilted = np.zeros((n + 1, n + 1)), np.zeros((steps, n + 1)), np.zeros((steps, n + 1))
     own = np.zeros((steps, 3))
     _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own)
-    _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, means, spreads)
+    _take_out(plain, turned, tilted, own, turns, tilts, M, of_pair)
+    for w in range(warps.size):
+        _solved(M, warps[w], L, of_warp)
+        for pair in range(pairs):
+            at, turn, tilt = pair * warps.size + w, turns[pair // tilts.size], tilts[pair % tilts.size]
+            logs[at] = of_pair[pair] + of_warp[pair] + SCEPTICISM * math.log(turn * tilt * warps[w])
+            means[at] = L[n, :, pair]
+            # The last two unknowns' part of the inverse needs the last corner of L alone.
+            first, last = 1.0 / L[n - 2, n - 2, pair], 1.0 / L[n - 1, n - 1, pair]
+            both = -L[n - 1, n - 2, pair] * first * last
+            spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
     best = np.argmax(logs)
     belief = np.exp(logs - logs[best])
     belief /= belief.sum()
@@ -48,10 +58,11 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
         spread[1] += belief[k] * (spreads[k, 1] + r * r)
         spread[2] += belief[k] * (spreads[k, 2] + a * r)
     pair = best // warps.size
-    turn, tilt = turns[pair // tilts.size], tilts[pair % tilts.size]
-    _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
-    _solved(M, warps[best % warps.size], L, x)
-    inverse = np.linalg.inv(L)
+    turn, tilt = pair // tilts.size, pair % tilts.size
+    M, L, of_pair, of_warp = _room(n, 1)
+    _take_out(plain, turned, tilted, own, turns[turn : turn + 1], tilts[tilt : tilt + 1], M, of_pair)
+    _solved(M, warps[best % warps.size], L, of_warp)
+    inverse = np.linalg.inv(L[:n, :, 0].copy())
     covariance[:] = inverse.T @ inverse
     return mean, spread
 
@@ -67,7 +78,7 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
     rows, size = value.size, by.shape[1] + 1
     whole = noise.copy()
     plain, turned, tilted = np.zeros((size, size)), np.zeros((steps, size)), np.zeros((steps, size))
-    own, M, L, x = np.zeros((steps, 3)), np.zeros((size, size)), np.zeros((size - 1, size - 1)), np.empty(size - 1)
+    own, room = np.zeros((steps, 3)), _room(size - 1, turns.size * tilts.size)
     for _ in range(rows // 3):
         least, stray = 0.0, -1
         for k in range(-1, rows):
@@ -77,7 +88,7 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
                 whole[k] = np.inf
             plain[:], turned[:], tilted[:], own[:] = 0.0, 0.0, 0.0, 0.0
             _gather(by, value, whole, turn_by, tilt_by, step, plain, turned, tilted, own)
-            log = _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x)
+            log = _evidence(plain, turned, tilted, own, turns, tilts, warps, room)
             if k < 0:
                 least = log
                 continue
@@ -94,36 +105,28 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _evidence(plain, turned, tilted, own, turns, tilts, warps, M, L, x):
-    """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
-    logs = np.empty(turns.size * tilts.size * warps.size)
-    none = np.empty((0, 0))
-    _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, none, none)
-    best = logs.max()
-    return best + math.log(np.exp(logs - best).mean())
+def _room(n, pairs):
+    """Return arrays for ``n`` unknowns under each pair of irregularities: normal equations, factors, two logs of evidence.
+
+    Pairs are the last axis: a processor works on several at once.
+    """
+    return np.zeros((n + 1, n + 1, pairs)), np.zeros((n + 1, n, pairs)), np.empty(pairs), np.empty(pairs)
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _try_all(plain, turned, tilted, own, turns, tilts, warps, M, L, x, logs, means, spreads):
-    """Fill ``logs`` with the log evidence of each guess at τ, κ and the warp's size.
-
-    Args:
-        means: Filled with x of each, ``spreads`` with the variances and covariance of α and ρ; empty where nobody asks.
-    """
-    n, at = L.shape[0], 0
-    for turn in turns:
-        for tilt in tilts:
-            log = _take_out(plain, turned, tilted, own, turn * turn, tilt * tilt, M)
-            for warp in warps:
-                logs[at] = log + _solved(M, warp, L, x) + SCEPTICISM * math.log(turn * tilt * warp)
-                if means.size:
-                    means[at] = x
-                    # The last two unknowns' part of the inverse needs the last corner of L alone.
-                    first, last = 1.0 / L[n - 2, n - 2], 1.0 / L[n - 1, n - 1]
-                    both = -L[n - 1, n - 2] * first * last
-                    spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
-                at += 1
+def _evidence(plain, turned, tilted, own, turns, tilts, warps, room):
+    """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
+    M, L, of_pair, of_warp = room
+    logs = np.empty(turns.size * tilts.size * warps.size)
+    _take_out(plain, turned, tilted, own, turns, tilts, M, of_pair)
+    for w in range(warps.size):
+        _solved(M, warps[w], L, of_warp)
+        for pair in range(of_pair.size):
+            prior = SCEPTICISM * math.log(turns[pair // tilts.size] * tilts[pair % tilts.size] * warps[w])
+            logs[pair * warps.size + w] = of_pair[pair] + of_warp[pair] + prior
+    best = logs.max()
+    return best + math.log(np.exp(logs - best).mean())
 
 
 @njit(cache=True, error_model="numpy")
@@ -157,54 +160,58 @@ def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _take_out(plain, turned, tilted, own, turn, tilt, M):
-    """Fill the lower half of ``M`` with the normal equations under variances of turn and tilt; return the log evidence of these."""
-    size = M.shape[0]
-    M[:] = plain
-    log = 0.0
-    for s in range(own.shape[0]):
-        a, d, both = 1.0 + turn * own[s, 0], 1.0 + tilt * own[s, 1], own[s, 2]
-        det = a * d - turn * tilt * both * both
-        log -= 0.5 * math.log(det)
-        a, d, both = tilt * a / det, turn * d / det, -turn * tilt * both / det
-        for i in range(size):
-            for j in range(i + 1):
-                M[i, j] -= (
-                    d * turned[s, i] * turned[s, j]
-                    + a * tilted[s, i] * tilted[s, j]
-                    + both * (turned[s, i] * tilted[s, j] + tilted[s, i] * turned[s, j])
-                )
-    return log
+def _take_out(plain, turned, tilted, own, turns, tilts, M, logs):
+    """Fill the lower half of ``M`` with the normal equations under each pair of turn and tilt, ``logs`` with their log evidence."""
+    steps, size, pairs = own.shape[0], M.shape[0], logs.size
+    of_turn, of_tilt, of_both = np.empty((steps, pairs)), np.empty((steps, pairs)), np.empty((steps, pairs))
+    logs[:] = 0.0
+    for s in range(steps):
+        for pair in range(pairs):
+            turn, tilt = turns[pair // tilts.size] ** 2, tilts[pair % tilts.size] ** 2
+            a, d, both = 1.0 + turn * own[s, 0], 1.0 + tilt * own[s, 1], own[s, 2]
+            det = a * d - turn * tilt * both * both
+            logs[pair] -= 0.5 * math.log(det)
+            of_turn[s, pair], of_tilt[s, pair], of_both[s, pair] = turn * d / det, tilt * a / det, -turn * tilt * both / det
+    for i in range(size):
+        for j in range(i + 1):
+            sums = M[i, j]
+            sums[:] = plain[i, j]
+            for s in range(steps):
+                a, b, c, d = turned[s, i], turned[s, j], tilted[s, i], tilted[s, j]
+                both = a * d + c * b
+                for pair in range(pairs):
+                    sums[pair] -= of_turn[s, pair] * a * b + of_tilt[s, pair] * c * d + of_both[s, pair] * both
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _solved(M, warp, L, x):
-    """Fill ``L`` with the Cholesky factor under a prior of the warp's terms, ``x`` with the solution; return its log evidence."""
-    n = L.shape[0]
+def _solved(M, warp, L, logs):
+    """Fill ``L`` with Cholesky factors under a prior of the warp's terms, its last row with the solutions; ``logs`` as above."""
+    n, pairs = L.shape[1], logs.size
     prior = 1.0 / (warp * warp)
-    log, misfit = 0.5 * (n - 2) * math.log(prior), M[n, n]
     for i in range(n + 1):
         # The last row is the right-hand side: its factor is L⁻¹ times it.
         for j in range(min(i, n - 1) + 1):
-            s = M[i, j]
-            if i == j:
-                s += prior if i < n - 2 else FLAT
+            s, add = L[i, j], 0.0 if i > j else prior if i < n - 2 else FLAT
+            for pair in range(pairs):
+                s[pair] = M[i, j, pair] + add
             for k in range(j):
-                s -= (L[i, k] if i < n else x[k]) * L[j, k]
-            if i == j:
-                L[i, i] = math.sqrt(s)
-                log -= math.log(L[i, i])
-            elif i < n:
-                L[i, j] = s / L[j, j]
-            else:
-                x[j] = s / L[j, j]
-                misfit -= x[j] * x[j]
+                for pair in range(pairs):
+                    s[pair] -= L[i, k, pair] * L[j, k, pair]
+            for pair in range(pairs):
+                s[pair] = math.sqrt(s[pair]) if i == j else s[pair] / L[j, j, pair]
+    for pair in range(pairs):
+        log, misfit = 0.5 * (n - 2) * math.log(prior), M[n, n, pair]
+        for i in range(n):
+            log -= math.log(L[i, i, pair])
+            misfit -= L[n, i, pair] * L[n, i, pair]
+        logs[pair] = log - 0.5 * misfit
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
-    return log - 0.5 * misfit
+            for pair in range(pairs):
+                L[n, i, pair] -= L[k, i, pair] * L[n, k, pair]
+        for pair in range(pairs):
+            L[n, i, pair] /= L[i, i, pair]
 
 
 @njit(cache=True, error_model="numpy")
