@@ -9,6 +9,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from treadline.products import dot
+
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
 GAP_PX = 2
@@ -24,11 +26,13 @@ CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 def nearness_of(depth):
     """Return w = 1/Z of each pixel, NaN where there is no depth, a row for each column of the image: surfaces are read so."""
     rows, columns = depth.shape
-    near = np.empty((columns, rows))
-    for u in range(columns):
-        for v in range(rows):
+    near, row = np.empty((columns, rows)), np.empty(columns)
+    for v in range(rows):
+        for u in range(columns):
             z = depth[v, u]
-            near[u, v] = 1.0 / z if 0.0 < z < 1e6 else np.nan
+            w = 1.0 / z
+            row[u] = w if 0.0 < z < 1e6 else np.nan
+        near[:, v] = row
     return near
 
 
@@ -38,7 +42,7 @@ def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
     """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     least, most = 1.0 / far, 1.0 / near
-    sums = np.zeros((rows, columns, SUMS))
+    sums, ys = np.zeros((rows, columns, SUMS)), (np.arange(nearness.shape[1]) - cy) / fy
     for j in range(columns):
         for i in range(rows):
             n = 0
@@ -49,7 +53,7 @@ def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
                     w = nearness[u, v]
                     if not (least <= w <= most):
                         continue
-                    y = (v - cy) / fy
+                    y = ys[v]
                     n += 1
                     a += x
                     b += y
@@ -177,6 +181,74 @@ def common_plane(sums, run, limits, start, stop, least, plane, inside):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def planes_along(sums, centres, chosen, levels, gap, least, residual_limit, depth_limit, sample, fragment):
+    """Return the planes among blocks, told apart by their level, of each run of blocks the fullest first.
+
+    Things between two treads may join them to one run.
+
+    Args:
+        sums: Of all blocks, ``centres`` their middles.
+        chosen: Numbers of the blocks in question, ordered by ``levels``.
+        gap: Levels further apart than this are different surfaces.
+        least: Blocks that a plane needs.
+        residual_limit: RMS residual in 1/m that a block may have, or ``depth_limit`` in m of depth, whichever is wider.
+        sample: Blocks that tell a plane's noise.
+        fragment: Planes that many times smaller than one before them in their run are none.
+
+    Returns:
+        Blocks of all planes one after the other, where those of each plane end, their n and mean squared residuals.
+    """
+    members, stops = np.empty(chosen.shape[0], dtype=np.int64), np.empty(chosen.shape[0] // least, dtype=np.int64)
+    normals, squares = np.empty((stops.shape[0], 3)), np.empty(stops.shape[0])
+    limits, inside = np.empty(chosen.shape[0]), np.empty(chosen.shape[0], dtype=np.bool_)
+    planes = held = stop = 0
+    while stop < chosen.shape[0]:
+        first, stop = stop, stop + 1
+        while stop < chosen.shape[0] and not levels[stop] - levels[stop - 1] > gap:
+            stop += 1
+        run, at, fewest = chosen[first:stop].copy(), levels[first:stop].copy(), least
+        while run.shape[0] >= fewest:
+            count = run.shape[0]
+            for i in range(count):
+                depth = centres[run[i], 2]
+                limits[i] = max(residual_limit, depth_limit / (depth * depth))
+            start, end = _fullest(at, gap)
+            if not common_plane(sums, run, limits, start, end, fewest, normals[planes], inside):
+                break
+            spread, begin, left = at[count - 1] - at[0], held, 0
+            for i in range(count):
+                if inside[i]:
+                    members[held] = run[i]
+                    held += 1
+                else:
+                    run[left], at[left] = run[i], at[i]
+                    left += 1
+            size = held - begin
+            squares[planes] = mean_square_of(sums, members[begin:held], max(1, size // sample), normals[planes])
+            stops[planes] = held
+            planes += 1
+            fewest = max(fewest, size // fragment)
+            if spread <= gap:
+                break
+            run, at = run[:left], at[:left]
+    return members[:held].copy(), stops[:planes].copy(), normals[:planes].copy(), squares[:planes].copy()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _fullest(levels, gap):
+    """Return start and end of the most of some growing levels that are less than a gap apart."""
+    start = end = stop = 0
+    for i in range(levels.shape[0]):
+        while stop < levels.shape[0] and levels[stop] < levels[i] + gap:
+            stop += 1
+        if stop - i > end - start:
+            start, end = i, stop
+    return start, end
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def mean_square(s, plane):
     """Return the mean squared residual of w of a block about a plane."""
     a, b, c = plane[0], plane[1], plane[2]
@@ -263,71 +335,105 @@ def _ending(near, v, way, start, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def extents(nearness, planes, boxes, tolerances, jump, fx, fy, cx, cy, first, last, before, after, sums):
-    """Fill where each surface starts and ends in each column of its box, what follows there, and the sums between.
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, fx, fy, cx, cy):
+    """Return the surfaces that some planes are of, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
         nearness: w, a row for each column of the image.
-        planes: n of each surface.
-        boxes: First and last column and row of each surface's box: u0, v0, u1, v1.
-        tolerances: How far off its plane a pixel may be, in 1/m.
+        members: Blocks of all planes one after the other; ``stops`` tells where those of each plane end.
+        places: Of all blocks, in cells of ``size`` pixels.
+        planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
+        tolerance: How far off its plane a pixel may be in 1/m at least, and ``sigmas`` RMS residuals.
         jump: From which difference in 1/m two surfaces are apart.
-        first: Filled with the first row, -1 where there is none; ``last`` with the last.
-        before: Filled with what lies before the first row (towards the top of the image); ``after`` with what follows the last.
-        sums: Filled with the sums over the pixels in between, those at the ends left out.
+        least_square: Taken for a surface's mean squared residual where it shows less.
+
+    Returns:
+        n of each surface, its covariance, a point in its middle, and in how many columns it is seen; none where its pixels have
+        no plane. Then a row for each surface: these columns, half a pixel beyond its first and last row there, and what follows.
     """
-    for s in range(planes.shape[0]):
-        plane = planes[s]
-        sums[s] = 0.0
-        for u in range(nearness.shape[0]):
-            first[s, u] = last[s, u] = -1
-            before[s, u] = after[s, u] = UNKNOWN
-        slope = plane[1] / fy
-        for u in range(boxes[s, 0], boxes[s, 2] + 1):
+    width, height, count = nearness.shape[0], nearness.shape[1], stops.shape[0]
+    normals, covariances, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+    held, columns = np.zeros(count, dtype=np.int64), np.empty((count, width), dtype=np.int64)
+    upper, lower = np.empty((count, width)), np.empty((count, width))
+    above, below = np.empty((count, width), dtype=np.int64), np.empty((count, width), dtype=np.int64)
+    rows = np.arange(height).astype(np.float64)
+    ys = (rows - cy) / fy
+    box, sums, begin = np.empty(4, dtype=np.int64), np.empty(SUMS), 0
+    for s in range(count):
+        box_of(places, members[begin : stops[s]], size, size + size // 2, height, width, box)
+        begin, plane, off = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s]))
+        sums[:] = 0.0
+        slope, k = plane[1] / fy, 0
+        for u in range(box[0], box[2] + 1):
             near, x = nearness[u], (u - cx) / fx
             level = plane[0] * x + plane[2] - plane[1] * cy / fy
-            begin, end, best = -1, -1, 0
-            start, stop, missed, found = -1, -1, GAP_PX + 1, 0
-            for v in range(boxes[s, 1], boxes[s, 3] + 1):
-                if abs(near[v] - level - slope * v) < tolerances[s]:
-                    if missed > GAP_PX:
-                        start, found = v, 0
-                    found += 1
-                    stop, missed = v, 0
-                    if found > best:
-                        begin, end, best = start, stop, found
-                else:
-                    missed += 1
-            if best < 3:
+            first, last, found = _longest(near[box[1] : box[3] + 1], rows[box[1] : box[3] + 1], level, slope, off)
+            first, last = first + box[1], last + box[1]
+            if found < 3:
                 continue
-            first[s, u], last[s, u] = begin, end
-            before[s, u] = _ending(near, begin, -1, level, slope, jump)
-            after[s, u] = _ending(near, end, 1, level, slope, jump)
-            # Along a column x is one number.
-            n = 0
-            a = b = c = d = e = 0.0
-            for v in range(begin + 1, end):
-                w = near[v]
-                if not abs(w - level - slope * v) < tolerances[s]:
-                    continue
-                y = (v - cy) / fy
-                n += 1
-                a += y
-                b += y * y
-                c += w
-                d += y * w
-                e += w * w
-            row = sums[s]
-            row[COUNT] += n
-            row[X] += n * x
-            row[Y] += a
-            row[XX] += n * x * x
-            row[XY] += x * a
-            row[YY] += b
-            row[W] += c
-            row[XW] += x * c
-            row[YW] += d
-            row[WW] += e
+            columns[s, k], upper[s, k], lower[s, k] = u, first - 0.5, last + 0.5
+            above[s, k] = _ending(near, first, -1, level, slope, jump)
+            below[s, k] = _ending(near, last, 1, level, slope, jump)
+            k += 1
+            within = slice(first + 1, last)
+            _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
+        n = sums[COUNT]
+        square = solved_plane(sums, normals[s], covariances[s])
+        # Pixels in one row or column have no plane.
+        if n < size * size or square != square:
+            continue
+        held[s] = k
+        covariances[s] *= max(square, least_square)
+        ray = np.array([sums[X] / n, sums[Y] / n, 1.0])
+        centres[s] = ray / dot(normals[s], ray)
+    return normals, covariances, centres, held, columns, upper, lower, above, below
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _longest(near, rows, level, slope, off):
+    """Return where the longest run of a column's pixels on a plane starts and ends, and how many they are; gaps do not end it."""
+    begin, end, best = -1, -1, 0
+    first, missed, found = -1, GAP_PX + 1, 0
+    for i in range(near.size):
+        if abs(near[i] - level - slope * rows[i]) < off:
+            if missed > GAP_PX:
+                first, found = i, 0
+            found += 1
+            missed = 0
+            if found > best:
+                begin, end, best = first, i, found
+        else:
+            missed += 1
+    return begin, end, best
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _add_column(near, rows, ys, x, level, slope, off, sums):
+    """Add the pixels on a plane in a part of a column to a surface's sums; along a column x is one number."""
+    n = 0
+    a = b = c = d = e = 0.0
+    for i in range(near.size):
+        w, y = near[i], ys[i]
+        if not abs(w - level - slope * rows[i]) < off:
+            continue
+        n += 1
+        a += y
+        b += y * y
+        c += w
+        d += y * w
+        e += w * w
+    sums[COUNT] += n
+    sums[X] += n * x
+    sums[Y] += a
+    sums[XX] += n * x * x
+    sums[XY] += x * a
+    sums[YY] += b
+    sums[W] += c
+    sums[XW] += x * c
+    sums[YW] += d
+    sums[WW] += e
 
 
 @njit(cache=True, error_model="numpy")

@@ -159,81 +159,52 @@ def joined(
     levels = blocks.centres[chosen] @ direction
     order = np.argsort(levels, kind="stable")
     chosen, levels = chosen[order], levels[order]
-    edges = np.flatnonzero(np.diff(levels) > gap_m) + 1
-    groups, normals, squares = [], [], []
-    for run, places in zip(np.split(chosen, edges), np.split(levels, edges), strict=True):
-        for members_of_one, normal, square in _planes(blocks, run, places, gap_m, least):
-            groups.append(members_of_one)
-            normals.append(normal)
-            squares.append(square)
-    return _fitted(camera, blocks, groups, np.array(normals), np.array(squares)) if groups else []
+    members, stops, normals, squares = kernels.planes_along(
+        blocks.sums, blocks.centres, chosen, levels, gap_m, least, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, SAMPLE, FRAGMENT
+    )
+    found = kernels.surfaces(
+        blocks.nearness,
+        members,
+        stops,
+        blocks.places,
+        blocks.cell_px,
+        normals,
+        squares,
+        TOLERANCE,
+        TOLERANCE_SIGMAS,
+        JUMP,
+        LEAST_RESIDUAL**2,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+    )
+    return list(_surfaces(members, stops, *found))
 
 
-def _planes(
-    blocks: Blocks, run: Int[np.ndarray, " k"], levels: Float[np.ndarray, " k"], gap_m: float, least: int
-) -> Iterator[tuple[Int[np.ndarray, " j"], Float[np.ndarray, " 3"], float]]:
-    """Yield the planes in a run of blocks, the fullest first: things between two treads may join them to one run.
-
-    Each comes as its blocks, n and the mean squared residual of its blocks about it.
-    """
-    while run.size >= least:
-        # The fullest level starts the fit.
-        together = np.searchsorted(levels, levels + gap_m) - np.arange(levels.size)
-        start = int(np.argmax(together))
-        normal, inside = np.empty(3), np.empty(run.size, dtype=np.bool_)
-        limits = _limit(blocks.centres[run, 2])
-        if not kernels.common_plane(blocks.sums, run, limits, start, start + int(together[start]), least, normal, inside):
-            return
-        members = run[inside]
-        yield members, normal, kernels.mean_square_of(blocks.sums, members, max(1, members.size // SAMPLE), normal)
-        least = max(least, members.size // FRAGMENT)
-        if levels[-1] - levels[0] <= gap_m:
-            return
-        run, levels = run[~inside], levels[~inside]
-
-
-def _limit(depth_m: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """Return the RMS residual that a block on one surface may have [1/m]."""
-    return np.maximum(BLOCK_RESIDUAL, DEPTH_RESIDUAL_M / depth_m**2)
-
-
-def _fitted(
-    camera: PinholeCamera,
-    blocks: Blocks,
-    groups: list[Int[np.ndarray, " _"]],
+def _surfaces(
+    members: Int[np.ndarray, " k"],
+    stops: Int[np.ndarray, " s"],
     normals: Float[np.ndarray, "s 3"],
-    squares: Float[np.ndarray, " s"],
-) -> list[Surface]:
-    """Return the surfaces fitted to all pixels of theirs."""
-    boxes, size = np.empty((len(groups), 4), dtype=np.int64), blocks.cell_px
-    for box, group in zip(boxes, groups, strict=True):
-        kernels.box_of(blocks.places, group, size, size + size // 2, camera.height_px, camera.width_px, box)
-    shape = (len(groups), camera.width_px)
-    first, last = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
-    before, after = np.empty(shape, dtype=np.int64), np.empty(shape, dtype=np.int64)
-    sums = np.empty((len(groups), kernels.SUMS))
-    limits = np.maximum(TOLERANCE, TOLERANCE_SIGMAS * np.sqrt(squares))
-    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    kernels.extents(blocks.nearness, normals, boxes, limits, JUMP, *pinhole, first, last, before, after, sums)
-    surfaces = []
-    for s, group in enumerate(groups):
-        count = sums[s, kernels.COUNT]
-        normal, inverse = np.empty(3), np.empty((3, 3))
-        variance = kernels.solved_plane(sums[s], normal, inverse)
-        # Pixels in one row or column have no plane.
-        if count < size**2 or math.isnan(variance):
-            continue
-        variance = max(variance, LEAST_RESIDUAL**2)
-        ray = np.array([sums[s, kernels.X] / count, sums[s, kernels.Y] / count, 1.0])
-        columns = np.flatnonzero(first[s] >= 0)
-        surfaces.append(
-            Surface(
-                normal=normal,
-                covariance=variance * inverse,
-                centre=ray / float(normal @ ray),
+    covariances: Float[np.ndarray, "s 3 3"],
+    centres: Float[np.ndarray, "s 3"],
+    held: Int[np.ndarray, " s"],
+    columns: Int[np.ndarray, "s w"],
+    upper: Float[np.ndarray, "s w"],
+    lower: Float[np.ndarray, "s w"],
+    above: Int[np.ndarray, "s w"],
+    below: Int[np.ndarray, "s w"],
+) -> Iterator[Surface]:
+    """Yield the surfaces that have a plane, as ``kernels.surfaces`` tells them."""
+    begin = 0
+    for s, (stop, count) in enumerate(zip(stops.tolist(), held.tolist(), strict=True)):
+        group, begin = members[begin:stop], stop
+        if count:
+            yield Surface(
+                normal=normals[s],
+                covariance=covariances[s],
+                centre=centres[s],
                 blocks=group,
-                upper=Ends(columns=columns, rows=first[s, columns] - 0.5, follows=before[s, columns]),
-                lower=Ends(columns=columns, rows=last[s, columns] + 0.5, follows=after[s, columns]),
+                upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
+                lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
             )
-        )
-    return surfaces
