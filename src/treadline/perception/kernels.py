@@ -9,7 +9,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.products import dot
+from treadline.products import dot, fused
 
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
@@ -508,6 +508,70 @@ def fit_line(u, v, near, line):
     square = max(square / max(within - 2, 1), spread / max(filled - 2, 1))
     line[0], line[1], line[2], line[3], line[4] = a, mv, mu, square / uu, square / count
     return count
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx, fy, cx, cy):
+    """Return the line at which a surface ends before something further away, or at a corner, and the plane through it and the eye.
+
+    Args:
+        rows: Where the surface ends in each of its columns, and ``follows`` what lies there.
+        plane: n of the surface.
+        near: Distance in rows within which a point counts as on the line.
+        least: Columns that a line must have.
+        beyond: Share of the end at which what follows must lie further away: else it is a corner.
+        aliasing: By how many rows a line's ends may be off against each other however many points it has.
+
+    Returns:
+        In how many columns it is seen, 0 where there is none; whether it is a corner; the plane's unit normal and its covariance;
+        the line's middle and ends on the surface; u1, v1, u2, v2 of its ends, the left one first.
+    """
+    normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
+    share = beyond * np.count_nonzero(follows != UNKNOWN)
+    is_corner = np.count_nonzero(follows == BEYOND) < share
+    apart = follows == (CREASE if is_corner else BEYOND)
+    if np.count_nonzero(apart) < max(least, share):
+        return 0, is_corner, normal, covariance, points, ends
+    u, line = columns[apart].astype(np.float64), np.empty(5)
+    count = fit_line(u, rows[apart], near, line)
+    if count < least:
+        return 0, is_corner, normal, covariance, points, ends
+    a, v0, u0 = line[0], line[1], line[2]
+    ends[0], ends[1], ends[2], ends[3] = u[0], v0 + a * (u[0] - u0), u[-1], v0 + a * (u[-1] - u0)
+    for k, at, row in ((0, u0, v0 + a * (u0 - u0)), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
+        ray = points[k]
+        ray[0], ray[1], ray[2] = (at - cx) / fx, (row - cy) / fy, 1.0
+        nearness = along(ray, plane)
+        if nearness <= 0.0:  # behind the camera
+            return 0, is_corner, normal, covariance, points, ends
+        ray /= nearness
+    _through_eye(a, v0, u0, line[3] + (aliasing / (u[-1] - u[0])) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
+    return count, is_corner, normal, covariance, points, ends
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def along(point, direction):
+    """Return how far a point lies along a direction, as BLAS rounds it for a row of points."""
+    return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
+    """Fill ``m`` with the unit normal of the plane through the eye and the line v = v₀ + a (u - u₀), and its covariance."""
+    # y = A x + B in the coordinates of rays.
+    A = a * fx / fy
+    B = (v0 + a * (cx - u0) - cy) / fy
+    length = math.sqrt(A * A + 1.0 + B * B)
+    m[0], m[1], m[2] = A / length, -1.0 / length, B / length
+    by_a = np.array([fx / fy / length, 0.0, (cx - u0) / fy / length])
+    by_v = np.array([0.0, 0.0, 1.0 / fy / length])
+    by_a, by_v = by_a - dot(m, by_a) * m, by_v - dot(m, by_v) * m
+    for i in range(3):
+        for j in range(3):
+            covariance[i, j] = var_a * (by_a[i] * by_a[j]) + var_v * (by_v[i] * by_v[j])
 
 
 @njit(cache=True, error_model="numpy")

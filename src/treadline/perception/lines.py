@@ -4,7 +4,6 @@ A line in the image and the camera's centre span a plane that holds the edge its
 normal of a tread does. No depth along the edge is needed, where depth is at its worst.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -52,56 +51,28 @@ def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: Pinhol
     along a corner, so that the line's direction is not.
     """
     ends: Ends = surface.upper if end == "upper" else surface.lower
-    apart = ends.follows == kernels.BEYOND
-    share = BEYOND_SHARE * np.count_nonzero(ends.follows != kernels.UNKNOWN)
-    least = LEAST_SHARE * camera.width_px
-    is_corner = bool(np.count_nonzero(apart) < share)
-    if is_corner:
-        apart = ends.follows == kernels.CREASE
-    if np.count_nonzero(apart) < max(least, share):
+    count, is_corner, normal, covariance, points, ends_px = kernels.nosing_line(
+        ends.columns,
+        ends.rows,
+        ends.follows,
+        surface.normal,
+        NEAR_AT_240 * camera.height_px / 240,
+        LEAST_SHARE * camera.width_px,
+        BEYOND_SHARE,
+        ALIASING_PX,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+    )
+    if not count:
         return None
-    columns, rows = ends.columns[apart].astype(float), ends.rows[apart]
-    fitted = np.empty(5)
-    count = kernels.fit_line(columns, rows, NEAR_AT_240 * camera.height_px / 240, fitted)
-    if count < least:
-        return None
-    a, v0, u0, var_a, var_v = fitted.tolist()
-    left, right = float(columns[0]), float(columns[-1])
-    pixels = np.array([[u, v0 + a * (u - u0)] for u in (u0, left, right)])
-    points = _on_surface(surface, pixels, camera)
-    if points is None:
-        return None
-    normal, covariance = _plane_through(a, v0, u0, var_a + (ALIASING_PX / (right - left)) ** 2, var_v, camera)
     return Line(
         normal=normal,
         covariance=covariance,
         middle=points[0],
         ends_m=points[1:],
-        ends_px=pixels[1:].ravel(),
+        ends_px=ends_px,
         is_corner=is_corner,
         count=count,
     )
-
-
-def _on_surface(surface: Surface, pixels: Float[np.ndarray, "k 2"], camera: PinholeCamera) -> Float[np.ndarray, "k 3"] | None:
-    """Return the points of C at which pixels show a surface, or None where one would lie behind the camera."""
-    rays = np.ones((len(pixels), 3))
-    rays[:, 0] = (pixels[:, 0] - camera.cx_px) / camera.fx_px
-    rays[:, 1] = (pixels[:, 1] - camera.cy_px) / camera.fy_px
-    nearness = rays @ surface.normal
-    return None if float(nearness.min()) <= 0.0 else rays / nearness[:, None]
-
-
-def _plane_through(
-    a: float, v0: float, u0: float, var_a: float, var_v: float, camera: PinholeCamera
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
-    """Return the unit normal of the plane through the eye and the line v = v0 + a (u - u0), and its covariance."""
-    # y = A x + B in the coordinates of rays.
-    A = a * camera.fx_px / camera.fy_px
-    B = (v0 + a * (camera.cx_px - u0) - camera.cy_px) / camera.fy_px
-    length = math.sqrt(A * A + 1.0 + B * B)
-    m = np.array([A, -1.0, B]) / length
-    by_a = np.array([camera.fx_px / camera.fy_px, 0.0, (camera.cx_px - u0) / camera.fy_px]) / length
-    by_v = np.array([0.0, 0.0, 1.0 / camera.fy_px]) / length
-    by_a, by_v = by_a - float(m @ by_a) * m, by_v - float(m @ by_v) * m
-    return m, var_a * (by_a[:, None] * by_a) + var_v * (by_v[:, None] * by_v)
