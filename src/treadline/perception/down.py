@@ -6,10 +6,13 @@ upward there. The fullest bundle of normals in that quarter is taken for the tre
 is for the caller to see.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.perception import kernels
 
 ROLL_LIMIT = 20.0 * DEG
 """How far a camera may be held askew."""
@@ -54,14 +57,6 @@ def levelled(told: Float[np.ndarray, " 3"], unit: Float[np.ndarray, "b 3"], spre
         unit: Unit normals of the blocks in C.
         spread_rad: How far a level surface's normal may lie from it.
     """
-    along = unit * np.where(unit @ told < 0.0, -1.0, 1.0)[:, None]
-    near = along[along @ told > np.cos(spread_rad)]
-    if len(near) < LEAST_BLOCKS:
-        return told
-    mean = np.median(np.ascontiguousarray(near.T), axis=1)
-    mean /= np.linalg.norm(mean)
-    bundle = near[near @ mean > np.cos(BUNDLE)]
-    if len(bundle) < LEAST_BLOCKS:
-        return told
-    mean = bundle.mean(axis=0)
-    return np.asarray(mean / np.linalg.norm(mean))
+    mean = np.empty(3)
+    enough = kernels.middle_of(unit, told, math.cos(spread_rad), math.cos(BUNDLE), LEAST_BLOCKS, mean)
+    return mean if enough else told

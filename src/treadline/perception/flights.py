@@ -65,11 +65,11 @@ def flight_under(
     if level is None:
         return "the camera looks straight up or down"
     rise = unit @ down
-    vertical = np.abs(rise) < np.sin(UPRIGHT)
+    vertical = np.flatnonzero(np.abs(rise) < np.sin(UPRIGHT))
     treads = joined(
         frame.camera,
         blocks,
-        np.abs(rise) > np.cos(UPRIGHT),
+        np.flatnonzero(np.abs(rise) > np.cos(UPRIGHT)),
         level.up,
         gap_m=TREAD_GAP_M,
         least=LEAST_BLOCKS,
@@ -79,14 +79,15 @@ def flight_under(
     lower, upper = ([nosing_line(tread, end, frame.camera) for tread in treads] for end in ENDS)
     lines = [line for pair in zip(lower, upper, strict=True) for line in pair if line is not None]
     watch.lap("treads")
-    azimuth = np.arctan2(unit @ level.right, unit @ level.ahead)
+    upright = unit[vertical]
+    azimuth = np.arctan2(upright @ level.right, upright @ level.ahead)
     most_risers, voted = 0, False
     seen: list[Flight] = []
-    for peak in votes_of(azimuth[vertical], *line_votes(lines, frame.camera.width_px, level)):
+    for peak in votes_of(azimuth, *line_votes(lines, frame.camera.width_px, level)):
         voted = True
         facing = np.cos(peak) * level.ahead + np.sin(peak) * level.right
         axes = Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
-        members = vertical & (np.abs(azimuth - peak) < RISER_SPREAD)
+        members = vertical[np.abs(azimuth - peak) < RISER_SPREAD]
         risers = joined(frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
         risers = [riser for surface in risers if (riser := _riser_of(surface, blocks, frame.camera, axes)) is not None]
         most_risers = max(most_risers, len(risers))
@@ -127,7 +128,7 @@ def _riser_of(surface: Surface, blocks: Blocks, camera: PinholeCamera, axes: Axe
     """
     if _turned_from(surface, axes.ahead) >= RISER_SPREAD:
         return None
-    if float(np.ptp(blocks.centres[surface.blocks] @ axes.up)) < STEP_RISE_M[1]:
+    if _is_low(surface, blocks, axes):
         return surface
     tall = surface.heights_m(camera, axes.up) >= STEP_RISE_M[1]
     # From one tall column to the next.
@@ -136,8 +137,12 @@ def _riser_of(surface: Surface, blocks: Blocks, camera: PinholeCamera, axes: Axe
     if np.count_nonzero(low) < LOW_SHARE * low.size:
         return None
     part = surface.within(low, blocks)
-    is_riser = part.blocks.size >= LEAST_BLOCKS and float(np.ptp(blocks.centres[part.blocks] @ axes.up)) < STEP_RISE_M[1]
-    return part if is_riser else None
+    return part if part.blocks.size >= LEAST_BLOCKS and _is_low(part, blocks, axes) else None
+
+
+def _is_low(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
+    bottom_m, top_m = surface.span_m(blocks, axes.up)
+    return top_m - bottom_m < STEP_RISE_M[1]
 
 
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:

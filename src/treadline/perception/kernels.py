@@ -106,11 +106,12 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
         least_residual: Taken for the noise where a block shows less: a quantised depth may show none.
 
     Returns:
-        Sums, planes, and the place of each block: its first row and column of cells, and how many rows it has.
+        Of each block its sums, n and its unit vector, the point in its middle, and its place: its first row and column of cells,
+        and how many rows it has.
     """
     rows, columns = cells.shape[0], cells.shape[1]
     sums = np.empty((2 * rows * columns, SUMS))
-    planes = np.empty((2 * rows * columns, 3))
+    planes, units, centres = np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3))
     places = np.empty((2 * rows * columns, 3), dtype=np.int64)
     large = np.zeros((rows + 1, columns), dtype=np.bool_)
     total, plane = np.empty(SUMS), np.empty(3)
@@ -135,9 +136,12 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 large[i, j] = large[i, j] or height == 2
                 sums[count] = total
                 planes[count] = plane
+                units[count] = plane / math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
+                x, y = total[X] / total[COUNT], total[Y] / total[COUNT]
+                centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
-    return sums[:count].copy(), planes[:count].copy(), places[:count].copy()
+    return sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
 
 
 @njit(cache=True, error_model="numpy")
@@ -555,6 +559,64 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
 def along(point, direction):
     """Return how far a point lies along a direction, as BLAS rounds it for a row of points."""
     return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def span(points, members, direction):
+    """Return from where to where some of many points lie along a direction."""
+    low, high = np.inf, -np.inf
+    for k in members:
+        place = along(points[k], direction)
+        low, high = min(low, place), max(high, place)
+    return low, high
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def height_of_end(columns, rows, follows, plane, up, fx, fy, cx, cy):
+    """Return the median height at which a surface ends, NaN where most of its end is cut off."""
+    heights, count, ray = np.empty(columns.size), 0, np.ones(3)
+    for k in range(columns.size):
+        if follows[k] != UNKNOWN:
+            ray[0], ray[1] = (columns[k] - cx) / fx, (rows[k] - cy) / fy
+            heights[count] = along(ray, up) / along(ray, plane)
+            count += 1
+    return np.nan if 2 * count < columns.size or count == 0 else np.median(heights[:count])
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def middle_of(units, told, spread, bundle, least, mean):
+    """Fill ``mean`` with the mean of unit vectors in a bundle about a direction; return whether there are enough.
+
+    Args:
+        units: Each stands for its opposite as well.
+        spread: Cosine from which one is near enough to ``told`` for the bundle's middle to be sought there.
+        bundle: Cosine to that middle from which one is of the bundle.
+    """
+    near, count = np.empty((3, units.shape[0])), 0
+    for k in range(units.shape[0]):
+        cosine = along(units[k], told)
+        if abs(cosine) > spread:
+            near[:, count] = -units[k] if cosine < 0.0 else units[k]
+            count += 1
+    if count < least:
+        return False
+    middle = np.empty(3)
+    for i in range(3):
+        middle[i] = np.median(near[i, :count])
+    middle /= math.sqrt(dot(middle, middle))
+    mean[:], held = 0.0, 0
+    for k in range(count):
+        if along(near[:, k], middle) > bundle:
+            mean += near[:, k]
+            held += 1
+    if held < least:
+        return False
+    mean /= held
+    mean /= math.sqrt(dot(mean, mean))
+    return True
 
 
 @njit(cache=True, error_model="numpy")

@@ -4,6 +4,7 @@ A flight that rises shows its risers and, above the eye, their upper ends; with 
 A flight that falls shows treads alone: each ends, further up in the image, at the nosing that hides the riser below it.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -98,7 +99,7 @@ def nosings_of(
     Args:
         ends: The line at the end of each tread that the flight's direction makes its nosing.
     """
-    fronts = np.array([float(np.min(blocks.centres[tread.blocks] @ axes.ahead)) for tread in treads])
+    fronts = np.array([tread.span_m(blocks, axes.ahead)[0] for tread in treads])
     found = [_of_riser(riser, treads, fronts, blocks, camera, axes) for riser in risers]
     smoothed = direction == "down" and sum(line is not None and not line.is_corner for line in ends) < PLAIN_ENDS
     for line in ends:
@@ -176,9 +177,7 @@ def _of_riser(
     camera: PinholeCamera,
     axes: Axes,
 ) -> Nosing:
-    points = blocks.centres[riser.blocks]
-    aside, ahead_m = points @ axes.right, float(riser.centre @ axes.ahead)
-    top_m = float(np.max(points @ axes.up))
+    ahead_m, top_m = float(riser.centre @ axes.ahead), riser.span_m(blocks, axes.up)[1]
     line = nosing_line(riser, "upper", camera)
     line = None if line is None or line.is_corner else line
     up_m = None if line is None else float(line.middle @ axes.up)
@@ -195,7 +194,7 @@ def _of_riser(
         ahead_m=ahead_m,
         up_m=up_m,
         point=riser.centre + (height_m - float(riser.centre @ axes.up)) * axes.up,
-        sides_m=(float(aside.min()), float(aside.max())),
+        sides_m=riser.span_m(blocks, axes.right),
         riser=riser,
         lines=() if line is None else _telling(line, axes),
         weight=float(riser.blocks.size * blocks.cell_px) + (0.0 if line is None else line.count),
@@ -205,14 +204,9 @@ def _of_riser(
 
 def _top_of(riser: Surface, camera: PinholeCamera, axes: Axes) -> float | None:
     """Return the height at which a riser ends, or None where most of its end is cut off."""
-    ends = riser.upper
-    known = ends.follows != kernels.UNKNOWN
-    if 2 * np.count_nonzero(known) < known.size or not known.any():
-        return None
-    rays = np.ones((int(np.count_nonzero(known)), 3))
-    rays[:, 0] = (ends.columns[known] - camera.cx_px) / camera.fx_px
-    rays[:, 1] = (ends.rows[known] - camera.cy_px) / camera.fy_px
-    return float(np.median((rays @ axes.up) / (rays @ riser.normal)))
+    ends, pinhole = riser.upper, (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    top_m = kernels.height_of_end(ends.columns, ends.rows, ends.follows, riser.normal, axes.up, *pinhole)
+    return None if math.isnan(top_m) else top_m
 
 
 def _height_at(tread: Surface, beside: Float[np.ndarray, " 3"], axes: Axes) -> float:

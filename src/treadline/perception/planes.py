@@ -51,16 +51,13 @@ class Blocks:
     sums: Float[np.ndarray, "b 10"]
     normals: Float[np.ndarray, "b 3"]
     """n with n·p = 1; its length is the inverse distance."""
+    unit: Float[np.ndarray, "b 3"]
+    """Unit normals that point away from the camera."""
     centres: Float[np.ndarray, "b 3"]
     """Points of the blocks' middles in C [m]."""
     places: Int[np.ndarray, "b 3"]
     """First row and column of cells, and how many rows of cells the block has."""
     cell_px: int
-
-    @cached_property
-    def unit(self) -> Float[np.ndarray, "b 3"]:
-        """Unit normals that point away from the camera."""
-        return self.normals / np.sqrt(np.einsum("bi,bi->b", self.normals, self.normals))[:, None]
 
 
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> Blocks:
@@ -68,13 +65,10 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
-    sums, normals, places = kernels.plane_blocks(
+    sums, normals, unit, centres, places = kernels.plane_blocks(
         cells, FULL * size * size, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, TURN_LIMIT, LEAST_RESIDUAL
     )
-    count = sums[:, kernels.COUNT]
-    x, y, w = sums[:, kernels.X] / count, sums[:, kernels.Y] / count, sums[:, kernels.W] / count
-    centres = np.column_stack([x / w, y / w, 1.0 / w])
-    return Blocks(nearness=nearness, sums=sums, normals=normals, centres=centres, places=places, cell_px=size)
+    return Blocks(nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,6 +111,10 @@ class Surface:
         """From the camera to the plane."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
 
+    def span_m(self, blocks: Blocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
+        """Return from where to where its blocks' middles lie along a direction."""
+        return kernels.span(blocks.centres, self.blocks, direction)
+
     def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
         """Return how far it goes up in each of its columns."""
         x = (self.upper.columns - camera.cx_px) / camera.fx_px
@@ -140,7 +138,7 @@ class Surface:
 def joined(
     camera: PinholeCamera,
     blocks: Blocks,
-    members: Bool[np.ndarray, " b"],
+    members: Int[np.ndarray, " m"],
     direction: Float[np.ndarray, " 3"],
     *,
     gap_m: float,
@@ -149,18 +147,17 @@ def joined(
     """Return the surfaces among some blocks: runs of blocks at one level along a direction.
 
     Args:
+        members: Their numbers.
         direction: Unit vector in C along which surfaces are told apart.
         gap_m: Levels further apart than this are different surfaces.
         least: Blocks that a surface needs.
     """
-    chosen = np.flatnonzero(members)
-    if chosen.size < least:
+    if members.size < least:
         return []
-    levels = blocks.centres[chosen] @ direction
+    levels = blocks.centres[members] @ direction
     order = np.argsort(levels, kind="stable")
-    chosen, levels = chosen[order], levels[order]
     members, stops, normals, squares = kernels.planes_along(
-        blocks.sums, blocks.centres, chosen, levels, gap_m, least, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, SAMPLE, FRAGMENT
+        blocks.sums, blocks.centres, members[order], levels[order], gap_m, least, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, SAMPLE, FRAGMENT
     )
     found = kernels.surfaces(
         blocks.nearness,

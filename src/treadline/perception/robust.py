@@ -211,7 +211,9 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
 def _steps(seen: Flight, axes: Axes) -> list[Surface]:
     """Return the treads that start at a nosing seen: floors and landings are no part of the stair."""
     heights = [float(nosing.point @ axes.up) for nosing in seen.nosings]
-    return [tread for tread in seen.treads if min(abs(float(tread.centre @ axes.up) - height) for height in heights) < SAME_RISE_M]
+    levels = [float(tread.centre @ axes.up) for tread in seen.treads]
+    nearest = [min(abs(level - height) for height in heights) for level in levels]
+    return [tread for tread, off_m in zip(seen.treads, nearest, strict=True) if off_m < SAME_RISE_M]
 
 
 def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:
