@@ -15,7 +15,7 @@ from treadline.perception.geometry import first_crowd, normal_of, points_of, way
 from treadline.perception.nosings import Axes, Nosing
 from treadline.perception.planes import Blocks
 from treadline.perception.sight import StairShape
-from treadline.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.signals import RgbdFrame, StairMap
 
 SIDE_WALL = 15.0 * DEG
 """How far a side wall's normal may lie from the edges' direction."""
@@ -39,6 +39,8 @@ CELLS = 10_000
 END_MARGIN_M = 0.12
 """How far behind the next step's place the depth must lie for the step to be absent: less than half a run."""
 END_POINTS, END_SHARE = 40, 0.7
+ASIDES_M, RISER_SHARES, TREAD_SHARES = np.linspace(-0.25, 0.25, 15), np.linspace(0.82, 0.97, 7), np.linspace(1.25, 1.9, 9)
+"""Where a next step is looked for: across the flight, by height of its riser and, ahead, by runs to its tread."""
 
 
 def map_of(
@@ -179,30 +181,24 @@ def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axe
     last = max(points, key=lambda point: float(point @ axes.ahead))
     ahead, up = float(last @ axes.ahead), float(last @ axes.up)
     middle = median(float(point @ axes.right) for point in points)
-    asides = middle + np.linspace(-0.25, 0.25, 15)
     if shape.direction == "up":
         # Close below the next edge: a board without a riser is no thicker.
-        heights = up + np.linspace(0.82, 0.97, 7) * shape.rise_m
-        places = [(ahead + shape.run_m, aside, height) for height in heights for aside in asides]
+        places, heights = np.array([ahead + shape.run_m]), up + RISER_SHARES * shape.rise_m
     else:
-        behind = ahead + shape.run_m * np.linspace(1.25, 1.9, 9)
-        places = [(place, aside, up - shape.rise_m) for place in behind for aside in asides]
-    there = np.array(places) @ np.stack([axes.ahead, axes.right, axes.up])
-    seen, expected = _depth_at(frame.depth_m, frame.camera, there)
+        places, heights = ahead + shape.run_m * TREAD_SHARES, np.array([up - shape.rise_m])
+    camera = frame.camera
+    seen, expected = kernels.depths_at(
+        frame.depth_m,
+        places,
+        middle + ASIDES_M,
+        heights,
+        np.stack([axes.ahead, axes.right, axes.up]),
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+    )
     if seen.size < END_POINTS:
         return False
     gone = seen > expected + END_MARGIN_M if shape.direction == "up" else np.abs(seen - expected) < 0.25 * shape.rise_m
     return bool(gone.mean() > END_SHARE)
-
-
-def _depth_at(
-    depth_m: Float[np.ndarray, "h w"], camera: PinholeCamera, points: Float[np.ndarray, "k 3"]
-) -> tuple[Float[np.ndarray, " j"], Float[np.ndarray, " j"]]:
-    """Return the depth seen at points of C and the depth they would have, where both exist."""
-    points = points[points[:, 2] > 0.1]
-    u = np.round(camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px)
-    v = np.round(camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px)
-    inside = (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
-    seen = depth_m[v[inside].astype(int), u[inside].astype(int)].astype(float)
-    known = np.isfinite(seen) & (seen > 0.0)
-    return seen[known], points[inside][known, 2]

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Int
 from treadline.angles import DEG
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
-from treadline.perception.unknowns.kernels import integrated_out, strays
+from treadline.perception.unknowns.kernels import integrated_out, strays, variances
 from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
@@ -76,6 +76,26 @@ class _Axes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Normals:
+    """All unit normals, of treads first and gravity last, whatever the edges' direction."""
+
+    unit: Float[np.ndarray, "k 3"]
+    covariance: Float[np.ndarray, "k 3 3"]
+    """Of the normals; none of gravity's, which depends on what the treads say."""
+    warp: Float[np.ndarray, "k 3 t"]
+    """By how much each term of the warp changes a normal."""
+    tilts: Bool[np.ndarray, " k"]
+    """Whether it tilts with a tread."""
+    group: Int[np.ndarray, " k"]
+    """Number of the nosing it turns with; -1 for none."""
+    step: Int[np.ndarray, " k"]
+    """Number of the step it is of: a nosing's, or one of its own for a tread without one; -1 for gravity."""
+    stray: Float[np.ndarray, " k"]
+    """How likely it is beforehand to be of something else."""
+    treads: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
     """Linear equations ``by · (α, ρ) + warp · terms = value``, one for each normal."""
 
@@ -85,13 +105,10 @@ class _Rows:
     noise: Float[np.ndarray, " k"]
     """Variance of the normal's angle across the edges."""
     tilts: Bool[np.ndarray, " k"]
-    """Whether it tilts with a tread."""
+    """As of the normals, as are the following."""
     group: Int[np.ndarray, " k"]
-    """Number of the nosing it turns with; -1 for none."""
     step: Int[np.ndarray, " k"]
-    """Number of the step it is of: a nosing's, or one of its own for a tread without one; -1 for gravity."""
     stray: Float[np.ndarray, " k"]
-    """How likely it is beforehand to be of something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,18 +170,18 @@ def fit_edges(
     """
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.tells]
-    warps = _warps(nosings, treads, camera)
-    step = _steps(nosings, treads)
+    normals = _normals(nosings, treads, down, camera)
     for last in (False, True):
         axes = _axes(edge, down)
-        rows = _rows(nosings, treads, down, down_sigma_rad, axes, warps, step)
+        rows = _rows(normals, down_sigma_rad, axes)
         angles, noise = _angles(rows, len(nosings))
         kept = _agreeing(angles, noise)
         chosen = np.concatenate([kept, [True]])[rows.group]
         chosen[rows.group < 0] = _agreeing_treads(rows)
         if last:
             chosen[chosen] = _of_the_stair(_only(rows, chosen))
-        solution = _solved(_only(rows, chosen), slice(None) if last else ONE_GUESS)
+        rows = _only(rows, chosen)
+        solution = _solved(rows, slice(None) if last else ONE_GUESS)
         alpha, rho = solution.mean[-2:].tolist()
         edge = axes.edge + alpha * axes.ahead + rho * axes.down
         edge /= np.linalg.norm(edge)
@@ -176,7 +193,7 @@ def fit_edges(
         covariance=solution.covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
-        planes_against_lines_rad=_planes_against_lines(_only(rows, chosen), solution),
+        planes_against_lines_rad=_planes_against_lines(rows, solution),
     )
 
 
@@ -208,54 +225,54 @@ def _steps(nosings: Sequence[Nosing], treads: Sequence[Surface]) -> list[int]:
     return found
 
 
-def _rows(
-    nosings: Sequence[Nosing],
-    treads: Sequence[Surface],
-    down: Float[np.ndarray, " 3"],
-    down_sigma_rad: float,
-    axes: _Axes,
-    warps: Float[np.ndarray, "k 3 t"],
-    steps: Sequence[int],
-) -> _Rows:
-    """Return the equations of all normals, gravity the last."""
-    normals: list[Float[np.ndarray, " 3"]] = []
-    noise, tilts, group, stray = [], [], [], []
-
-    def add(unit: Float[np.ndarray, " 3"], variance: float, *, tilting: bool, number: int, odd: float = STRAY) -> None:
-        normals.append(unit)
-        noise.append(variance)
-        tilts.append(tilting)
-        group.append(number)
-        stray.append(odd)
-
-    for tread in treads:
-        add(tread.unit, _variance(tread, axes.edge), tilting=True, number=-1)
+def _normals(
+    nosings: Sequence[Nosing], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], camera: PinholeCamera
+) -> _Normals:
+    units = [tread.unit for tread in treads]
+    covariances = [tread.unit_covariance for tread in treads]
+    tilts, group, stray = [True] * len(treads), [-1] * len(treads), [STRAY] * len(treads)
     for number, nosing in enumerate(nosings):
         if nosing.riser is not None:
-            add(nosing.riser.unit, _variance(nosing.riser, axes.edge), tilting=False, number=number)
+            units.append(nosing.riser.unit)
+            covariances.append(nosing.riser.unit_covariance)
+            tilts.append(False)
+            stray.append(STRAY)
         for line in nosing.lines:
-            odd = CORNER_STRAY if line.is_corner else STRAY
-            add(line.normal, float(axes.edge @ line.covariance @ axes.edge), tilting=True, number=number, odd=odd)
-    add(down, 0.0, tilting=False, number=-1, odd=0.0)
-    stacked = np.array(normals)
-    value = -(stacked @ axes.edge)
-    by = np.column_stack([stacked @ axes.ahead, stacked @ axes.down])
-    level = value[: len(treads)] / by[: len(treads), 1] if treads else np.empty(0)
+            units.append(line.normal)
+            covariances.append(line.covariance)
+            tilts.append(True)
+            stray.append(CORNER_STRAY if line.is_corner else STRAY)
+        group += [number] * (len(units) - len(group))
+    group.append(-1)
+    return _Normals(
+        unit=np.array([*units, down]),
+        covariance=np.array([*covariances, np.zeros((3, 3))]),
+        warp=_warps(nosings, treads, camera),
+        tilts=np.array([*tilts, False]),
+        group=np.array(group),
+        step=np.array([*_steps(nosings, treads), *group[len(treads) :]]),
+        stray=np.array([*stray, 0.0]),
+        treads=len(treads),
+    )
+
+
+def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes) -> _Rows:
+    """Return the equations of all normals, gravity the last."""
+    value = -(normals.unit @ axes.edge)
+    by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ axes.down])
+    noise = variances(normals.covariance, axes.edge)
+    level = value[: normals.treads] / by[: normals.treads, 1]
     noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
     return _Rows(
         value=value,
         by=by,
-        warp=-np.einsum("i,kit->kt", axes.edge, warps),
-        noise=np.array(noise),
-        tilts=np.array(tilts),
-        group=np.array(group),
-        step=np.array([*steps, *group[len(treads) :]]),
-        stray=np.array(stray),
+        warp=-np.einsum("i,kit->kt", axes.edge, normals.warp),
+        noise=noise,
+        tilts=normals.tilts,
+        group=normals.group,
+        step=normals.step,
+        stray=normals.stray,
     )
-
-
-def _variance(surface: Surface, edge: Float[np.ndarray, " 3"]) -> float:
-    return float(edge @ surface.unit_covariance @ edge)
 
 
 def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from statistics import median
 
 import numpy as np
@@ -117,16 +118,20 @@ def levels_of(treads: Sequence[Surface], axes: Axes) -> int:
     return 0 if row is None else len(row[0])
 
 
-def _levels(heights: Sequence[float]) -> Float[np.ndarray, " k"]:
+def _levels(heights: Sequence[float]) -> list[float]:
     """Return the means of heights that are one level."""
-    values = np.sort(np.array(heights))
-    cuts = np.flatnonzero(np.diff(values) > SAME_LEVEL_M) + 1
-    return np.array([part.mean() for part in np.split(values, cuts)]) if values.size else values
+    levels: list[list[float]] = []
+    for height in sorted(heights):
+        if levels and height - levels[-1][-1] <= SAME_LEVEL_M:
+            levels[-1].append(height)
+        else:
+            levels.append([height])
+    return [float(np.mean(level)) if len(level) > 1 else level[0] for level in levels]
 
 
 def _spacing(places: Float[np.ndarray, " k"], limits: tuple[float, float]) -> float | None:
     """Return the distance of places that are equally far apart, some of them missing; None where too few are."""
-    row = _row(places, limits)
+    row = _row(places.tolist(), limits)
     if row is None or len(row[0]) < ALIKE * len(places):
         return None
     return _straight(row[1], row[0])[0]
@@ -139,24 +144,26 @@ def _straight(x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> tuple[f
     return slope, my - slope * mx
 
 
-def _row(
-    places: Float[np.ndarray, " k"], limits: tuple[float, float]
-) -> tuple[Float[np.ndarray, " j"], Float[np.ndarray, " j"]] | None:
+def _row(places: Sequence[float], limits: tuple[float, float]) -> tuple[Float[np.ndarray, " j"], Float[np.ndarray, " j"]] | None:
     """Return the longest row of places that are equally far apart, and the number of each."""
-    places = np.sort(places)
-    gaps = np.diff(places)
-    near = gaps[(gaps >= limits[0]) & (gaps <= limits[1])]
-    if not near.size:
+    places = sorted(places)
+    gaps = [far - near for near, far in pairwise(places)]
+    steps = [gap for gap in gaps if limits[0] <= gap <= limits[1]]
+    if not steps:
         return None
-    first = median(near.tolist())
-    # Whole numbers of steps between neighbours; a gap that is none ends the row.
-    counts = np.round(gaps / first)
-    fits = (counts >= 1) & (np.abs(gaps - counts * first) < EVEN * first)
-    cuts = np.flatnonzero(~fits) + 1
-    row = max(np.split(np.arange(len(places)), cuts), key=len)
+    first = median(steps)
+    rows = [[(places[0], 0)]]
+    for place, gap in zip(places[1:], gaps, strict=True):
+        # Whole numbers of steps between neighbours; a gap that is none ends the row.
+        count = round(gap / first)
+        if count >= 1 and abs(gap - count * first) < EVEN * first:
+            rows[-1].append((place, rows[-1][-1][1] + count))
+        else:
+            rows.append([(place, 0)])
+    row = max(rows, key=len)
     if len(row) < 2:
         return np.array([0.0, first]), np.array([0.0, 1.0])
-    return places[row], np.concatenate([[0.0], np.cumsum(counts[row[:-1]])])
+    return np.array([place for place, _ in row]), np.array([float(number) for _, number in row])
 
 
 def directions_of(

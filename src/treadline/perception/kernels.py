@@ -673,6 +673,33 @@ def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, high, be
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def depths_at(depth, aheads, asides, heights, axes, fx, fy, cx, cy):
+    """Return the depth seen at the points of a grid and the depth they would have, where both exist.
+
+    Args:
+        axes: Rows: the directions in C that ``aheads``, ``asides`` and ``heights`` are along.
+    """
+    seen, expected = np.empty(aheads.size * asides.size * heights.size), np.empty(aheads.size * asides.size * heights.size)
+    count, point = 0, np.empty(3)
+    for ahead in aheads:
+        for height in heights:
+            for aside in asides:
+                for i in range(3):
+                    point[i] = fused(height, axes[2, i], fused(aside, axes[1, i], ahead * axes[0, i]))
+                if not point[2] > 0.1:
+                    continue
+                u, v = np.rint(fx * point[0] / point[2] + cx), np.rint(fy * point[1] / point[2] + cy)
+                if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]):
+                    continue
+                z = depth[int(v), int(u)]
+                if np.isfinite(z) and z > 0.0:
+                    seen[count], expected[count] = z, point[2]
+                    count += 1
+    return seen[:count].copy(), expected[:count].copy()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def level_patches(points, up, level):
     """Return which points of a grid lie in level patches, five points wide.
 

@@ -11,6 +11,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from treadline.products import dot
+
 SCEPTICISM = 0.2
 """Power of its size by which each irregularity and warp is the likelier beforehand."""
 FLAT = 4.0
@@ -212,6 +214,18 @@ def _solved(M, warp, L, logs):
                 L[n, i, pair] -= L[k, i, pair] * L[n, k, pair]
         for pair in range(pairs):
             L[n, i, pair] /= L[i, i, pair]
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def variances(covariances, direction):
+    """Return the variance along a direction that each covariance tells."""
+    found, row = np.empty(covariances.shape[0]), np.empty(3)
+    for k in range(covariances.shape[0]):
+        for i in range(3):
+            row[i] = dot(direction, covariances[k, :, i])
+        found[k] = dot(row, direction)
+    return found
 
 
 @njit(cache=True, error_model="numpy")
