@@ -30,8 +30,10 @@ TURNS = TILTS = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
 """Irregularities thought possible of steps: about the vertical, and off level."""
 WARPS_PX = np.geomspace(0.0003, 0.1, 4)
 """Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
-ONE_GUESS, COARSE = slice(4, 5), slice(None, None, 3)
-"""Of these, for a first, rough turn, and to tell strays by."""
+ONE_GUESS = slice(4, 5)
+"""Of these, for a first, rough turn."""
+COARSE = tuple(grid[::3].copy() for grid in (TURNS, TILTS, WARPS_PX))
+"""Of these, to tell strays by; copied, as compiled loops are compiled anew for each layout."""
 STRAY, CORNER_STRAY = 0.003, 0.03
 """How often a surface or a line is none of the stair's: what lies on a tread tilts it, and begins where a nosing might be."""
 SAME_STEP_M = 0.03
@@ -318,7 +320,7 @@ def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
     kept = np.ones(len(rows.value), dtype=np.bool_)
     with np.errstate(divide="ignore"):
         penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
-    strays(*_equations(rows), TURNS[COARSE], TILTS[COARSE], WARPS_PX[COARSE], penalty, kept)
+    strays(*_equations(rows), *COARSE, penalty, kept)
     return kept
 
 

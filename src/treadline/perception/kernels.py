@@ -700,6 +700,29 @@ def depths_at(depth, aheads, asides, heights, axes, fx, fy, cx, cy):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def places_of(depth, stride, fx, fy, cx, cy, origin, axes):
+    """Return pixels as points of C, NaN where there is no depth, and their places along some directions.
+
+    Args:
+        depth: Of every ``stride``-th pixel of every ``stride``-th row.
+        origin: Added to each point.
+        axes: Rows: the directions along which the places are told.
+    """
+    rows, columns = depth.shape
+    points, places = np.empty((rows, columns, 3)), np.empty((axes.shape[0], rows, columns))
+    for i in range(rows):
+        y = (i * stride - cy) / fy
+        for j in range(columns):
+            z = depth[i, j] if depth[i, j] > 0.0 else np.nan
+            point = points[i, j]
+            point[0], point[1], point[2] = (j * stride - cx) / fx * z + origin[0], y * z + origin[1], z + origin[2]
+            for k in range(axes.shape[0]):
+                places[k, i, j] = dot(point, axes[k])
+    return points, places
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def level_patches(points, up, level):
     """Return which points of a grid lie in level patches, five points wide.
 

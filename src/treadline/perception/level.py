@@ -11,6 +11,7 @@ from treadline.angles import DEG
 from treadline.perception import kernels
 from treadline.perception.geometry import first_crowd, way_of
 from treadline.perception.sight import SWEPT_HALF_M
+from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame
 
 STRIDE_AT_240 = 4
@@ -41,12 +42,20 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], 
     """
     up = -gravity_C
     camera = frame.camera
-    points = _points(frame) + camera.R_BC.T @ np.array(camera.mount_m)
     way = way_of(camera.R_BC)
     ahead = way * camera.R_BC[0] - float(way * camera.R_BC[0] @ up) * up
     ahead /= np.linalg.norm(ahead)
-    right = np.cross(ahead, up)
-    far, aside, height = np.moveaxis(points @ np.stack([ahead, right, up], axis=1), -1, 0)
+    stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
+    points, (far, aside, height) = kernels.places_of(
+        frame.depth_m[::stride, ::stride].astype(float),
+        stride,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+        camera.R_BC.T @ np.array(camera.mount_m),
+        np.stack([ahead, cross(ahead, up), up]),
+    )
     ground = kernels.level_patches(points, up, LEVEL) & (far < FAR_M)
     level_m = _ground(height[ground], aside[ground], highest=way > 0.0)
     if level_m is None:
@@ -58,20 +67,6 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], 
         above &= points @ camera.R_BC[2] > CLEAR_M
         far = np.minimum(far, way * (points @ camera.R_BC[0]))
     return next(iter(first_crowd(far[above], CROWD_M, CROWD_POINTS)), None)
-
-
-def _points(frame: RgbdFrame) -> Float[np.ndarray, "rows columns 3"]:
-    """Return every n-th pixel of every n-th row as a point of C; NaN where there is no depth."""
-    camera = frame.camera
-    stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
-    z = frame.depth_m[::stride, ::stride].astype(float)
-    z[~(z > 0.0)] = np.nan
-    v, u = np.arange(z.shape[0])[:, None] * stride, np.arange(z.shape[1]) * stride
-    points = np.empty((*z.shape, 3))
-    points[..., 0] = (u - camera.cx_px) / camera.fx_px * z
-    points[..., 1] = (v - camera.cy_px) / camera.fy_px * z
-    points[..., 2] = z
-    return points
 
 
 def _ground(height: Float[np.ndarray, " k"], aside: Float[np.ndarray, " k"], *, highest: bool) -> float | None:
