@@ -42,7 +42,9 @@ def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
     """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     least, most = 1.0 / far, 1.0 / near
-    sums, ys = np.zeros((rows, columns, SUMS)), (np.arange(nearness.shape[1]) - cy) / fy
+    sums, ys = np.zeros((rows, columns, SUMS)), np.empty(nearness.shape[1])
+    for v in range(ys.size):
+        ys[v] = (v - cy) / fy
     for j in range(columns):
         for i in range(rows):
             n = 0
@@ -136,7 +138,8 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 large[i, j] = large[i, j] or height == 2
                 sums[count] = total
                 planes[count] = plane
-                units[count] = plane / math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
+                length = math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
+                units[count, 0], units[count, 1], units[count, 2] = plane[0] / length, plane[1] / length, plane[2] / length
                 x, y = total[X] / total[COUNT], total[Y] / total[COUNT]
                 centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
@@ -360,8 +363,10 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
     held, columns = np.zeros(count, dtype=np.int64), np.empty((count, width), dtype=np.int64)
     upper, lower = np.empty((count, width)), np.empty((count, width))
     above, below = np.empty((count, width), dtype=np.int64), np.empty((count, width), dtype=np.int64)
-    rows = np.arange(height).astype(np.float64)
-    ys = (rows - cy) / fy
+    rows, ys = np.empty(height), np.empty(height)
+    for v in range(height):
+        rows[v], ys[v] = v, (v - cy) / fy
+    ray = np.ones(3)
     box, sums, begin = np.empty(4, dtype=np.int64), np.empty(SUMS), 0
     for s in range(count):
         box_of(places, members[begin : stops[s]], size, size + size // 2, height, width, box)
@@ -387,9 +392,12 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         if n < size * size or square != square:
             continue
         held[s] = k
-        covariances[s] *= max(square, least_square)
-        ray = np.array([sums[X] / n, sums[Y] / n, 1.0])
-        centres[s] = ray / dot(normals[s], ray)
+        ray[0], ray[1] = sums[X] / n, sums[Y] / n
+        nearness_there = dot(normals[s], ray)
+        for i in range(3):
+            centres[s, i] = ray[i] / nearness_there
+            for j in range(3):
+                covariances[s, i, j] *= max(square, least_square)
     return normals, covariances, centres, held, columns, upper, lower, above, below
 
 
@@ -532,13 +540,20 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
         the line's middle and ends on the surface; u1, v1, u2, v2 of its ends, the left one first.
     """
     normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
-    share = beyond * np.count_nonzero(follows != UNKNOWN)
-    is_corner = np.count_nonzero(follows == BEYOND) < share
-    apart = follows == (CREASE if is_corner else BEYOND)
-    if np.count_nonzero(apart) < max(least, share):
+    held = np.zeros(UNKNOWN + 1, dtype=np.int64)
+    for what in follows:
+        held[what] += 1
+    share = beyond * (follows.size - held[UNKNOWN])
+    is_corner = held[BEYOND] < share
+    wanted = CREASE if is_corner else BEYOND
+    if held[wanted] < max(least, share):
         return 0, is_corner, normal, covariance, points, ends
-    u, line = columns[apart].astype(np.float64), np.empty(5)
-    count = fit_line(u, rows[apart], near, line)
+    u, v, line, count = np.empty(held[wanted]), np.empty(held[wanted]), np.empty(5), 0
+    for k in range(follows.size):
+        if follows[k] == wanted:
+            u[count], v[count] = columns[k], rows[k]
+            count += 1
+    count = fit_line(u, v, near, line)
     if count < least:
         return 0, is_corner, normal, covariance, points, ends
     a, v0, u0 = line[0], line[1], line[2]
@@ -549,7 +564,7 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
         nearness = along(ray, plane)
         if nearness <= 0.0:  # behind the camera
             return 0, is_corner, normal, covariance, points, ends
-        ray /= nearness
+        ray[0], ray[1], ray[2] = ray[0] / nearness, ray[1] / nearness, ray[2] / nearness
     _through_eye(a, v0, u0, line[3] + (aliasing / (u[-1] - u[0])) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
     return count, is_corner, normal, covariance, points, ends
 
@@ -599,23 +614,29 @@ def middle_of(units, told, spread, bundle, least, mean):
     for k in range(units.shape[0]):
         cosine = along(units[k], told)
         if abs(cosine) > spread:
-            near[:, count] = -units[k] if cosine < 0.0 else units[k]
+            for i in range(3):
+                near[i, count] = -units[k, i] if cosine < 0.0 else units[k, i]
             count += 1
     if count < least:
         return False
-    middle = np.empty(3)
+    middle, total, held = np.empty(3), np.zeros(3), 0
     for i in range(3):
         middle[i] = np.median(near[i, :count])
-    middle /= math.sqrt(dot(middle, middle))
-    mean[:], held = 0.0, 0
+    length = math.sqrt(dot(middle, middle))
+    for i in range(3):
+        middle[i] /= length
     for k in range(count):
         if along(near[:, k], middle) > bundle:
-            mean += near[:, k]
+            for i in range(3):
+                total[i] += near[i, k]
             held += 1
     if held < least:
         return False
-    mean /= held
-    mean /= math.sqrt(dot(mean, mean))
+    for i in range(3):
+        total[i] /= held
+    length = math.sqrt(dot(total, total))
+    for i in range(3):
+        mean[i] = total[i] / length
     return True
 
 
@@ -630,7 +651,9 @@ def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
     m[0], m[1], m[2] = A / length, -1.0 / length, B / length
     by_a = np.array([fx / fy / length, 0.0, (cx - u0) / fy / length])
     by_v = np.array([0.0, 0.0, 1.0 / fy / length])
-    by_a, by_v = by_a - dot(m, by_a) * m, by_v - dot(m, by_v) * m
+    across_a, across_v = dot(m, by_a), dot(m, by_v)
+    for i in range(3):
+        by_a[i], by_v[i] = by_a[i] - across_a * m[i], by_v[i] - across_v * m[i]
     for i in range(3):
         for j in range(3):
             covariance[i, j] = var_a * (by_a[i] * by_a[j]) + var_v * (by_v[i] * by_v[j])
