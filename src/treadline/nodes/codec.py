@@ -11,8 +11,21 @@ from jaxtyping import Float
 from treadline.angles import quaternion_of
 from treadline.errors import ImageError
 from treadline.estimation import HeadingHealth
+from treadline.estimation.health import FaultKind
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
-from treadline.io.decode import BETWEEN, HEADINGS, OURS, CdrReader, Picture, Ros1Reader, Status, calibration, picture, status
+from treadline.io.decode import (
+    BETWEEN,
+    HEADINGS,
+    OURS,
+    CdrReader,
+    Picture,
+    Ros1Reader,
+    Status,
+    calibration,
+    one_of,
+    picture,
+    status,
+)
 from treadline.io.log_frames import PAIR_S, Frames
 from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
@@ -208,10 +221,9 @@ def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Mess
 def _health(r: CdrReader) -> HeadingHealth:
     told = status(r)
     numbers = {name: float(value) for name, value in told.values.items()}
-    fault: Any = told.name or None
     return HeadingHealth(
         t_s=told.t_s,
-        fault=fault,
+        fault=one_of(FaultKind, told.name) if told.name else None,
         since_s=numbers.get("since_s"),
         cause=told.message or None,
         disagreement_rad=numbers["disagreement_rad"],

@@ -369,7 +369,8 @@ class GuardNode:
         self._tell_state()
 
     def _follow(self, plan: Plan) -> None:
-        self._plan = plan
+        if self._plan is None or plan.t_s >= self._plan.t_s:
+            self._plan = plan
         self._guard.notice(plan)
         self._tell_state()
 
