@@ -105,7 +105,7 @@ def test_the_search_looks_first_then_to_both_sides_then_ends_where_it_began(skid
     assert headings.index(max(headings)) < headings.index(min(headings))
     fastest = max(abs(half) for half in asked if half is not None)
     # Half the pace of a turn with a target: 10 °/s, a degree a frame.
-    assert turned_by(fastest, CONFIG.skid) == pytest.approx(CONFIG.sweep_rad_s * TICK_S)
+    assert turned_by(fastest, CONFIG.skid) == pytest.approx(CONFIG.turn_rad_s * TICK_S)
 
 
 def test_a_search_that_has_ended_begins_anew_when_asked_again() -> None:
