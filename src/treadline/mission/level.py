@@ -21,7 +21,7 @@ class LevelConfig:
     """… once it has been for so long."""
     turn_gain_per_s: float = 1.5
     turn_rad_s: float = 7.5 * DEG
-    """Faster, belts of high friction chatter: 110 kg on friction 1.0 feel 3.6 to 4.7 m/s² at 10 °/s, 2.0 at this (five chairs). From
+    """Faster, belts of high friction chatter: 110 kg on friction 1.0 feel 3.6 to 4.7 m/s² at 10 °/s, 2.0 at this. From
     30° the chair is within 3° after 7.7 s at most."""
     turn_m_s2: float = 0.12
     """How fast the belts are set apart: a turn that begins at once breaks loose with a jolt of 4 m/s² where friction is high."""

@@ -15,8 +15,8 @@ from treadline.signals import ImuSample, SeatCommand, SeatReading
 
 QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
 """Mean pitch rate below which there is nothing to lead, and the time of that mean: chairs rock at 3 to 4 Hz on uneven nosings."""
-ROCKS_S, ROCKS_SHARE = 0.8, 0.5
-"""Two periods of a chair that rocks by a degree and more, at 2.5 Hz: with less of its way left on balance it rocks."""
+ROCKS_S, ROCKS_RAD = 0.8, 1.5 * DEG
+"""Two periods of a chair that rocks by a degree and more, at 2.5 Hz: pitched so far up and so far down in them, it rocks."""
 FRESH_S = 0.05
 ROUNDING_S = 1e-6
 SMOOTHING_S = 0.03
@@ -49,7 +49,7 @@ class PitchFeedForward:
 
 
 class _Turned:
-    """How far the chair has pitched within a window, by rates alone: on balance, and to and fro."""
+    """How far the chair has pitched up, and how far down, within a window, by rates alone."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
@@ -57,13 +57,13 @@ class _Turned:
 
     def step(self, t_s: float, rate_rad_s: float) -> tuple[float, float]:
         """Take one rate; return both angles, neither negative."""
-        before_s, net, path = self._sums[-1] if self._sums else (t_s, 0.0, 0.0)
+        before_s, up, down = self._sums[-1] if self._sums else (t_s, 0.0, 0.0)
         turned = rate_rad_s * min(max(t_s - before_s, 0.0), FRESH_S)
-        self._sums.append((t_s, net + turned, path + abs(turned)))
+        self._sums.append((t_s, up + max(turned, 0.0), down + max(-turned, 0.0)))
         while t_s - self._sums[0][0] > self._window_s + ROUNDING_S:
             self._sums.popleft()
-        (_, net_0, path_0), (_, net_1, path_1) = self._sums[0], self._sums[-1]
-        return abs(net_1 - net_0), path_1 - path_0
+        (_, up_0, down_0), (_, up_1, down_1) = self._sums[0], self._sums[-1]
+        return up_1 - up_0, down_1 - down_0
 
 
 class PitchLeveller:
@@ -89,6 +89,6 @@ class PitchLeveller:
     def _manoeuvres(self, imu: ImuSample) -> bool:
         """Say whether the chair pitches one way, and not to and fro."""
         rate_rad_s = float(imu.angular_velocity_rad_s[1])
-        lately_rad, _ = self._lately.step(imu.t_s, rate_rad_s)
-        net_rad, path_rad = self._longer.step(imu.t_s, rate_rad_s)
-        return lately_rad > QUIET_RAD_S * QUIET_S and net_rad > ROCKS_SHARE * path_rad
+        up_lately, down_lately = self._lately.step(imu.t_s, rate_rad_s)
+        rocked = min(self._longer.step(imu.t_s, rate_rad_s))
+        return abs(up_lately - down_lately) > QUIET_RAD_S * QUIET_S and rocked < ROCKS_RAD
