@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
 from treadline.estimation import HeadingHealth
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.mission.guard.ahead import GAP_MAPS, AheadWatch, GapWatch, ObstacleWatch
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, LONG_SHARE, OVER_RAD_M, BlindTurnWatch, askew
+from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Latch
 from treadline.mission.guard.limits import limited, mean_limit
@@ -673,15 +672,6 @@ def turning(apart_m_s: float, phase: Any, ticks: int, watch: BlindTurnWatch | No
     for _ in range(ticks):
         watch.feel_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
-
-
-@pytest.mark.parametrize(("angle_deg", "share"), [(-0.5, LONG_SHARE), (0.9, LONG_SHARE), (1.1, 1.0), (40.0, 1.0)])
-def test_belts_turn_a_chair_less_whose_front_section_carries(angle_deg: float, share: float) -> None:
-    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
-    watch.feel_arm(angle_deg * DEG)
-    apart = 0.25 / (share * FLIGHT_RAD_M)
-    assert turning(apart, "climb", 32, watch).cause is None
-    assert turning(apart, "climb", 2, watch).cause is not None
 
 
 @pytest.mark.parametrize(("phase", "per_metre"), [("climb", FLIGHT_RAD_M), ("descend", FLIGHT_RAD_M)])

@@ -13,9 +13,6 @@ from treadline.signals import HeadingEstimate, Plan
 FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M, GAUGE_M = 0.38, 0.24, 0.8, 0.65
 """Turn of a chair of this gauge per metre that one belt runs further: on nosings, over one, and on the level. Measured with the
 wheelchair; another chair's are taken to be the same share, a quarter on nosings, of what belts that do not skid would turn it."""
-LONG_RAD, LONG_SHARE = 1.0 * DEG, 0.45
-"""Of the front section, below which it carries on the nosings, and how much less belts turn the longer chair (0.18 rad/m where it
-is 0.38 to 0.41 without: 28°, friction 0.62)."""
 LEVEL_RAD = 2.0 * DEG
 SWINGS_RAD_S = 4.5 * DEG
 """Pitch rate above which a chair swings over a nosing, which turns it by a degree or two: belts that answer are right."""
@@ -32,7 +29,6 @@ class BlindTurnWatch:
         """Of the last reading of the belts."""
         self._pitch_rad = self._swing_rad_s = 0.0
         self._imu_s: float | None = None
-        self._is_long = False
         self._turned_rad = 0.0
         self._pushed_s = -math.inf
         self._window: deque[tuple[float, float]] = deque()
@@ -48,10 +44,6 @@ class BlindTurnWatch:
         dt_s = 0.0 if self._imu_s is None else t_s - self._imu_s
         self._imu_s = t_s
         self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
-
-    def feel_arm(self, angle_rad: float) -> None:
-        """Take the front section's angle above the belts."""
-        self._is_long = angle_rad < LONG_RAD
 
     def feel_belts(self, t_s: float, apart_m_s: float, plan: Plan | None, heading_rad: float = 0.0) -> None:
         """Take how much faster the right belt runs than the left one; judge it where no stair should be in view.
@@ -91,7 +83,7 @@ class BlindTurnWatch:
 
     def _per_metre(self, phase: str) -> float:
         if phase in FLIGHT:
-            return FLIGHT_RAD_M * (LONG_SHARE if self._is_long else 1.0)
+            return FLIGHT_RAD_M
         if abs(self._swing_rad_s) > SWINGS_RAD_S:
             return 0.0
         return OVER_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M

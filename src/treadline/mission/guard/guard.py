@@ -208,7 +208,6 @@ class Guard:
         usable = finite(reading.angle_rad, reading.torque_n_m)
         if usable:
             self._drives.heard("arm", reading.t_s)
-            self._blind.feel_arm(reading.angle_rad)
         return usable
 
     def _feel_frame(self, quality: FrameQuality) -> bool:
