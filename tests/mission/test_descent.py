@@ -40,6 +40,8 @@ class World:
     """Whether the filter has a heading."""
     arm_rad: float = 0.7
     arm_moves: bool = True
+    tip_n_m: float = 0.0
+    """Torque that the arm's motor reports."""
     blocked: bool = False
     """Whether something stands behind its rear."""
     tips: bool = True
@@ -71,7 +73,7 @@ class World:
         R = rotation_y(-self.pitch_rad)
         signals: list[Any] = [
             TrackReading(t_s=self.t_s, left_m_s=speed, right_m_s=speed, brake_on=False),
-            ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=0.0),
+            ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=self.tip_n_m),
             ImuSample(
                 t_s=self.t_s,
                 orientation=quaternion_of(R),
@@ -277,6 +279,16 @@ def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_
     assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)
     world.run(limit_s=3.0)
     assert world.arm_rad == pytest.approx(CHAIR.tracks.approach_angle_deg * DEG, abs=0.5 * DEG)
+
+
+@pytest.mark.usefixtures("edge")
+def test_an_arm_that_carries_much_gives_way_before_its_motor_is_at_its_limit() -> None:
+    """Test: 180 N·m on the arm as the chair leaves. Expected result: it rises, by 8 °/s at first, and stays where that is in balance."""
+    world = World(tip_n_m=-180.0)
+    world.run("leave", limit_s=120.0)
+    world.run("arrived", limit_s=30.0)
+    tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad - 4.0 * DEG)
+    assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)
 
 
 @pytest.mark.usefixtures("edge")

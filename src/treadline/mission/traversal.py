@@ -25,6 +25,8 @@ SQUARE_RAD, ASKEW_RAD = 1.0 * DEG, 3.0 * DEG
 half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
+YIELDS_N_M, YIELD_RAD_S_N_M = 100.0, 0.1 * DEG
+"""Of load on the arm, from which on it gives way, and how fast: at the motor's limit it would all at once."""
 ARM_RAD_S = 15.0 * DEG
 """Of an arm that is brought to an angle."""
 
@@ -130,10 +132,10 @@ class Traversal:
         return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
-        """Return what brings the arm to an angle; None without an arm."""
+        """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""
         if self._arm is None:
             return None
-        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad)
+        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S_N_M * max(-self._arm.torque_n_m - YIELDS_N_M, 0.0)
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
 
     def _stuck(self) -> str | None:
