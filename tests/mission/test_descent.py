@@ -283,7 +283,7 @@ def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_
 
 @pytest.mark.usefixtures("edge")
 def test_an_arm_that_carries_much_gives_way_before_its_motor_is_at_its_limit() -> None:
-    """Test: 180 N·m on the arm as the chair leaves. Expected result: it rises, by 8 °/s at first, and stays where that is in balance."""
+    """Test: 180 N·m on the arm as the chair leaves. Expected result: it rises to where both are in balance."""
     world = World(tip_n_m=-180.0)
     world.run("leave", limit_s=120.0)
     world.run("arrived", limit_s=30.0)
