@@ -25,8 +25,10 @@ SQUARE_RAD, ASKEW_RAD = 1.0 * DEG, 3.0 * DEG
 half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
-YIELDS_N_M, YIELD_RAD_S_N_M = 100.0, 0.1 * DEG
-"""Of load on the arm, from which on it gives way, and how fast: at the motor's limit it would all at once."""
+TURNS_M_S, TURNING_M_S = 0.04, 0.12
+"""Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
+YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
+"""Of its motor's torque, from which on the arm gives way, and how fast at all of it: there it would all at once."""
 ARM_RAD_S = 15.0 * DEG
 """Of an arm that is brought to an angle."""
 
@@ -53,6 +55,7 @@ class Traversal:
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
         self._arm_m = tracks.approach_m
+        self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
         self._rest_rad = tracks.approach_angle_deg * DEG
         self._gauge_m = tracks.gauge_m
         self._flights = flights
@@ -127,15 +130,18 @@ class Traversal:
 
     def _lie(self, t_s: float, estimate: HeadingEstimate | None) -> ArmCommand | None:
         """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
-        off = ASKEW_RAD if estimate is None else abs(estimate.heading_rad)
-        share = min(max((off - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD), 0.0), 1.0)
+        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad)
+        apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
+        askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
+        share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
         return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
         """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""
         if self._arm is None:
             return None
-        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S_N_M * max(-self._arm.torque_n_m - YIELDS_N_M, 0.0)
+        over = max(-self._arm.torque_n_m / self._most_n_m - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
+        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S * over
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
 
     def _stuck(self) -> str | None:
