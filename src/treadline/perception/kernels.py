@@ -557,7 +557,14 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
     if count < least:
         return 0, is_corner, normal, covariance, points, ends
     a, v0, u0 = line[0], line[1], line[2]
-    ends[0], ends[1], ends[2], ends[3] = u[0], v0 + a * (u[0] - u0), u[-1], v0 + a * (u[-1] - u0)
+    # What else ends at the surface's level, across a wall beside the flight, is no part of the line.
+    left, right = u[-1], u[0]
+    for k in range(u.size):
+        if abs(v[k] - v0 - a * (u[k] - u0)) < near:
+            left, right = min(left, u[k]), max(right, u[k])
+    if left >= right:
+        return 0, is_corner, normal, covariance, points, ends
+    ends[0], ends[1], ends[2], ends[3] = left, v0 + a * (left - u0), right, v0 + a * (right - u0)
     for k, at, row in ((0, u0, v0 + a * (u0 - u0)), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
         ray = points[k]
         ray[0], ray[1], ray[2] = (at - cx) / fx, (row - cy) / fy, 1.0
@@ -565,7 +572,7 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
         if nearness <= 0.0:  # behind the camera
             return 0, is_corner, normal, covariance, points, ends
         ray[0], ray[1], ray[2] = ray[0] / nearness, ray[1] / nearness, ray[2] / nearness
-    _through_eye(a, v0, u0, line[3] + (aliasing / (u[-1] - u[0])) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
+    _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
     return count, is_corner, normal, covariance, points, ends
 
 

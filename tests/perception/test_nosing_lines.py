@@ -1,0 +1,46 @@
+"""Nosings as lines in the image."""
+
+import numpy as np
+import pytest
+
+from treadline.mechanics.chair import read_chair
+from treadline.perception.kernels import BEYOND
+from treadline.perception.lines import Line, nosing_line
+from treadline.perception.planes import Ends, Surface
+
+CAMERA = read_chair("wheelchair").camera_at(240)
+NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))
+FIRST, LAST, SLOPE = 150, 280, 0.05
+
+
+def line_of(*beside: tuple[int, int, float]) -> Line:
+    """Return the nosing of a level tread, with what else ends at its level: first and last column, rows above the line."""
+    parts = [(FIRST, LAST, 0.0), *beside]
+    columns = np.concatenate([np.arange(first, last + 1) for first, last, _ in parts])
+    above = np.concatenate([np.full(last + 1 - first, rows) for first, last, rows in parts])
+    order = np.argsort(columns)
+    rows = np.round(180.0 + SLOPE * (columns - CAMERA.cx_px) - above)
+    ends = Ends(columns=columns[order], rows=rows[order], follows=np.full(len(columns), BEYOND))
+    normal = np.array([0.0, 1.0, 0.0]) / 0.5
+    plane = Surface(
+        normal=normal, covariance=1e-8 * np.eye(3), centre=np.array([0.0, 0.5, 1.0]), blocks=np.arange(9), upper=NO_ENDS, lower=ends
+    )
+    found = nosing_line(plane, "lower", CAMERA)
+    assert found is not None
+    return found
+
+
+def test_a_line_reaches_from_the_first_to_the_last_column_of_the_nosing() -> None:
+    found = line_of()
+    assert found.ends_px[[0, 2]].tolist() == [FIRST, LAST]
+    assert (found.ends_px[3] - found.ends_px[1]) / (LAST - FIRST) == pytest.approx(SLOPE, abs=0.005)
+    assert found.count == LAST + 1 - FIRST
+
+
+@pytest.mark.parametrize("beside", [(20, 60, 15.0), (290, 310, -12.0)], ids=["left", "right"])
+def test_a_ledge_behind_a_side_wall_does_not_make_a_nosing_wider(beside: tuple[int, int, float]) -> None:
+    alone, found = line_of(), line_of(beside)
+    assert found.count == alone.count
+    assert found.ends_px.tolist() == alone.ends_px.tolist()
+    assert found.ends_m.tolist() == alone.ends_m.tolist()
+    assert np.allclose(found.covariance, alone.covariance)
