@@ -28,6 +28,9 @@ SEES_M = 2.8
 """Reach of the camera, of which nothing nearer than the front pulley is in view."""
 
 
+SQUARE = HeadingEstimate(t_s=0.0, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+
 @dataclass(kw_only=True)
 class World:
     """A chair that does what its plan says, before a flight and a camera over its front."""
@@ -498,7 +501,7 @@ def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> 
     assert all(plan.arm is None for plan in world.plans)
 
 
-@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.5, -0.5), (-2.0, 0.75), (5.0, 2.0)])
+@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -0.5), (-1.0, 0.75), (5.0, 2.0)])
 def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
     heading_deg: float, angle_deg: float
 ) -> None:
@@ -508,4 +511,18 @@ def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_f
         world.heading_rad = heading_deg * DEG
         world.tick()
     assert world.plans[-1].phase == "climb"
+    assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)
+
+
+@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.5), (-0.04, 0.75), (0.06, 2.0)])
+def test_a_chair_whose_belts_run_apart_lifts_its_front_section_to_turn(apart_m_s: float, angle_deg: float) -> None:
+    world = World(steps=14)
+    world.run("climb")
+    world.heading_rad = 0.0
+    for _ in range(400):
+        world.planner.feel(TrackReading(t_s=world.t_s, left_m_s=0.2, right_m_s=0.2 + apart_m_s, brake_on=False))
+        arm = world.planner._lie(world.t_s, SQUARE)
+        assert arm is not None
+        world.arm_rad += arm.rate_rad_s * TICK_S
+        world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=world.arm_rad, torque_n_m=0.0))
     assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)

@@ -20,12 +20,12 @@ LEVEL_RAD = 2.0 * DEG
 CLEAR_M = 0.05
 """Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
 pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
-SQUARE_RAD, ASKEW_RAD = 1.0 * DEG, 3.0 * DEG
+SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
 """Heading up to which the front section carries on the nosings, and from which on it lies above them: what lengthens the track by
 half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
-TURNS_M_S, TURNING_M_S = 0.04, 0.12
+TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
 YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
 """Of its motor's torque, from which on the arm gives way, and how fast at all of it: there it would all at once."""
