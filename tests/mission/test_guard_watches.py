@@ -55,7 +55,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.askew_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
-    assert (config.front_m, config.rear_m, config.track_span_m) == (0.89, 0.55, 0.95)
+    assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
     assert (config.gap_clear_m, config.obstacle_clear_m, config.stopping_s) == (0.2, 0.34, 0.4)
     assert config.needs_heading
     assert config.watches_motion

@@ -11,7 +11,6 @@ import pytest
 from treadline.angles import DEG, rotation_of
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Fault, FaultKind, Process, is_killed
-from treadline.mechanics.chair import read_chair
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
 from treadline.settings import settings_of
@@ -493,8 +492,9 @@ def test_without_power_the_brake_falls_in_and_gears_hold() -> None:
 @pytest.mark.parametrize(("direction", "orders", "speed_m_s"), [("up", climbing, 0.2), ("down", backing, 0.1)])
 def test_an_obstacle_cannot_be_passed(direction: str, orders: Orders, speed_m_s: float) -> None:
     asked = scenario(fault("obstacle", 0.02, at_s=0.0, for_s=9.0), direction=direction)
-    _, truth = run(asked, 2.5, orders=orders)
-    assert abs(truth[-1].x_m - truth[0].x_m) < 0.6 * (2.5 - 0.15) * speed_m_s
+    _, truth = run(asked, 4.0, orders=orders)
+    # The arm at its rest reaches 0.11 m less far than laid in line, from where the distance counts.
+    assert abs(truth[-1].x_m - truth[0].x_m) < 0.6 * (4.0 - 0.15) * speed_m_s
 
 
 @pytest.mark.parametrize(("place", "direction"), [("flight", "up"), ("flight", "down"), ("floor", "up"), ("landing", "down")])
@@ -522,7 +522,7 @@ def test_an_obstacle_is_in_the_depth_image_and_in_the_map_of_a_camera_without_im
     red = frames[5].rgb[nearer].mean(axis=0)
     assert red[0] > 1.5 * red[2]
     maps = of(run(scenario(asked, camera="statistical"), 0.9, orders=standing)[0], StairMap)
-    end_m = read_chair("wheelchair").nose_m[0] + 0.07
+    end_m = 0.475 + 0.45 + 0.07
     for seen in maps:
         assert (seen.obstacle_m is not None) == within(seen.t_s)
         assert seen.obstacle_m is None or seen.obstacle_m == pytest.approx(end_m + 0.3, abs=0.06)
@@ -535,7 +535,7 @@ def test_a_camera_without_images_tells_of_a_box_on_the_level_beyond_the_flight(d
     asked = asked.model_copy(update={"start": Start(place="flight", step=step)})
     came, _ = run(asked, 0.5, orders=standing)
     told = [seen.obstacle_m for seen in of(came, FrameQuality)]
-    lead_m = read_chair("wheelchair").nose_m[0] + 0.07 if direction == "up" else 0.55
+    lead_m = 0.475 + 0.45 + 0.07 if direction == "up" else 0.55
     # Put there along the belts, from the end that leads; told is how far it is level, or to its top along the belts where that is
     # less: backing down, its top is about as high as mid-track.
     level_m = (lead_m + ahead_m) * math.cos(SLOPE_DEG * DEG)

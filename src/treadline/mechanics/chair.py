@@ -180,6 +180,12 @@ class ChairDescription(Settings):
         return 0.5 * widest + SWEPT_SPARE_M
 
     @property
+    def reach_m(self) -> float:
+        """From mid-track to the foremost part of the tracks: the nose, or the end of an arm that is laid in line with the belts."""
+        end_m = self.nose_m[0] if self.arm is None else 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
+        return end_m + self.tracks.pulley_radius_m
+
+    @property
     def nose_m(self) -> Point:
         """Centre of the nose pulley (mid-gauge)."""
         angle = self.tracks.approach_angle_deg * DEG

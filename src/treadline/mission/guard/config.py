@@ -111,8 +111,8 @@ class GuardConfig:
     """Off level for ``seat_s``, which the table of hazards asks for (row 19): 1.8° is the most in a thousand sound traversals."""
     seat_s: float = 1.0
 
-    front_m: float = 0.89
-    """From mid-track to the foremost part of the chair, its front section at rest."""
+    front_m: float = 0.995
+    """From mid-track to the foremost part of the chair, its front section laid in line with the belts."""
     rear_m: float = 0.55
     """From mid-track to the rearmost part of the tracks."""
     gauge_m: float = 0.65

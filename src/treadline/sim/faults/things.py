@@ -94,8 +94,8 @@ def with_box(scene_xml: str) -> str:
 
 
 def leading_end_m(chair: ChairDescription, way: int) -> float:
-    """Return how far the tracks reach from B, the arm at rest."""
-    return chair.tracks.pulley_radius_m + (chair.nose_m[0] if way > 0 else 0.5 * chair.tracks.flat_run_m)
+    """Return how far the tracks reach from B, an arm laid in line with the belts."""
+    return chair.reach_m if way > 0 else chair.tracks.pulley_radius_m + 0.5 * chair.tracks.flat_run_m
 
 
 def box_ahead(
