@@ -186,6 +186,11 @@ class ChairDescription(Settings):
         return end_m + self.tracks.pulley_radius_m
 
     @property
+    def rear_reach_m(self) -> float:
+        """From mid-track to the rearmost part of the tracks."""
+        return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
+
+    @property
     def nose_m(self) -> Point:
         """Centre of the nose pulley (mid-gauge)."""
         angle = self.tracks.approach_angle_deg * DEG

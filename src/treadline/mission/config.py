@@ -134,7 +134,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         drive_lag_s=chair.drives.lag_s,
         drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
         front_m=chair.reach_m,
-        rear_m=0.5 * tracks.flat_run_m + tracks.pulley_radius_m,
+        rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,
         track_span_m=tracks.flat_run_m,
         needs_heading=config.loop == "closed",

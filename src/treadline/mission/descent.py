@@ -151,7 +151,7 @@ class Descent(Traversal):
         config, pitch = self._config, self._where.pitch_rad
         self._barred_s = min(self._barred_s, t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(arm.angle_rad - config.chair.tracks.approach_angle_deg * DEG)
+        off_rad = abs(arm.angle_rad - self._rest_rad)
         if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
             return None
         why = self._turned_back_for or "the arm could not let the chair down over the edge"

@@ -50,18 +50,7 @@ class PlantNode:
     """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
-    says = (
-        on.IMU,
-        on.TRACKS,
-        on.SEAT,
-        on.ARM,
-        on.OPERATOR,
-        on.CAMERA,
-        on.CAMERA_QUALITY,
-        on.CAMERA_HEADING,
-        on.CAMERA_MAP,
-        on.TRUTH,
-    )
+    says = (*SPOKEN.values(), on.TRUTH)
     needs = ()
 
     def __init__(self, plant: Plant) -> None:

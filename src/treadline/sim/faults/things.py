@@ -95,7 +95,7 @@ def with_box(scene_xml: str) -> str:
 
 def leading_end_m(chair: ChairDescription, way: int) -> float:
     """Return how far the tracks reach from B, an arm laid in line with the belts."""
-    return chair.reach_m if way > 0 else chair.tracks.pulley_radius_m + 0.5 * chair.tracks.flat_run_m
+    return chair.reach_m if way > 0 else chair.rear_reach_m
 
 
 def box_ahead(
