@@ -75,14 +75,20 @@ def test_many_interrupts_while_it_is_still_loading_are_one_line(tmp_path: Path) 
     assert (done.stdout, len(done.stderr.splitlines())) == ("", 1)
 
 
+@pytest.mark.parametrize("wrapped", [1, 7])
 @pytest.mark.parametrize(("by", "code"), [(KeyboardInterrupt, 130), (cli.Terminated, 143)])
 def test_an_interrupt_in_the_moment_compiled_code_is_dispatched_is_one(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], by: type[KeyboardInterrupt], code: int
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], by: type[KeyboardInterrupt], code: int, wrapped: int
 ) -> None:
-    """Test: the dispatcher turns Ctrl-C, or a request to end, into an error of its own. Expected result: as any interrupt."""
+    """Test: compiled code turns it into an error of its own, and once more for each value returned. Expected result: as any."""
 
     def dispatched(*_: object, **__: object) -> None:
-        raise SystemError("returned a result with an exception set") from by()
+        error: BaseException = by()
+        for _each in range(wrapped):
+            outer = SystemError("returned a result with an exception set")
+            outer.__cause__ = error
+            error = outer
+        raise error
 
     monkeypatch.setattr(cli, "app", type("App", (), {"meta": cli.app.meta, "__call__": dispatched})())
     assert main(["doctor"]) == code

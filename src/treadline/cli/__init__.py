@@ -105,9 +105,9 @@ def _launch(
     except KeyboardInterrupt as error:
         return _ended(error, debug=debug)
     except SystemError as error:
-        if not isinstance(error.__cause__, KeyboardInterrupt):  # so it looks where compiled code is just being dispatched
+        if (interrupt := _interrupt_behind(error)) is None:
             raise
-        return _ended(error.__cause__, debug=debug)
+        return _ended(interrupt, debug=debug)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", 2, debug=debug)
@@ -192,6 +192,14 @@ def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
         again.start()
     else:
         sys.__unraisablehook__(lost)
+
+
+def _interrupt_behind(error: SystemError) -> KeyboardInterrupt | None:
+    """Return the Ctrl-C or request to end that fell into compiled code: each value being returned wraps it once more."""
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__
+    return cause if isinstance(cause, KeyboardInterrupt) else None
 
 
 def _ended(by: KeyboardInterrupt, *, debug: bool) -> int:
