@@ -63,6 +63,7 @@ TIP_M = 0.25
 GRAVITY_ERROR_RAD = 0.5 * DEG
 """Of the IMU, the same all drive."""
 DOWN_W = np.array([0.0, 0.0, -1.0])
+CHAIR = read_chair("wheelchair")
 KINDS = ("up closed", "up open", "down closed", "down open")
 GRID = np.array(
     [
@@ -116,7 +117,6 @@ SHARED = (
     ("ends", "ends", True),
     ("left", "wall", True),
     ("right", "wall", True),
-    ("obstacle", "obstacle", True),
     ("where", "free", False),
     ("nosing told", "told", True),
     ("nosing along", "along", False),
@@ -156,7 +156,7 @@ def stair_of(seed: int, *, rear: bool) -> tuple[Flight, Recipe, np.random.Genera
 def drive(seed: int, *, rear: bool) -> Iterator[Record]:
     """Yield what is in view and what was told of it, frame by frame, along one traversal."""
     flight, recipe, rng = stair_of(seed, rear=rear)
-    calibration = read_chair("wheelchair").camera_at(240, rear=rear)
+    calibration = CHAIR.camera_at(240, rear=rear)
     texture, light = str(rng.choice(TEXTURES)), float(rng.uniform(0.5, 1.6))
     camera = Camera(
         flight.solids(),
@@ -176,6 +176,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
         "texture": texture,
         "light": light,
         "walls": flight.staircase.walls,
+        "width_m": flight.staircase.width_m,
     }
     for s_m, scene, R_WB, p_WB in poses(flight, rng, rear=rear):
         R_WC = R_WB @ calibration.R_BC
@@ -327,9 +328,8 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
         add("sigma", (kind, cell), record["sigma"])
         add("slope", (kind, cell), told.slope_rad - math.atan2(seen.rise_m, seen.run_m))
         add("pitch", (kind, cell), math.hypot(told.rise_m, told.run_m) - math.hypot(seen.rise_m, seen.run_m))
-        add("obstacle", (kind,), told.obstacle_m is not None)
-        if told.obstacle_m is not None:
-            add("where", (kind,), told.obstacle_m)
+        if told.obstacle_m is None or not _ends_a_wall(record, told.obstacle_m):
+            add("obstacle", (kind,), told.obstacle_m is not None)
         _add_nosings(add, kind, seen, told)
         for wall, free in ((seen.left, told.left_wall_m), (seen.right, told.right_wall_m)):
             side = int(wall is seen.left)
@@ -340,6 +340,15 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
             if wall is None:
                 add("no wall", (kind,), free is not None, side)
     return found
+
+
+def _ends_a_wall(record: Record, obstacle_m: float) -> bool:
+    """Return whether a chair that went straight on from where it stands, askew before a stair, would meet a side wall's end."""
+    way = -1.0 if record["rear"] else 1.0
+    corners_B = np.array([[way * obstacle_m, side * CHAIR.swept_half_m, 0.0] for side in (-1.0, 1.0)])
+    y = (np.array(record["p"]) + corners_B @ np.array(record["R"]).T)[:, 1]
+    walls = {"none": (), "left": (1.0,), "right": (-1.0,), "both": (1.0, -1.0)}[record["walls"]]
+    return any(float((side * y).max()) > 0.5 * record["width_m"] for side in walls)
 
 
 def _add(
@@ -430,7 +439,6 @@ def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
             "score": [_score(found["wall"], (kind, cell)) for cell in range(len(WALL_SHARES) + 1)],
             "error": _quantiles(np.concatenate([found["free"].of((one,)) for one in either])),
         },
-        "obstacle": {"score": _score(found["obstacle"], (kind,)), "where": _quantiles(found["where"].of((kind,)), spare=1.0)},
     }
 
 
@@ -504,7 +512,7 @@ def modelled(records: list[Record], chance: int) -> list[Record]:
         drive_ = (record["drive"], record["rear"])
         if drive_ != at:
             flight = stair_of(record["drive"], rear=record["rear"])[0]
-            calibration = read_chair("wheelchair").camera_at(240, rear=record["rear"])
+            calibration = CHAIR.camera_at(240, rear=record["rear"])
             camera, at = StatisticalCamera(flight.staircase, calibration, np.random.default_rng([chance, *drive_])), drive_
         assert camera is not None  # noqa: S101 - for the type checker
         heading = sigma = stair = None

@@ -8,6 +8,7 @@ import pytest
 from treadline.angles import rotation_y
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
+from treadline.perception import ahead, kernels
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.sight import SWEPT_HALF_M
 from treadline.scenario import Stair
@@ -39,6 +40,21 @@ def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str
         return
     reach_m = (centre[0] - LEG_HALF_M[0] - here.x_m) / math.cos(slope)
     assert stair_map.obstacle_m == pytest.approx(reach_m, abs=0.2)  # its foot is near, its top leans towards the chair
+
+
+@pytest.mark.parametrize(("depth_m", "height_m", "met"), [(1.5, 0.07, True), (2.6, 0.07, False), (2.6, 0.12, True)])
+def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, height_m: float, met: bool) -> None:
+    """Test: a strip some height above the nosing plane, near and far. Expected result: far away, a low one is an edge's blur."""
+    focal, rows = 285.0, np.arange(240)
+    # The camera looks level along a plane 0.5 m below it; a strip stands upright on it.
+    above = 0.5 - (rows - 120.0) / focal * depth_m
+    strip = np.where((above > height_m - 0.01) & (above < height_m), depth_m, np.nan)
+    depth = np.repeat(strip[:, None], 20, axis=1).astype(np.float32)
+    axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
+    found = kernels.points_above(
+        depth, 1, focal, focal, 10.0, 120.0, axes, -0.5, -0.5, ahead.CLEAR_M, ahead.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
+    )
+    assert bool(len(found)) is met
 
 
 def test_where_no_chair_is_told_the_wheelchair_looks() -> None:

@@ -78,7 +78,7 @@ class StatisticalCamera:
         )
 
 
-LATENTS = ("accept", "heading", "sigma", "slope", "pitch", "along", "height", "ends", "left", "right", "obstacle", "where")
+LATENTS = ("accept", "heading", "sigma", "slope", "pitch", "along", "height", "ends", "left", "right", "where")
 OF_NOSINGS = ("told", "along", "height")
 
 
@@ -147,7 +147,6 @@ class _Errors:
         pitch = math.hypot(seen.rise_m, seen.run_m) + self._value(table["pitch"][cell], latent["pitch"])
         sigma = self._value(table["heading"][cell]["sigma"], latent["sigma"])
         strain = self._value(table["heading"][cell]["strain"], latent["heading"])
-        obstacle = latent["obstacle"] < table["obstacle"]["score"]
         return (
             HeadingMeasurement(
                 t_s=t_s,
@@ -165,7 +164,7 @@ class _Errors:
                 ends=latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))],
                 left_wall_m=self._wall(table["wall"], seen.left, latent["left"], latent["where"]),
                 right_wall_m=self._wall(table["wall"], seen.right, latent["right"], -latent["where"]),
-                obstacle_m=self._value(table["obstacle"]["where"], latent["where"]) if obstacle else None,
+                obstacle_m=None,
             ),
         )
 

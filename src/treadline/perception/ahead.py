@@ -24,6 +24,8 @@ SWEPT_HEIGHT_M = 1.5
 """A seated person's, above the nosing plane."""
 CLEAR_M = 0.06
 """Above the nosing plane: what is lower passes under the belts or is the stair's own irregularity."""
+BLUR_RAD = 0.035
+"""Above an edge, by which its depth may spread: ten pixels of 320, more than a Kinect's matching window."""
 LEAST_POINTS = 12
 """Of the quarter-resolution image that stand together for something to be there."""
 STRIDE_AT_240 = 2
@@ -121,6 +123,7 @@ def _standing(
         median(float(point @ normal) for point in points),
         float(min(points, key=lambda point: float(point @ axes.ahead)) @ axes.up) - shape.rise_m,
         CLEAR_M,
+        BLUR_RAD,
         SWEPT_HEIGHT_M,
         0.0 if shape.direction == "up" else first,
         first,

@@ -668,13 +668,13 @@ def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, high, begin, start, end):
+def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, blur, high, begin, start, end):
     """Return the points of every ``stride``-th pixel that stand above a flight.
 
     Args:
         axes: Rows: ahead, the nosing plane's normal, up.
         level: Height of the nosing plane along its normal; ``foot``: height of what lies before it along up.
-        low: Height above these from which a point counts, and up to which, ``high``.
+        low: Height above these from which a point counts, ``blur`` times its depth where that is more, and up to which, ``high``.
         begin: Places ahead that count: the foot from ``begin`` to ``start``, the nosing plane from there to ``end``.
     """
     rows, columns = depth.shape
@@ -694,7 +694,7 @@ def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, high, be
                 above = z * (axes[2, 0] * x + axes[2, 1] * y + axes[2, 2]) - foot
             else:
                 above = z * (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) - level
-            if not (low < above < high):
+            if not (max(low, blur * z) < above < high):
                 continue
             found[count, 0], found[count, 1], found[count, 2] = x * z, y * z, z
             count += 1
