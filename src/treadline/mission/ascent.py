@@ -214,6 +214,7 @@ class Ascent(Traversal):
             return self._plan(
                 t_s,
                 config.cruise_m_s,
+                turn_m_s=self._steering(t_s, estimate, self._aside()),
                 heading_rad=self._aside(),
                 slowest_share=None if slid_m is None else slowest_share(slid_m),
                 arm=self._lie(t_s, estimate),
@@ -227,7 +228,8 @@ class Ascent(Traversal):
         self._is_climbing = command.stage in ("climb", "slow")
         match command.stage:
             case "climb" | "slow":
-                return self._plan(t_s, command.speed_m_s, arm=command.arm, needs_stair=False)
+                turn = self._steering(t_s, estimate)
+                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
             case _:

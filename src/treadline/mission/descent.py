@@ -211,7 +211,7 @@ class Descent(Traversal):
         arm = self._arm_to(t_s, self._stepping_rad) if slow else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
-        return self._plan(t_s, speed, arm=arm, needs_stair=not slow)
+        return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate), arm=arm, needs_stair=not slow)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Back on over a landing until the next flight is in view."""

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 from treadline.angles import DEG
 from treadline.control.arm import ARM_PER_S, IN_LINE_RAD, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
 from treadline.mission.whereabouts import Whereabouts
@@ -62,6 +63,7 @@ class Traversal:
         self._pivot_m = 0.5 * tracks.flat_run_m
         self._where = Whereabouts()
         self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
+        self._grip = SideGrip()
         self._phase: Phase = "search"
         self._cause = "woken up"
         self._flights_done = 0
@@ -135,6 +137,10 @@ class Traversal:
         askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
         return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
+
+    def _steering(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float | None:
+        """Return the turn on the flight: None for the controller to steer; 0 where belts do not turn the chair: it is let alone."""
+        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad) else 0.0
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
         """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""

@@ -30,7 +30,6 @@ class BlindTurnWatch:
         self._pitch_rad = self._swing_rad_s = 0.0
         self._imu_s: float | None = None
         self._turned_rad = 0.0
-        self._pushed_s = -math.inf
         self._window: deque[tuple[float, float]] = deque()
         self.cause: str | None = None
 
@@ -45,17 +44,9 @@ class BlindTurnWatch:
         self._imu_s = t_s
         self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
 
-    def feel_belts(self, t_s: float, apart_m_s: float, plan: Plan | None, heading_rad: float = 0.0) -> None:
-        """Take how much faster the right belt runs than the left one; judge it where no stair should be in view.
-
-        Args:
-            heading_rad: As believed; infinite where it is not known. A gyro that drifts slowly leaves it at zero, for the belts
-                follow. What pushes the chair, a belt without grip, does not, and a chair held while it is pushed down the flight
-                would turn further; on its way up it stands.
-        """
+    def feel_belts(self, t_s: float, apart_m_s: float, plan: Plan | None) -> None:
+        """Take how much faster the right belt runs than the left one; judge it where no stair should be in view."""
         dt_s, self.t_s = t_s - self.t_s, t_s
-        if self._config.blind_square_rad < abs(heading_rad) < math.inf:
-            self._pushed_s = t_s
         if plan is None or plan.phase not in FLIGHT + OVER:
             self._window.clear()
             return
@@ -68,17 +59,13 @@ class BlindTurnWatch:
         while t_s - self._window[0][0] > self._config.blind_turn_s:
             self._window.popleft()
         turned = self._turned_rad - self._window[0][1]
-        # Over a nosing the chair swings, and is askew by a degree without a push.
-        pushed = plan.phase == "descend" and t_s - self._pushed_s < self._config.blind_turn_s
-        limit = self._config.blind_push_rad if pushed else self._config.blind_turn_rad
-        if abs(turned) > limit and not plan.needs_stair:
+        if abs(turned) > self._config.blind_turn_rad and not plan.needs_stair:
             since_s = t_s - self._window[0][0]
             self.cause = f"the belts turned the chair by {turned / DEG:+.1f}° in {since_s:.1f} s on the word of the gyro alone"
 
     def forget(self) -> None:
         """Start anew."""
         self._window.clear()
-        self._pushed_s = -math.inf
         self.cause = None
 
     def _per_metre(self, phase: str) -> float:

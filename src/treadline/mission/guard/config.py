@@ -44,10 +44,6 @@ class GuardConfig:
     blind_turn_rad: float = 3.0 * DEG
     """By which belts may turn the chair while no stair is seen: without a fault it is 2.1°, and 2.3° where steps are uneven and
     friction is short (row 7: true error of 5°)."""
-    blind_square_rad: float = 1.0 * DEG
-    """Heading beyond which something pushes the chair, and the belts are right to answer: a drift of 1 °/s leaves 0.4°."""
-    blind_push_rad: float = 10.0 * DEG
-    """By which they may turn it then: 8.6° where one belt has lost a seventh of its grip for six seconds."""
     blind_turn_s: float = 6.0
     """Over which: what a steady load asks of the belts adds up slowly."""
     askew_rad: float = 5.0 * DEG

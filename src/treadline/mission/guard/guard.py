@@ -192,7 +192,7 @@ class Guard:
         if usable:
             self._drives.heard("belts", reading.t_s)
             self._belts.feel(reading)
-            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan, self._heading_rad)
+            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
         return usable
 
     def _feel_seat(self, reading: SeatReading) -> bool:

@@ -1,0 +1,55 @@
+"""Whether belts that run apart still turn the chair.
+
+Belts that steer on nosings skid, and what skids grips less. Where grip is short, or one belt has lost some, a chair that steers
+slides, and turns against its belts: the more it steers, the faster. Belts that run alike grip again. docs/decisions/0022.
+"""
+
+import math
+from collections import deque
+
+from treadline.angles import DEG
+from treadline.signals import HeadingEstimate, TrackReading
+
+WINDOW_S = 0.2
+APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
+"""Of the belts in the mean of this window, and of a chair that has turned away from square against them in it."""
+SQUARE_RAD = 2.0 * DEG
+"""Within which a chair has been that may be let alone: one that begins askew must be turned back, however much it skids."""
+ALONE_S = 5.0
+"""For which it is let alone, three nosings at cruise; twice as long each time that it turns away anew …"""
+AGAIN_S = 5.0
+"""… within so long."""
+
+
+class SideGrip:
+    """Says when a chair does not turn as it steers, and is better let alone."""
+
+    def __init__(self) -> None:
+        self._until_s = -math.inf
+        self._alone_s = ALONE_S
+        self._was_square = False
+        self._window: deque[tuple[float, float, float]] = deque()
+
+    def steers(self, t_s: float, tracks: TrackReading | None, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> bool:
+        """Return whether to steer on.
+
+        Args:
+            square_rad: The heading that the chair steers to.
+        """
+        if t_s < self._until_s:
+            return False
+        if tracks is None or estimate is None:
+            self._window.clear()
+            return True
+        off_rad = estimate.heading_rad - square_rad
+        self._was_square |= abs(off_rad) < SQUARE_RAD
+        self._window.append((t_s, off_rad, tracks.right_m_s - tracks.left_m_s))
+        while t_s - self._window[0][0] > WINDOW_S:
+            self._window.popleft()
+        apart_m_s = sum(apart for *_, apart in self._window) / len(self._window)
+        away_rad = math.copysign(1.0, off_rad) * (off_rad - self._window[0][1])
+        if self._was_square and away_rad > AWAY_RAD and -math.copysign(1.0, off_rad) * apart_m_s > APART_M_S:
+            self._alone_s = 2.0 * self._alone_s if t_s < self._until_s + AGAIN_S else ALONE_S
+            self._until_s = t_s + self._alone_s
+            self._window.clear()
+        return t_s >= self._until_s

@@ -1,0 +1,86 @@
+"""A chair that turns against its belts is let alone, and for how long."""
+
+import pytest
+
+from treadline.angles import DEG
+from treadline.mission.grip import AGAIN_S, ALONE_S, APART_M_S, AWAY_RAD, SQUARE_RAD, WINDOW_S, SideGrip
+from treadline.signals import HeadingEstimate, TrackReading
+
+BEYOND, WITHIN = 1.1, 0.95
+TICK_S = 0.0125
+TICKS = round(WINDOW_S / TICK_S)
+
+
+def tracks(apart_m_s: float) -> TrackReading:
+    return TrackReading(t_s=0.0, left_m_s=0.2 - 0.5 * apart_m_s, right_m_s=0.2 + 0.5 * apart_m_s, brake_on=False)
+
+
+def heading(off_rad: float) -> HeadingEstimate:
+    return HeadingEstimate(t_s=0.0, heading_rad=off_rad, heading_rate_rad_s=0.0, sigma_rad=0.001, source="vision")
+
+
+def square(aim_rad: float = 0.0) -> SideGrip:
+    """Return the watch of a chair that was square ten seconds ago."""
+    grip = SideGrip()
+    assert grip.steers(-10.0, tracks(0.0), heading(aim_rad), aim_rad)
+    return grip
+
+
+def turned(grip: SideGrip, from_rad: float, by_rad: float, apart_m_s: float, aim_rad: float = 0.0, t_s: float = 0.0) -> bool:
+    """Return whether a chair is still steered that turns evenly, its belts apart, for as long as the watch looks back."""
+    for k in range(TICKS):
+        grip.steers(t_s + k * TICK_S, tracks(apart_m_s), heading(from_rad + by_rad * k / TICKS), aim_rad)
+    return grip.steers(t_s + WINDOW_S, tracks(apart_m_s), heading(from_rad + by_rad), aim_rad)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("aim_rad", [0.0, 0.1])
+@pytest.mark.parametrize(
+    ("by_rad", "apart_m_s", "steers"),
+    [
+        (BEYOND * AWAY_RAD, -BEYOND * APART_M_S, False),
+        (WITHIN * AWAY_RAD, -BEYOND * APART_M_S, True),  # it hardly turns
+        (BEYOND * AWAY_RAD, -WITHIN * APART_M_S, True),  # it hardly steers
+        (BEYOND * AWAY_RAD, BEYOND * APART_M_S, True),  # its belts turn it so
+        (-BEYOND * AWAY_RAD, BEYOND * APART_M_S, True),  # it comes back, and its belts brake the turn
+    ],
+)
+def test_only_what_turns_away_against_its_belts_is_let_alone(
+    sign: float, aim_rad: float, by_rad: float, apart_m_s: float, *, steers: bool
+) -> None:
+    """Test: on either side, also beside a wall that it keeps off, a chair turns from its aim or to it. Expected result: as told."""
+    aim = sign * aim_rad
+    assert turned(square(aim), aim + sign * 2.0 * DEG, sign * by_rad, sign * apart_m_s, aim) is steers
+
+
+@pytest.mark.parametrize(("at_rad", "steers"), [(WITHIN * SQUARE_RAD, False), (BEYOND * SQUARE_RAD, True)])
+def test_a_chair_that_began_askew_is_turned_back(at_rad: float, *, steers: bool) -> None:
+    """Test: a chair that has come nearly square, or square, turns away against its belts. Expected: steered on, let alone."""
+    grip = SideGrip()
+    assert turned(grip, 0.2, 0.01, -0.1)
+    assert grip.steers(1.0, tracks(0.0), heading(at_rad))
+    assert turned(grip, 0.05, 0.01, -0.1, t_s=2.0) is steers
+
+
+def test_what_is_not_known_is_no_reason_to_let_go() -> None:
+    """Test: no reading of the belts, no heading, and a jump of the heading over that gap. Expected result: steered on."""
+    grip = square()
+    assert grip.steers(0.0, tracks(-1.0), heading(0.02))
+    assert grip.steers(0.05, None, heading(0.03))
+    assert grip.steers(0.1, tracks(-1.0), heading(0.04))
+    assert grip.steers(0.15, tracks(-1.0), None)
+    assert grip.steers(0.2, tracks(-1.0), heading(0.05))
+
+
+def test_each_time_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
+    """Test: grip lost, lost again as soon as it steers, and again long after. Expected result: 5 s, 10 s, 5 s."""
+    grip, alone, t_s = square(), [], 0.0
+    for pause_s in (0.0, 0.5 * AGAIN_S, 1.2 * AGAIN_S):
+        t_s += pause_s
+        assert not turned(grip, 0.05, BEYOND * AWAY_RAD, -0.1, t_s=t_s)
+        t_s += WINDOW_S
+        began_s = t_s
+        while not grip.steers(t_s, tracks(-0.1), heading(0.05)):
+            t_s += 0.0625
+        alone.append(t_s - began_s)
+    assert alone == pytest.approx([ALONE_S, 2.0 * ALONE_S, ALONE_S], abs=0.0626)
