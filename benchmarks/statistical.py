@@ -284,6 +284,7 @@ class Samples:
     drives: list[int] = field(default_factory=list)
     places: list[list[float]] = field(default_factory=list)
     cells: list[tuple[int, ...]] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
     def add(self, record: Record, place: Float[np.ndarray, " 3"], cell: tuple[int, ...], value: float, number: int = 0) -> None:
@@ -291,6 +292,7 @@ class Samples:
         self.drives.append(1000 * (6 * int(record["drive"]) + 2 * int(record.get("chance", 0)) + int(record["rear"])) + number)
         self.places.append(place.tolist())
         self.cells.append(cell)
+        self.frames.append(int(record["frame"]))
         self.values.append(float(value))
 
     def of(self, cell: tuple[int, ...], least: int = LEAST_SAMPLES) -> Float[np.ndarray, " n"]:
@@ -311,7 +313,8 @@ class Samples:
 def samples_of(records: list[Record]) -> dict[str, Samples]:
     """Return what the records say of each quantity, cells beginning with the kind of stair and direction."""
     found: dict[str, Samples] = defaultdict(Samples)
-    for record in records:
+    for frame, line in enumerate(records):
+        record = line | {"frame": frame}
         seen, told = look_of(record)
         if seen is None:
             found["unseen"].add(record, np.zeros(3), (0,), told is not None)
@@ -495,9 +498,9 @@ def alike(samples: Samples, *, binary: bool) -> tuple[float, float, float]:
 
 def _common(samples: Samples) -> float:
     """Return the variance that the nosings of one frame share."""
-    frames: dict[tuple[Any, ...], list[float]] = defaultdict(list)
-    for drive_, place, value in zip(samples.drives, samples.places, samples.values, strict=True):
-        frames[(drive_ // 1000, *place)].append(value)
+    frames: dict[int, list[float]] = defaultdict(list)
+    for frame, value in zip(samples.frames, samples.values, strict=True):
+        frames[frame].append(value)
     several = [np.array(values) for values in frames.values() if len(values) > 1]
     total = np.mean([np.mean(values**2) for values in several])
     pairs = np.mean([(values.sum() ** 2 - (values**2).sum()) / (values.size * (values.size - 1)) for values in several])

@@ -200,6 +200,7 @@ def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     lowering = chair.until("lower", tip_n=200.0)
     assert lowering.speed_m_s >= 0.0
+    assert chair.edge.turn_back(), "what is being let down already goes on"
     assert chair.run(0.5, tip_n=200.0, pitch_deg_s=-5.0).arm.rate_rad_s > 5.0 * DEG
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 

@@ -408,6 +408,7 @@ def test_it_steers_off_a_wall_that_is_near_and_to_the_middle_between_two(
     # A wall at the left is left by turning right: a negative heading.
     assert np.sign(heading) == sign
     assert abs(heading) <= CONFIG.aside_limit_rad
+    assert world.plans[-1].turn_m_s is None  # the heading's controller steers, however the aim has changed
 
 
 def test_the_slower_belt_keeps_little_with_grip_and_more_as_the_chair_slides() -> None:

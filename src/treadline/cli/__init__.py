@@ -185,8 +185,8 @@ def _terminated(_number: int, _frame: FrameType | None) -> None:
 
 def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
     """Interrupt anew: a Ctrl-C or a request to end that falls into a callback from compiled code is swallowed there."""
-    if issubclass(lost.exc_type, KeyboardInterrupt):
-        number = signal.SIGTERM if issubclass(lost.exc_type, Terminated) else signal.SIGINT
+    if (interrupt := _interrupt_behind(lost.exc_value)) is not None:
+        number = signal.SIGTERM if isinstance(interrupt, Terminated) else signal.SIGINT
         again = threading.Timer(AGAIN_S, _thread.interrupt_main, [number])
         again.daemon = True
         again.start()
@@ -194,9 +194,8 @@ def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:
         sys.__unraisablehook__(lost)
 
 
-def _interrupt_behind(error: SystemError) -> KeyboardInterrupt | None:
+def _interrupt_behind(cause: BaseException | None) -> KeyboardInterrupt | None:
     """Return the Ctrl-C or request to end that fell into compiled code: each value being returned wraps it once more."""
-    cause: BaseException | None = error
     while isinstance(cause, SystemError):
         cause = cause.__cause__
     return cause if isinstance(cause, KeyboardInterrupt) else None

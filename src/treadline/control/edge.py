@@ -107,7 +107,7 @@ class Edge(Sequencer[Stage]):
     def turn_back(self) -> bool:
         """Let the chair down on the landing again, as long as the arm can; say whether it can."""
         on_the_landing = self._stage == "settle" and self._com_beyond(self._slope_rad) > 0.0
-        self._turns_back |= on_the_landing or self._stage in ("press", "lift")
+        self._turns_back |= on_the_landing or self._stage in ("press", "lift", "lower")
         return self._turns_back
 
     @property

@@ -210,24 +210,30 @@ class Ascent(Traversal):
         elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
             self._crest = None  # a nosing came into view beyond what was taken for the last
         if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
-            slid_m = where.slid_m(t_s)
-            return self._plan(
-                t_s,
-                config.cruise_m_s,
-                turn_m_s=self._steering(t_s, estimate, self._aside()),
-                heading_rad=self._aside(),
-                slowest_share=None if slid_m is None else slowest_share(slid_m),
-                arm=self._lie(t_s, estimate),
-            )
+            return self._on_the_flight(t_s, estimate)
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)
         command = self._crest.step(self._imu, self._arm, self._tracks)
         return self._follow(t_s, command, estimate)
 
+    def _on_the_flight(self, t_s: float, estimate: HeadingEstimate | None, *, needs_stair: bool = True) -> Plan:
+        aim_rad, slid_m = self._aside(), self._where.slid_m(t_s)
+        return self._plan(
+            t_s,
+            self._config.cruise_m_s,
+            turn_m_s=self._steering(t_s, estimate, aim_rad),
+            heading_rad=aim_rad,
+            slowest_share=None if slid_m is None else slowest_share(slid_m),
+            arm=self._lie(t_s, estimate, aim_rad),
+            needs_stair=needs_stair,
+        )
+
     def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
         self._is_climbing = command.stage in ("climb", "slow")
         match command.stage:
-            case "climb" | "slow":
+            case "climb":
+                return self._on_the_flight(t_s, estimate, needs_stair=False)
+            case "slow":
                 turn = self._steering(t_s, estimate)
                 return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
             case "land" | "done":

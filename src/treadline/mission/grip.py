@@ -13,10 +13,11 @@ from treadline.signals import HeadingEstimate, TrackReading
 WINDOW_S = 0.2
 APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
 """Of the belts in the mean of this window, and of a chair that has turned away from square against them in it."""
-SQUARE_RAD = 2.0 * DEG
-"""Within which a chair has been that may be let alone: one that begins askew must be turned back, however much it skids."""
-ALONE_S = 5.0
-"""For which it is let alone, three nosings at cruise; twice as long each time that it turns away anew …"""
+SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
+"""Within which a chair has been, and beyond which it has not come since, that may be let alone: one that is further askew must be
+turned back, however much it skids."""
+ALONE_S, MOST_ALONE_S = 5.0, 10.0
+"""For which it is let alone, three nosings at cruise; twice as long if it turns away anew …"""
 AGAIN_S = 5.0
 """… within so long."""
 
@@ -28,6 +29,7 @@ class SideGrip:
         self._until_s = -math.inf
         self._alone_s = ALONE_S
         self._was_square = False
+        self._turned_rad = 0.0
         self._window: deque[tuple[float, float, float]] = deque()
 
     def steers(self, t_s: float, tracks: TrackReading | None, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> bool:
@@ -36,20 +38,23 @@ class SideGrip:
         Args:
             square_rad: The heading that the chair steers to.
         """
-        if t_s < self._until_s:
-            return False
         if tracks is None or estimate is None:
             self._window.clear()
-            return True
+            return t_s >= self._until_s
         off_rad = estimate.heading_rad - square_rad
+        if abs(off_rad) > LOST_RAD:
+            self._was_square, self._until_s = False, -math.inf
         self._was_square |= abs(off_rad) < SQUARE_RAD
-        self._window.append((t_s, off_rad, tracks.right_m_s - tracks.left_m_s))
+        # By its rate: neither a better heading nor another aim is a turn.
+        self._turned_rad += estimate.heading_rate_rad_s * (t_s - self._window[-1][0] if self._window else 0.0)
+        self._window.append((t_s, self._turned_rad, tracks.right_m_s - tracks.left_m_s))
         while t_s - self._window[0][0] > WINDOW_S:
             self._window.popleft()
-        apart_m_s = sum(apart for *_, apart in self._window) / len(self._window)
-        away_rad = math.copysign(1.0, off_rad) * (off_rad - self._window[0][1])
-        if self._was_square and away_rad > AWAY_RAD and -math.copysign(1.0, off_rad) * apart_m_s > APART_M_S:
-            self._alone_s = 2.0 * self._alone_s if t_s < self._until_s + AGAIN_S else ALONE_S
+        side = math.copysign(1.0, off_rad)
+        against_m_s = -side * sum(apart for *_, apart in self._window) / len(self._window)
+        away_rad = side * (self._turned_rad - self._window[0][1])
+        if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
+            again = t_s < self._until_s + AGAIN_S
+            self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
             self._until_s = t_s + self._alone_s
-            self._window.clear()
         return t_s >= self._until_s

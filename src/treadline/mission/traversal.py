@@ -122,6 +122,7 @@ class Traversal:
         seen = "seen" if self._where.shows_another else "not yet seen"
         self._where = Whereabouts()
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
+        self._grip = SideGrip()
         self._flights_done += 1
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
 
@@ -130,9 +131,9 @@ class Traversal:
         """The arm's angle at which its tip just clears a step."""
         return min(math.asin(min((self._where.rise_m + CLEAR_M) / self._arm_m, 1.0)), self._rest_rad)
 
-    def _lie(self, t_s: float, estimate: HeadingEstimate | None) -> ArmCommand | None:
+    def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> ArmCommand | None:
         """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
-        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad)
+        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
         apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
         askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
