@@ -513,3 +513,26 @@ def test_coming_down_is_refused_without_arm_closed_loop_or_robust_vision(changes
     config = MissionConfig(**({"chair": CHAIR, "direction": "down"} | changes))
     with pytest.raises(SettingsError, match="coming down needs"):
         planner_of(config)
+
+
+@pytest.mark.usefixtures("edge")
+@pytest.mark.parametrize("stuck_s", [2.0, math.inf])
+def test_it_leaves_the_stair_only_with_its_front_section_lifted(stuck_s: float) -> None:
+    """Test: on its way down the arm does not move, for two seconds near the last nosing, or for good. Expected result: it waits and
+    goes on; it holds before the rear pulley has reached the last nosing, for at its own angle the section would drop off it."""
+    world = World()
+    plan = world.run("descend", limit_s=120.0)
+    world.arm_rad, world.arm_moves = 0.0, False
+    stood_s = 0.0
+    while plan.hold is None and plan.phase == "descend":
+        plan = world.tick()
+        stood_s += TICK_S * (plan.speed_m_s == 0.0)
+        world.arm_moves = stood_s > stuck_s
+    if stuck_s < math.inf:
+        assert (plan.phase, plan.hold) == ("leave", None)
+        assert world.arm_rad > 0.2
+        return
+    assert plan.hold is not None
+    assert "front section does not rise" in plan.hold
+    assert plan.phase == "descend"
+    assert world.x_m > PIVOT_M

@@ -122,6 +122,17 @@ def test_14_a_belt_that_loses_grip_before_the_foot(seed: int) -> None:
     assert float(np.abs(run.trace["heading_rad"]).max()) <= 4.0 * DEG
 
 
+def test_18_a_front_section_that_is_stuck_in_line_on_the_way_down() -> None:
+    """Test: backing down, the section carries in line with the belts, and moves no more. Expected result: HOLD on the flight, for
+    as the chair left the stair it would drop off the last nosing (47 °/s)."""
+    run = ride(fault("arm_stuck", at_s=3.5), place="flight", direction="down", step=7)
+    assert run.verdict == "held", run.cause
+    assert run.cause is not None
+    assert "front section does not rise" in run.cause
+    assert run.scores.max_pitch_rate_deg_s <= PITCH_RATE / DEG
+    stands_still(run)
+
+
 @pytest.mark.parametrize(("direction", "step", "at_s"), [("up", 3, 5.8), ("down", 7, 4.9)])
 def test_25_something_on_the_level_beyond_the_stair(direction: str, step: int, at_s: float) -> None:
     """Test: a box comes to stand 1.2 m ahead, on the landing or the floor, where no stair is in view any more. Expected result:
