@@ -536,3 +536,6 @@ def test_it_leaves_the_stair_only_with_its_front_section_lifted(stuck_s: float) 
     assert "front section does not rise" in plan.hold
     assert plan.phase == "descend"
     assert world.x_m > PIVOT_M
+    world.arm_moves = True  # after a person has looked
+    assert world.tick().hold is None
+    world.run("leave", limit_s=5.0)

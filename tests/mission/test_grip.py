@@ -101,6 +101,9 @@ def test_what_is_not_known_is_no_reason_to_let_go() -> None:
     assert grip.steers(0.1, tracks(-1.0), heading(0.04))
     assert grip.steers(0.15, tracks(-1.0), None)
     assert grip.steers(0.2, tracks(-1.0), heading(0.05))
+    assert grip.steers(0.25, tracks(-1.0), heading(0.05, float("nan")))
+    assert grip.steers(0.3, tracks(-1.0), heading(float("nan")))
+    assert not turned(grip, 0.05, BEYOND * AWAY_RAD, -0.1, t_s=1.0), "and it is forgotten"
 
 
 def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:

@@ -228,10 +228,11 @@ class Descent(Traversal):
         return self._arm is not None and self._arm.angle_rad < self._stepping_rad - self._config.short_rad
 
     def _raise(self, t_s: float) -> Plan:
-        """Wait for the front section; hold if it does not follow."""
-        self._low_s = min(self._low_s, t_s)
-        why = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
-        hold = why if t_s - self._low_s > self._config.raise_s else None
+        """Wait for the front section; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
+        self._low_s, hold = min(self._low_s, t_s), None
+        if t_s - self._low_s > self._config.raise_s:
+            self._low_s = t_s
+            hold = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
         arm = self._arm_to(t_s, self._stepping_rad)
         return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False, hold=hold)
 

@@ -38,7 +38,8 @@ class SideGrip:
         Args:
             square_rad: The heading that the chair steers to.
         """
-        if tracks is None or estimate is None:
+        known = estimate is not None and math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)
+        if tracks is None or estimate is None or not known:
             self._window.clear()
             return t_s >= self._until_s
         off_rad = estimate.heading_rad - square_rad
