@@ -8,6 +8,7 @@ import math
 from collections import deque
 
 from treadline.angles import DEG
+from treadline.control.heading import usable
 from treadline.signals import HeadingEstimate, TrackReading
 
 WINDOW_S = 0.2
@@ -38,8 +39,7 @@ class SideGrip:
         Args:
             square_rad: The heading that the chair steers to.
         """
-        known = estimate is not None and math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)
-        if tracks is None or estimate is None or not known:
+        if tracks is None or estimate is None or not usable(estimate):
             self._window.clear()
             return t_s >= self._until_s
         off_rad = estimate.heading_rad - square_rad
