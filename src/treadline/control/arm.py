@@ -90,6 +90,12 @@ class ArmGeometry:
         level = self.arm_m * math.cos(self.depression(pitch_rad, past_m))
         return past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad) + level
 
+    def slide(self, pitch_rad: float, past_m: float) -> float:
+        """Return how far the tip slides over the landing per pitch that the chair goes down [m/rad]: ``-d reach / d pitch``."""
+        c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+        sinks_m = past_m * c - self.radius_m * s
+        return past_m * s + self.radius_m * c + math.tan(self.depression(pitch_rad, past_m)) * sinks_m
+
 
 class Tip:
     """Load on the arm's tip, smoothed, and for how long it has carried or not."""

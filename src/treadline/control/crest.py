@@ -24,6 +24,9 @@ NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
 PROPPED_RAD = 4.0 * DEG
 """Above the pitch at which it began to reach: the arm stands on something else than the landing, and lifts the chair."""
+NOT_FOLLOWED_RAD = 0.4 * DEG
+"""Of pitch behind the lead, nothing under the tip. The load alone does not tell: a tip that is thrust forward over ground that
+grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
 LIES_S = 1.0
 """Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 
@@ -43,6 +46,9 @@ class CrestConfig(Loading):
     of mass (0.5 m behind the pulley's passing) is not there yet 10 cm too late."""
     reach_rad_s: float = 16.0 * DEG
     lead_rad_s: float = 10.0 * DEG
+    slide_m_s: float = 0.06
+    """Of the tip over the landing as the chair goes down: belts turn all alike, so it slides there. Reaching far down it is thrust
+    into a ground that grips (36° and friction 1), sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
     lead_rad_s2: float = 30.0 * DEG
     """How fast the lead begins: half a metre from the nosing this is 0.3 m/s² at the passenger."""
     soften_per_s: float = 2.5
@@ -108,7 +114,7 @@ class Crest(Sequencer[Stage]):
                 self._stage = "lead"
                 self._lead_rad = pitch
                 self._lead_rad_s = 0.0
-            case "lead" if self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD:
+            case "lead" if self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD):
                 # The chair has not followed: its centre of mass is further back than believed. Reach for the landing again.
                 self._stage = "carry"
                 self._lead_from_m = beyond + LATER_M
@@ -150,13 +156,13 @@ class Crest(Sequencer[Stage]):
 
     def _lead(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
         config = self._config
-        if self._tip.load_n < UNLOADED_N:  # freeze: the chair has not followed
-            self._lead_rad, self._lead_rad_s = pitch, 0.0
-            return 0.0
         self._refine(pitch, arm, dt_s)
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
-        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, config.lead_rad_s, softly)
+        smoothly = config.slide_m_s / self._geometry.slide(max(pitch, 0.0), self._past_m)
+        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, config.lead_rad_s, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
         trim = config.trim_per_s * (self._lead_rad - pitch)
+        if self._tip.load_n < UNLOADED_N:
+            trim = max(trim, 0.0)  # no gap grows under a chair that does not follow
         return per_pitch * (trim - self._lead_rad_s) + per_metre * speed
