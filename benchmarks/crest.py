@@ -6,6 +6,7 @@ Run: ``python benchmarks/crest.py`` (about two minutes of CPU). The tests hold a
 from treadline.experiments.crest import CrestCase, cross
 
 SLOPES_DEG = (25.0, 28.0, 30.0)
+GRIPS = (1.0, 0.806)
 HEAVY_MAX_DEG = 26.0
 """With 110 kg no further."""
 
@@ -36,6 +37,8 @@ for slope in SLOPES_DEG:
             "centre of mass -10 cm": CrestCase(slope_deg=slope, com_error_m=-0.10),
             "centre of mass +10 cm": CrestCase(slope_deg=slope, com_error_m=0.10),
             "heading 10°": CrestCase(slope_deg=slope, heading_deg=10.0),
+            "friction 1.0": CrestCase(slope_deg=slope, friction=GRIPS),
+            "friction 1.0, empty": CrestCase(slope_deg=slope, friction=GRIPS, payload_kg=0.0),
             f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half),
             "the same without its brake": CrestCase(slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0),
             "no arm": CrestCase(slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),

@@ -86,6 +86,13 @@ def test_the_rates_are_the_derivatives() -> None:
     assert GEOMETRY.rates(pitch, past_m) == pytest.approx((per_pitch, per_metre), abs=1e-6)
 
 
+def test_the_tip_slides_by_what_the_reach_grows() -> None:
+    pitch, past_m, h = 25.0 * DEG, 0.6, 1e-6
+    grows = (GEOMETRY.reach(pitch - h, past_m) - GEOMETRY.reach(pitch + h, past_m)) / (2.0 * h)
+    # Central differences: h² and rounding, about 1e-9.
+    assert GEOMETRY.slide(pitch, past_m) == pytest.approx(grows, abs=1e-6)
+
+
 def test_the_believed_centre_of_mass_is_that_of_the_chairs_file() -> None:
     x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
     expected = centre_of_mass(CHAIR, Chair(payload_kg=50.0), 28.0 * DEG, -60.0 * DEG)
@@ -157,6 +164,22 @@ def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
     command = chair.run(0.5)
     assert command.stage == "carry"
     assert command.arm.rate_rad_s < 0.0
+
+
+def test_a_tip_that_hangs_by_its_friction_tells_nothing_as_long_as_the_chair_follows() -> None:
+    """Test: the motor holds next to nothing, and the pitch goes down with the lead. Expected result: it leads on, no faster than
+    the tip may slide."""
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.until("lead", tip_n=120.0)
+    while chair.pitch_deg > 8.5:
+        before_rad, pitch_rad = chair.crest._lead_rad, chair.pitch_deg * DEG
+        command = chair.run(0.01, tip_n=10.0)
+        chair.pitch_deg = chair.crest._lead_rad / DEG + 0.2  # by which servo and arm give way
+        assert command.stage == "lead"
+        slides_m_s = (before_rad - chair.crest._lead_rad) / 0.01 * GEOMETRY.slide(pitch_rad, chair.crest._past_m)
+        assert slides_m_s <= CrestConfig(chair=CHAIR, payload_kg=50.0).slide_m_s + 1e-9
+    assert command.arm.rate_rad_s > 10.0 * DEG
 
 
 def test_it_waits_with_its_centre_of_mass_near_the_nosing_and_nothing_under_the_tip() -> None:

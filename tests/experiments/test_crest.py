@@ -10,6 +10,8 @@ from treadline.experiments.crest import CrestCase, Crossing, Direction, cross
 
 NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0
 SEAT_DEG, PASSENGER_M_S2 = 3.0, 2.5
+GRIPS = (1.0, 0.806)
+"""Friction at which a tip that reaches 45° down hangs by itself: an empty chair was stuck there before the crest."""
 
 Ride = Callable[[CrestCase], Crossing]
 
@@ -36,11 +38,21 @@ def last_stage(crossing: Crossing) -> str:
     [
         CrestCase(slope_deg=25.0),
         CrestCase(slope_deg=30.0),
+        CrestCase(slope_deg=30.0, payload_kg=0.0, friction=GRIPS),
+        CrestCase(slope_deg=30.0, payload_kg=80.0, com_error_m=0.05, friction=GRIPS, seed=2),
         CrestCase(direction="down", slope_deg=20.0),
         CrestCase(direction="down", slope_deg=30.0),
         CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0),
     ],
-    ids=["up 25", "up 30", "down 20", "down 30", "down 26, heavy"],
+    ids=[
+        "up 25",
+        "up 30",
+        "up, empty, on ground that grips",
+        "up, loaded behind, on ground that grips",
+        "down 20",
+        "down 30",
+        "down 26, heavy",
+    ],
 )
 def test_the_arm_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)

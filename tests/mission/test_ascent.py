@@ -44,6 +44,7 @@ class World:
     """Friction over tan β, less one."""
     slip: float = 0.0
     """Of the belts on the floor."""
+    arm_moves: bool = True
     knows: bool = True
     """Whether the filter has a heading."""
     spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
@@ -98,7 +99,7 @@ class World:
         turn = (self.heading_rad - plan.heading_rad) * -0.3 if plan.turn_m_s is None else plan.turn_m_s
         self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
         self.heading_rad += self.turned * TICK_S
-        if plan.arm is not None:
+        if plan.arm is not None and self.arm_moves:
             self.arm_rad += plan.arm.rate_rad_s * TICK_S
         return change
 
@@ -300,6 +301,25 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     assert ran_m == pytest.approx(1.5 * to_go_m + 0.5, abs=0.1)
     world.slip = 0.0
     assert world.run("mount").hold is None
+
+
+@pytest.mark.parametrize("stays_deg", [4.0, 40.0])
+def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
+    """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD in the approach after 1.2 s; re-armed, once more."""
+    world = World()
+    world.run("approach")
+    world.arm_moves, world.arm_rad = False, stays_deg * DEG
+    from_s = world.t_s
+    while world.tick().hold is None:
+        assert world.t_s < from_s + 2.0
+    assert world.t_s - from_s == pytest.approx(CONFIG.idle_s, abs=0.03)
+    assert f"stands at {stays_deg:.0f}° above the belts where 28° are asked" in (world.plans[-1].hold or "")
+    again_s = world.t_s
+    while world.tick().hold is None:
+        assert world.t_s < again_s + 2.0
+    assert world.t_s - again_s == pytest.approx(CONFIG.idle_s, abs=0.03)
+    world.arm_moves = True
+    assert world.run("climb").hold is None
 
 
 def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:

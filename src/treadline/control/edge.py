@@ -57,6 +57,8 @@ class EdgeConfig(Loading):
     """Lead per angle that is left."""
     trim_per_s: float = 2.0
     """Arm rate per angle by which the pitch is behind its lead."""
+    yield_per_s: float = 6.0
+    """The same where the pitch is above it: belts that slip back over the nosing prop the chair up by its arm."""
     behind_rad: float = 1.0 * DEG
     """A lead never runs further ahead of the pitch."""
     steeper_rad: float = 0.5 * DEG
@@ -216,7 +218,8 @@ class Edge(Sequencer[Stage]):
         lead_rad_s = math.copysign(self._lead_rad_s, to_go)
         lead_rad = self._lead_rad + lead_rad_s * dt_s
         self._lead_rad = min(max(lead_rad, pitch - config.behind_rad), pitch + config.behind_rad)
-        trim = config.trim_per_s * (self._lead_rad - pitch)
+        behind = self._lead_rad - pitch
+        trim = (config.trim_per_s if behind > 0.0 else config.yield_per_s) * behind
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
     def _watch(self, pitch: float, dt_s: float) -> None:

@@ -46,6 +46,8 @@ class CrestCase:
     speed_m_s: float = 0.1
     """Of the belts where nothing is sequenced: at the foot, and without an arm."""
     slope_deg: float = 28.0
+    friction: tuple[float, float] = (0.62, 0.5)
+    """Of the belts along and across, on stair, floor and landing alike."""
     chair: str = "wheelchair"
     payload_kg: float = 50.0
     payload_error_kg: float = 0.0
@@ -85,7 +87,14 @@ class CrestCase:
         """Return the stair and the start: upwards the front pulley two nosings before the last, or all of it on the floor."""
         return Scenario(
             stair=Stair.model_validate(
-                {"slope_deg": self.slope_deg, "steps": STEPS, "walls": "none", "width_m": 4.0, "landing_m": 3.0}
+                {
+                    "slope_deg": self.slope_deg,
+                    "friction": self.friction,
+                    "steps": STEPS,
+                    "walls": "none",
+                    "width_m": 4.0,
+                    "landing_m": 3.0,
+                }
             ),
             chair=Chair(model=self.chair, payload_kg=self.payload_kg),
             start=Start(

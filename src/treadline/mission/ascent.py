@@ -43,6 +43,10 @@ class AscentConfig:
     """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
     gap_m: float = 0.45
     """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
+    idle_rad: float = 6.0 * DEG
+    """Of the front section off what is asked of it before the belts touch the stair …"""
+    idle_s: float = 1.2
+    """… for so long: its motor is dead or stuck, and no way up begins that it could not end over the crest."""
     mount_from_m: float = 0.22
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
@@ -82,6 +86,8 @@ class Ascent(Traversal):
         self._is_climbing = True
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
+        self._idle_s = math.inf
+        """Since when the front section has not been where it is asked."""
         self._traction: TractionTest | None = None
         self._pulses = 0
         self._refusal = ""
@@ -137,12 +143,13 @@ class Ascent(Traversal):
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
             cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
+            self._idle_s = math.inf
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if (stops := self._missing() or self._stuck()) is not None:
+        if (stops := self._missing() or self._stuck() or self._idle(t_s)) is not None:
             return self._stand(t_s, stops)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
@@ -163,6 +170,20 @@ class Ascent(Traversal):
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad))
+
+    def _idle(self, t_s: float) -> str | None:
+        """Return that the front section, the belts on the floor, is not where it is asked; a person who re-arms gives it another try."""
+        if self._arm is None or self._where.pitch_rad > self._config.touched_rad:
+            return None
+        is_off = abs(self._arm.angle_rad - self._mounting_rad) > self._config.idle_rad
+        self._idle_s = min(self._idle_s, t_s) if is_off else math.inf
+        if t_s - self._idle_s <= self._config.idle_s:
+            return None
+        self._idle_s = t_s
+        stands, asked = self._arm.angle_rad / DEG, self._mounting_rad / DEG
+        return (
+            f"the front section stands at {stands:.0f}° above the belts where {asked:.0f}° are asked: it would not carry the chair"
+        )
 
     @property
     def _mounting_rad(self) -> float:
