@@ -305,7 +305,7 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
 
 @pytest.mark.parametrize("stays_deg", [4.0, 40.0])
 def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
-    """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD in the approach after 1.2 s; re-armed, once more."""
+    """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD after 1.2 s; re-armed, once more."""
     world = World()
     world.run("approach")
     world.arm_moves, world.arm_rad = False, stays_deg * DEG

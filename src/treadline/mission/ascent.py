@@ -172,7 +172,7 @@ class Ascent(Traversal):
         return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad))
 
     def _idle(self, t_s: float) -> str | None:
-        """Return that the front section, the belts on the floor, is not where it is asked; a person who re-arms gives it another try."""
+        """Return that the front section, the belts on the floor, is not where it is asked; re-armed, it has another try."""
         if self._arm is None or self._where.pitch_rad > self._config.touched_rad:
             return None
         is_off = abs(self._arm.angle_rad - self._mounting_rad) > self._config.idle_rad
