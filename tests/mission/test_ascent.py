@@ -16,6 +16,7 @@ from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.traversal import ARM_RAD_S
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -305,19 +306,20 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
 
 @pytest.mark.parametrize("stays_deg", [4.0, 40.0])
 def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
-    """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD after 1.2 s; re-armed, once more."""
+    """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD 0.8 s after it could be there;
+    re-armed, once more."""
     world = World()
     world.run("approach")
     world.arm_moves, world.arm_rad = False, stays_deg * DEG
-    from_s = world.t_s
+    from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / ARM_RAD_S + CONFIG.idle_s
     while world.tick().hold is None:
-        assert world.t_s < from_s + 2.0
-    assert world.t_s - from_s == pytest.approx(CONFIG.idle_s, abs=0.03)
+        assert world.t_s < from_s + 5.0
+    assert world.t_s - from_s == pytest.approx(idle_s, abs=0.03)
     assert f"stands at {stays_deg:.0f}° above the belts where 28° are asked" in (world.plans[-1].hold or "")
     again_s = world.t_s
     while world.tick().hold is None:
-        assert world.t_s < again_s + 2.0
-    assert world.t_s - again_s == pytest.approx(CONFIG.idle_s, abs=0.03)
+        assert world.t_s < again_s + 5.0
+    assert world.t_s - again_s == pytest.approx(idle_s, abs=0.03)
     world.arm_moves = True
     assert world.run("climb").hold is None
 

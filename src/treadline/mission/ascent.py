@@ -15,7 +15,7 @@ from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
+from treadline.mission.traversal import ARM_RAD_S, LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
 from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -45,8 +45,8 @@ class AscentConfig:
     """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
     idle_rad: float = 6.0 * DEG
     """Of the front section off what is asked of it before the belts touch the stair …"""
-    idle_s: float = 1.2
-    """… for so long: its motor is dead or stuck, and no way up begins that it could not end over the crest."""
+    idle_s: float = 0.8
+    """… longer than its rate needs: its motor is dead or stuck, and no way up begins that it could not end over the crest."""
     mount_from_m: float = 0.22
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
@@ -86,8 +86,8 @@ class Ascent(Traversal):
         self._is_climbing = True
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
-        self._idle_s = math.inf
-        """Since when the front section has not been where it is asked."""
+        self._there_by_s = math.inf
+        """By when the front section, off what is asked of it, must be there."""
         self._traction: TractionTest | None = None
         self._pulses = 0
         self._refusal = ""
@@ -143,7 +143,7 @@ class Ascent(Traversal):
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
             cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
-            self._idle_s = math.inf
+            self._there_by_s = math.inf
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
@@ -175,15 +175,15 @@ class Ascent(Traversal):
         """Return that the front section, the belts on the floor, is not where it is asked; re-armed, it has another try."""
         if self._arm is None or self._where.pitch_rad > self._config.touched_rad:
             return None
-        is_off = abs(self._arm.angle_rad - self._mounting_rad) > self._config.idle_rad
-        self._idle_s = min(self._idle_s, t_s) if is_off else math.inf
-        if t_s - self._idle_s <= self._config.idle_s:
+        config, stands, asked = self._config, self._arm.angle_rad, self._mounting_rad
+        off = abs(stands - asked)
+        there_s = t_s + off / ARM_RAD_S + config.idle_s
+        self._there_by_s = min(self._there_by_s, there_s) if off > config.idle_rad else math.inf
+        if t_s < self._there_by_s:
             return None
-        self._idle_s = t_s
-        stands, asked = self._arm.angle_rad / DEG, self._mounting_rad / DEG
-        return (
-            f"the front section stands at {stands:.0f}° above the belts where {asked:.0f}° are asked: it would not carry the chair"
-        )
+        self._there_by_s = there_s
+        seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
+        return f"the front section {seen}: it would not carry the chair"
 
     @property
     def _mounting_rad(self) -> float:
