@@ -304,6 +304,27 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     assert world.run("mount").hold is None
 
 
+@pytest.mark.parametrize(("left_m", "right_m", "told"), [(0.33, 0.87, "left"), (None, 0.33, "right")])
+def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, told: str) -> None:
+    """Test: a wall nearer than half the chair. Expected result: HOLD, with what would help; moved and re-armed, it goes on."""
+    walls = {"left_wall_m": left_m, "right_wall_m": right_m}
+    world = World(spoil=lambda seen: replace(seen, **walls))
+    world.run("approach")
+    while world.tick().hold is None:
+        assert world.phases[-1] == "approach"
+    assert f"the {told} wall is 0.33 m from the chair's middle, which needs 0.40 m: set the chair 0.07 m" in world.plans[-1].hold
+    assert world.plans[-1].hold.endswith("right" if told == "left" else "left")
+    walls.update(left_wall_m=0.60, right_wall_m=0.60)
+    world.run(limit_s=0.2)
+    assert world.run("climb").hold is None
+
+
+def test_a_wall_that_one_map_puts_in_the_way_is_none() -> None:
+    world = World(spoil=lambda seen: replace(seen, left_wall_m=0.3 if world.maps % 5 == 0 else 0.6))
+    world.run("climb")
+    assert all(plan.hold is None for plan in world.plans)
+
+
 @pytest.mark.parametrize("stays_deg", [4.0, 40.0])
 def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
     """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD 0.8 s after it could be there;

@@ -174,10 +174,15 @@ class ChairDescription(Settings):
         )
 
     @property
+    def half_width_m(self) -> float:
+        """From its middle to its widest part: belt, chassis or passenger."""
+        tracks = self.tracks
+        return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
+
+    @property
     def swept_half_m(self) -> float:
         """Half the width of the volume it sweeps as it drives straight."""
-        widest = max(self.tracks.gauge_m + self.tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
-        return 0.5 * widest + SWEPT_SPARE_M
+        return self.half_width_m + SWEPT_SPARE_M
 
     @property
     def reach_m(self) -> float:

@@ -149,7 +149,7 @@ class Ascent(Traversal):
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         config, where = self._config, self._where
-        if (stops := self._missing() or self._stuck() or self._idle(t_s)) is not None:
+        if (stops := self._missing() or self._stuck() or self._narrow() or self._idle(t_s)) is not None:
             return self._stand(t_s, stops)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m

@@ -132,8 +132,8 @@ class Descent(Traversal):
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
             return self._stand(t_s)
-        if self._phase == "approach" and (stuck := self._stuck()) is not None:
-            return self._stand(t_s, stuck)
+        if self._phase == "approach" and (stops := self._stuck() or self._narrow()) is not None:
+            return self._stand(t_s, stops)
         edge = self._where.top_ahead_m()
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
         missing = self._missing(self._told_to_m(whole_to_m) - self._pivot_m)

@@ -26,6 +26,9 @@ SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
 half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
+NARROW_MAPS, NARROW_M = 5, 0.02
+"""Maps in a row in which a wall stands nearer than the chair is wide and so much more, before its first nosing: it would drive onto
+the wall's end (in a stair 1.2 m wide, askew by 30° and 0.15 m off the middle, it did, and rolled by 21°)."""
 TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
 YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
@@ -61,6 +64,8 @@ class Traversal:
         self._gauge_m = tracks.gauge_m
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
+        self._half_width_m = chair.half_width_m
+        self._narrow_maps = 0
         self._where = Whereabouts()
         self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
         self._grip = SideGrip()
@@ -94,8 +99,22 @@ class Traversal:
             case StairMap():
                 if signal.direction == self.DIRECTION:
                     self._where.feel(signal)
+                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m + NARROW_M else 0
             case ArmReading():
                 self._arm = signal
+
+    def _free_m(self) -> float:
+        """Return the way from the chair's middle to the nearer wall, infinite where none is in view."""
+        return min((wall for wall in (self._where.left_wall_m, self._where.right_wall_m) if wall is not None), default=math.inf)
+
+    def _narrow(self) -> str | None:
+        """Return that the chair, square to the stair, does not fit past a wall, and what would help; None where it does."""
+        if self._narrow_maps < NARROW_MAPS:
+            return None
+        free_m, needs_m = self._free_m(), self._half_width_m + NARROW_M
+        wall, other = ("left", "right") if free_m == self._where.left_wall_m else ("right", "left")
+        helps = f"set the chair {needs_m - free_m:.2f} m further to the {other}"
+        return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {helps}"
 
     def _gap(self, way: float) -> tuple[float, float] | None:
         """Return the next gap that the leading pulley has not passed: its nearer and its further nosing before that pulley.
@@ -123,6 +142,7 @@ class Traversal:
         self._where = Whereabouts()
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._grip = SideGrip()
+        self._narrow_maps = 0
         self._flights_done += 1
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
 
