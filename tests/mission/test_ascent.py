@@ -304,7 +304,7 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     assert world.run("mount").hold is None
 
 
-@pytest.mark.parametrize(("left_m", "right_m", "told"), [(0.33, 0.87, "left"), (None, 0.33, "right")])
+@pytest.mark.parametrize(("left_m", "right_m", "told"), [(0.327, 0.87, "left"), (None, 0.327, "right")])
 def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, told: str) -> None:
     """Test: a wall nearer than half the chair. Expected result: HOLD, with what would help; moved and re-armed, it goes on."""
     walls = {"left_wall_m": left_m, "right_wall_m": right_m}
@@ -312,7 +312,10 @@ def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: 
     world.run("approach")
     while world.tick().hold is None:
         assert world.phases[-1] == "approach"
-    assert f"the {told} wall is 0.33 m from the chair's middle, which needs 0.40 m: set the chair 0.07 m" in world.plans[-1].hold
+    assert (
+        f"the {told} wall is 0.33 m from the chair's middle, which needs {CHAIR.half_width_m:.2f} m: set the chair 0.10 m"
+        in world.plans[-1].hold
+    )
     assert world.plans[-1].hold.endswith("right" if told == "left" else "left")
     walls.update(left_wall_m=0.60, right_wall_m=0.60)
     world.run(limit_s=0.2)

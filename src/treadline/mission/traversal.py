@@ -26,9 +26,10 @@ SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
 half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
-NARROW_MAPS, NARROW_M = 5, 0.02
-"""Maps in a row in which a wall stands nearer than the chair is wide and so much more, before its first nosing: it would drive onto
-the wall's end (in a stair 1.2 m wide, askew by 30° and 0.15 m off the middle, it did, and rolled by 21°)."""
+NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
+"""Maps in a row in which a wall stands nearer than half the chair's width less so much (they err by 5 cm for half a second), before
+its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, askew by 30° and 0.15 m off the middle, it did, and
+rolled by 21°. Past the wall it is to be set aside by so much more."""
 TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
 YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
@@ -99,7 +100,7 @@ class Traversal:
             case StairMap():
                 if signal.direction == self.DIRECTION:
                     self._where.feel(signal)
-                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m + NARROW_M else 0
+                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case ArmReading():
                 self._arm = signal
 
@@ -111,9 +112,9 @@ class Traversal:
         """Return that the chair, square to the stair, does not fit past a wall, and what would help; None where it does."""
         if self._narrow_maps < NARROW_MAPS:
             return None
-        free_m, needs_m = self._free_m(), self._half_width_m + NARROW_M
+        free_m, needs_m = self._free_m(), self._half_width_m
         wall, other = ("left", "right") if free_m == self._where.left_wall_m else ("right", "left")
-        helps = f"set the chair {needs_m - free_m:.2f} m further to the {other}"
+        helps = f"set the chair {needs_m + ASIDE_M - free_m:.2f} m further to the {other}"
         return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {helps}"
 
     def _gap(self, way: float) -> tuple[float, float] | None:
