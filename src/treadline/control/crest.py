@@ -158,7 +158,8 @@ class Crest(Sequencer[Stage]):
         config = self._config
         self._refine(pitch, arm, dt_s)
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
-        smoothly = config.slide_m_s / self._geometry.slide(max(pitch, 0.0), self._past_m)
+        slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # a wrong place is no division
+        smoothly = config.slide_m_s / slides_m
         self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, config.lead_rad_s, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
