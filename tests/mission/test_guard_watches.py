@@ -326,6 +326,15 @@ def test_a_chair_that_catches_up_with_its_belts_is_not_held_and_one_that_does_no
     assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 7)).cause is not None
 
 
+def test_belts_that_are_slowed_down_do_not_hide_that_a_chair_catches_up() -> None:
+    """Test: all of 1/16 m an eighth of a second is lost, then, belts at half the speed, all of 1/32 m but 1/128; the same with
+    belts that keep their speed, the chair its loss. Expected result: the first has another half second, the second has not."""
+    slowed, not_slowed = (0.03125, 0.0234375), (0.0625, 0.0546875)
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 6)).cause is None
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 7)).cause is not None
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*not_slowed, 3)).cause is not None
+
+
 def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
     """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
     assert slipping(GuardConfig(slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0

@@ -170,6 +170,24 @@ def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and
     assert where.slid_m(chair.t_s + 0.5) is None
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_belts_that_outrun_the_chair_are_told_by_the_nosings(way: float) -> None:
+    """Test: belts at 0.2 m/s up or down the flight, a map each tenth of a second; for two seconds 0.05 m/s of the way up is lost.
+    Expected result: none before, 0.05 m/s at the end of it, none two seconds later nor once no map comes."""
+    chair = Chair(pitch_rad=SLOPE_RAD, first_m=RUN_M)
+    where = seen(chair, 1, 2, 3)
+    for slip_m_s in (0.0, 0.05, 0.0):
+        for _ in range(20):
+            chair.drive(where, way * 0.02, slip=way * slip_m_s / 0.2)
+            chair.feel(where, 1, 2, 3)
+        # The nosings are believed to have moved by the rest: each takes a fiftieth or more of where a map shows it.
+        assert where.slip_m_s(chair.t_s) == pytest.approx(slip_m_s, abs=0.002)
+    chair.drive(where, way * 0.02, slip=1.0)
+    chair.feel(where, 1, 2, 3)
+    assert where.slip_m_s(chair.t_s) != 0.0
+    assert where.slip_m_s(chair.t_s + 0.5) == 0.0
+
+
 def test_slip_is_corrected_for_the_nosings_out_of_view_too() -> None:
     chair = Chair()
     where = seen(chair, 0, 1, 2, 3, times=5)

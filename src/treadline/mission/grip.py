@@ -1,7 +1,8 @@
 """Whether belts that run apart still turn the chair.
 
 Belts that steer on nosings skid, and what skids grips less. Where grip is short, or one belt has lost some, a chair that steers
-slides, and turns against its belts: the more it steers, the faster. Belts that run alike grip again. docs/decisions/0022.
+slides, and turns against its belts: the more it steers, the faster. Once both belts outrun the chair they pull it up alike, however
+far apart they run: it slides on, and does not turn. Belts that run alike grip again. docs/decisions/0022.
 """
 
 import math
@@ -21,6 +22,10 @@ ALONE_S, MOST_ALONE_S = 5.0, 10.0
 """For which it is let alone, three nosings at cruise; twice as long if it turns away anew …"""
 AGAIN_S = 5.0
 """… within so long."""
+SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
+"""By which belts outrun a chair that is let alone for it, and up to which it grips again …"""
+TURNS_RAD_S = 0.5 * DEG
+"""… unless it is more than nearly square and comes back to its aim as fast as this, or is lost."""
 
 
 class SideGrip:
@@ -32,16 +37,28 @@ class SideGrip:
         self._was_square = False
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float, float]] = deque()
+        self._slips = False
 
-    def steers(self, t_s: float, tracks: TrackReading | None, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> bool:
+    def steers(
+        self,
+        t_s: float,
+        tracks: TrackReading | None,
+        estimate: HeadingEstimate | None,
+        square_rad: float = 0.0,
+        slip_m_s: float = 0.0,
+    ) -> bool:
         """Return whether to steer on.
 
         Args:
+            t_s: Now.
+            tracks: What the belts do.
+            estimate: Where the chair heads.
             square_rad: The heading that the chair steers to.
+            slip_m_s: By which the belts outrun the chair up the flight.
         """
         if tracks is None or estimate is None or not usable(estimate):
             self._window.clear()
-            return t_s >= self._until_s
+            return t_s >= self._until_s and not self._slips
         off_rad = estimate.heading_rad - square_rad
         if abs(off_rad) > LOST_RAD:
             self._was_square, self._until_s = False, -math.inf
@@ -58,4 +75,12 @@ class SideGrip:
             again = t_s < self._until_s + AGAIN_S
             self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
             self._until_s = t_s + self._alone_s
-        return t_s >= self._until_s
+        returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
+        self._note_slip(slip_m_s, abs(off_rad), returns=returns)
+        return t_s >= self._until_s and not self._slips
+
+    def _note_slip(self, slip_m_s: float, off_rad: float, *, returns: bool) -> None:
+        if off_rad > LOST_RAD or slip_m_s < GRIPS_M_S:
+            self._slips = False
+        elif slip_m_s > SLIPS_M_S and (off_rad < SQUARE_RAD or not returns):
+            self._slips = True

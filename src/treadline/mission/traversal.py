@@ -162,7 +162,8 @@ class Traversal:
 
     def _steering(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float | None:
         """Return the turn on the flight: None for the controller to steer; 0 where belts do not turn the chair: it is let alone."""
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad) else 0.0
+        slip_m_s = self._where.slip_m_s(t_s)
+        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) else 0.0
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
         """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""

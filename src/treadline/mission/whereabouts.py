@@ -45,6 +45,8 @@ TELLING_S = 0.35
 """After a map, for which belts alone carry on what it told about slip."""
 SLIP_SHARE = 0.5
 """Share of a frame in where the chair is against the nosings: belts slip by a few per cent, a frame errs by millimetres."""
+SLIP_LAG_S = 0.3
+"""Of the speed at which the belts slip: a frame that errs by 2 mm makes 3 mm/s of it."""
 
 
 @dataclass(slots=True)
@@ -83,6 +85,7 @@ class Whereabouts:
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
         self._highest_m = -math.inf
+        self._slip_m_s = 0.0
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
         self._known: list[_Nosing] = []
@@ -144,6 +147,10 @@ class Whereabouts:
     def slid_m(self, t_s: float) -> float | None:
         """Return how far the chair has come back along the flight from where it was furthest up; None where no nosings tell."""
         return self._highest_m - self._up_m if t_s - self.map_s <= TELLING_S else None
+
+    def slip_m_s(self, t_s: float) -> float:
+        """Return how much faster the belts run up the flight than the chair; backing down, how much faster the chair comes down."""
+        return self._slip_m_s if t_s - self.map_s <= TELLING_S else 0.0
 
     @property
     def _up_m(self) -> float:
@@ -210,7 +217,7 @@ class Whereabouts:
 
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
-        self.map_s = seen.t_s
+        since_s, self.map_s = seen.t_s - self.map_s, seen.t_s
         self.direction = seen.direction
         share = 1.0 / min(self.map_count, MAPS_MAX)
         self.rise_m += (seen.rise_m - self.rise_m) * share
@@ -219,7 +226,7 @@ class Whereabouts:
         self.left_wall_m, self.right_wall_m = seen.left_wall_m, seen.right_wall_m
         places = self._places(seen)
         matched = [(nosing, place) for place in places if (nosing := self._find(*place)) is not None]
-        self._move_onto(matched)
+        self._note_slip(since_s, self._move_onto(matched))
         shown = [self._place(x_m, z_m) for x_m, z_m in self._places(seen)]
         self._note_missed(shown)
         last = shown[-1] if shown else None
@@ -233,12 +240,26 @@ class Whereabouts:
         c, s, across = math.cos(self.pitch_rad), math.sin(self.pitch_rad), math.cos(self.heading_rad)
         return [(self._x_m + (x * c - z * s) * across, self._z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
 
-    def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> None:
-        """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together."""
+    def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> float:
+        """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together.
+
+        Returns:
+            By how much it was moved up the flight.
+        """
         known = [(nosing, place) for nosing, place in matched if nosing.known]
-        if known:
-            self._x_m -= SLIP_SHARE * sum(place[0] - nosing.x_m for nosing, place in known) / len(known)
-            self._z_m -= SLIP_SHARE * sum(place[1] - nosing.z_m for nosing, place in known) / len(known)
+        if not known:
+            return 0.0
+        up_m = self._up_m
+        self._x_m -= SLIP_SHARE * sum(place[0] - nosing.x_m for nosing, place in known) / len(known)
+        self._z_m -= SLIP_SHARE * sum(place[1] - nosing.z_m for nosing, place in known) / len(known)
+        return self._up_m - up_m
+
+    def _note_slip(self, since_s: float, moved_up_m: float) -> None:
+        if not 0.0 < since_s <= TELLING_S:
+            self._slip_m_s = 0.0
+            return
+        slip_m_s = -moved_up_m / since_s
+        self._slip_m_s += (1.0 - math.exp(-since_s / SLIP_LAG_S)) * (slip_m_s - self._slip_m_s)
 
     def _find(self, x_m: float, z_m: float) -> _Nosing | None:
         """Return the nosing that stands at a place, or None."""

@@ -92,7 +92,8 @@ MATCH_S = 0.35
 DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
 """Of travel in a window: below, noise of the nosings' places would be slip."""
 FALLING = 0.6
-"""Share of the slip that a wait began with; below it the chair catches up. A steady slip of 0.5 is noisy by less than 0.1."""
+"""Share of the way slid in a window, with which a wait began; below it the chair catches up. A steady one is noisy by less than a
+fifth."""
 
 
 class SlipWatch:
@@ -102,7 +103,8 @@ class SlipWatch:
     turn, rolling back wherever it does. Nosings out of view start the slip anew, but not what was rolled back: what the chair came
     forward unseen does not make good for it, and what it slid back meanwhile counts as far as a nosing is told from its neighbour.
     Slip that falls belongs to a chair that catches up with its belts, as where they slow down after a turn: the wait begins anew
-    with each fall, at most three times on the way from two to the limit.
+    with each fall, at most four times from belts at 0.2 m/s and a chair that stands to the least that is called slip. It is the way
+    slid that must fall, not its share of the belts' way: belts that are slowed down for it would keep that up.
     """
 
     def __init__(self, config: GuardConfig) -> None:
@@ -114,7 +116,7 @@ class SlipWatch:
         self._back_m = 0.0
         self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
-        self._since_slip = 0.0
+        self._since_slid_m = 0.0
         self.slip = 0.0
         """Share of the belts' travel, if it is too much; else zero."""
         self.cause: str | None = None
@@ -180,8 +182,8 @@ class SlipWatch:
         self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
-        elif self._since_s is None or self.slip < FALLING * self._since_slip:
-            self._since_s, self._since_slip = t_s, self.slip
+        elif self._since_s is None or slid < FALLING * self._since_slid_m:
+            self._since_s, self._since_slid_m = t_s, slid
         elif t_s - self._since_s >= window_s:
             self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
 
