@@ -16,7 +16,7 @@ from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.traversal import ARM_RAD_S
+from treadline.mission.traversal import ARM_RAD_S, LATE_S
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -335,7 +335,7 @@ def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_t
     world = World()
     world.run("approach")
     world.arm_moves, world.arm_rad = False, stays_deg * DEG
-    from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / ARM_RAD_S + CONFIG.idle_s
+    from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / ARM_RAD_S + LATE_S
     while world.tick().hold is None:
         assert world.t_s < from_s + 5.0
     assert world.t_s - from_s == pytest.approx(idle_s, abs=0.03)

@@ -15,7 +15,7 @@ from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.traversal import ARM_RAD_S, LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
 from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -44,9 +44,8 @@ class AscentConfig:
     gap_m: float = 0.45
     """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
     idle_rad: float = 6.0 * DEG
-    """Of the front section off what is asked of it before the belts touch the stair …"""
-    idle_s: float = 0.8
-    """… longer than its rate needs: its motor is dead or stuck, and no way up begins that it could not end over the crest."""
+    """Of the front section off what is asked of it before the belts touch the stair: no way up begins that could not end over the
+    crest."""
     mount_from_m: float = 0.22
     touched_rad: float = 4.0 * DEG
     """Pitch that belts on the first nosing cause, whatever the map said."""
@@ -86,8 +85,6 @@ class Ascent(Traversal):
         self._is_climbing = True
         """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
-        self._there_by_s = math.inf
-        """By when the front section, off what is asked of it, must be there."""
         self._traction: TractionTest | None = None
         self._pulses = 0
         self._refusal = ""
@@ -175,13 +172,10 @@ class Ascent(Traversal):
         """Return that the front section, the belts on the floor, is not where it is asked; re-armed, it has another try."""
         if self._arm is None or self._where.pitch_rad > self._config.touched_rad:
             return None
-        config, stands, asked = self._config, self._arm.angle_rad, self._mounting_rad
-        off = abs(stands - asked)
-        there_s = t_s + off / ARM_RAD_S + config.idle_s
-        self._there_by_s = min(self._there_by_s, there_s) if off > config.idle_rad else math.inf
-        if t_s < self._there_by_s:
+        stands, asked = self._arm.angle_rad, self._mounting_rad
+        off_rad = abs(stands - asked)
+        if not self._is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
-        self._there_by_s = there_s
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the front section {seen}: it would not carry the chair"
 

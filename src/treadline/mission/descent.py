@@ -47,8 +47,6 @@ class DescentConfig:
     """Of the rear pulley before the last nosing, where the front section must have been lifted …"""
     short_rad: float = 8.0 * DEG
     """… to within so much of clearing a step: else it would lie on the last nosing as the chair leaves, and drop off it."""
-    raise_s: float = 4.0
-    """For which the chair stands and waits for it: 60° at its rate."""
     unseen_m: float = 0.25
     """Of the rear pulley before a nosing beyond which nothing was seen, neither another nor the floor: there the chair stops."""
     left_m: float = 0.45
@@ -67,7 +65,7 @@ class Descent(Traversal):
         self._edge: Edge | None = None
         self._turned_back_for = ""
         """Why the chair is let down on the landing again."""
-        self._barred_s = self._low_s = math.inf
+        self._barred_s = math.inf
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Return what to do now."""
@@ -205,14 +203,14 @@ class Descent(Traversal):
         tips = before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)
         if self._phase == "descend" and not where.bottom_ends and (tips or before < config.unseen_m):
             return self._stand(t_s, f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley")
-        if self._phase == "descend" and before < config.raised_m and self._lies_low:
-            return self._raise(t_s)
+        if self._phase == "descend" and before < config.raised_m and (low_rad := self._low_rad) > 0.0:
+            return self._raise(t_s, low_rad)
         if self._phase == "descend" and tips:
             self._phase, self._cause = "leave", f"last nosing {beside(before)} the rear pulley, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
                 self._edge, self._turned_back_for = None, ""
-                self._barred_s = self._low_s = math.inf
+                self._barred_s = math.inf
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         slow = before < config.slow_from_m
@@ -223,16 +221,14 @@ class Descent(Traversal):
         return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate), arm=arm, needs_stair=not slow)
 
     @property
-    def _lies_low(self) -> bool:
-        """Whether the front section has not been lifted as far as a step asks."""
-        return self._arm is not None and self._arm.angle_rad < self._stepping_rad - self._config.short_rad
+    def _low_rad(self) -> float:
+        """How far the front section still has to be lifted for a step; zero without one."""
+        return 0.0 if self._arm is None else max(self._stepping_rad - self._config.short_rad - self._arm.angle_rad, 0.0)
 
-    def _raise(self, t_s: float) -> Plan:
+    def _raise(self, t_s: float, low_rad: float) -> Plan:
         """Wait for the front section; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
-        self._low_s, hold = min(self._low_s, t_s), None
-        if t_s - self._low_s > self._config.raise_s:
-            self._low_s = t_s
-            hold = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
+        stays = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
+        hold = stays if self._is_late(t_s, low_rad) else None
         arm = self._arm_to(t_s, self._stepping_rad)
         return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False, hold=hold)
 

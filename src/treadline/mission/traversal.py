@@ -35,7 +35,9 @@ TURNS_M_S, TURNING_M_S = 0.02, 0.06
 YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
 """Of its motor's torque, from which on the arm gives way, and how fast at all of it: there it would all at once."""
 ARM_RAD_S = 15.0 * DEG
-"""Of an arm that is brought to an angle."""
+"""Of an arm that is brought to an angle …"""
+LATE_S = 0.8
+"""… and how much longer than that it may take before its motor is dead, or stuck."""
 
 
 def beside(before_m: float) -> str:
@@ -66,10 +68,7 @@ class Traversal:
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
         self._half_width_m = chair.half_width_m
-        self._narrow_maps = 0
-        self._where = Whereabouts()
-        self._level = LevelSteering(LevelConfig(gauge_m=tracks.gauge_m))
-        self._grip = SideGrip()
+        self._face_flight()
         self._phase: Phase = "search"
         self._cause = "woken up"
         self._flights_done = 0
@@ -83,6 +82,15 @@ class Traversal:
         self._tracks: TrackReading | None = None
         self._arm: ArmReading | None = None
         self._turned_rad = 0.0
+
+    def _face_flight(self) -> None:
+        """Know nothing yet of the flight ahead."""
+        self._where = Whereabouts()
+        self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
+        self._grip = SideGrip()
+        self._narrow_maps = 0
+        self._there_by_s = math.inf
+        """By when an arm that is off where it is asked must be there."""
 
     def feel(self, signal: Felt) -> None:
         """Take one signal."""
@@ -140,10 +148,7 @@ class Traversal:
     def _begin_next(self, t_s: float, on_the_way: str = "") -> Plan:
         """Begin anew with the flight across the landing."""
         seen = "seen" if self._where.shows_another else "not yet seen"
-        self._where = Whereabouts()
-        self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
-        self._grip = SideGrip()
-        self._narrow_maps = 0
+        self._face_flight()
         self._flights_done += 1
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
 
@@ -172,6 +177,15 @@ class Traversal:
         over = max(-self._arm.torque_n_m / self._most_n_m - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
         rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S * over
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
+
+    def _is_late(self, t_s: float, off_rad: float) -> bool:
+        """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again."""
+        there_s = t_s + off_rad / ARM_RAD_S + LATE_S
+        self._there_by_s = min(self._there_by_s, there_s) if off_rad > 0.0 else math.inf
+        if t_s < self._there_by_s:
+            return False
+        self._there_by_s = there_s
+        return True
 
     def _stuck(self) -> str | None:
         """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""
