@@ -525,7 +525,7 @@ def test_coming_down_is_refused_without_arm_closed_loop_or_robust_vision(changes
 @pytest.mark.usefixtures("edge")
 @pytest.mark.parametrize("stuck_s", [0.4, math.inf])
 def test_it_leaves_the_stair_only_with_its_front_section_lifted(stuck_s: float) -> None:
-    """Test: on its way down the arm does not move, for half a second near the last nosing, or for good. Expected result: it waits and
+    """Test: on its way down the arm does not move, for 0.4 s near the last nosing, or for good. Expected result: it waits and
     goes on; it holds before the rear pulley has reached the last nosing, for at its own angle the section would drop off it."""
     world = World()
     plan = world.run("descend", limit_s=120.0)
