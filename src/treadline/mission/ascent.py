@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 from treadline.angles import DEG
-from treadline.control.allocate import slowest_share
+from treadline.control.allocate import SLID_M, slowest_share
 from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mechanics.chair import ChairDescription
@@ -236,12 +236,17 @@ class Ascent(Traversal):
         return self._plan(
             t_s,
             self._config.cruise_m_s,
-            turn_m_s=self._steering(t_s, estimate, aim_rad),
+            turn_m_s=self._steering(t_s, estimate, aim_rad, self._slip_m_s(t_s)),
             heading_rad=aim_rad,
             slowest_share=None if slid_m is None else slowest_share(slid_m),
             arm=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
+
+    def _slip_m_s(self, t_s: float) -> float:
+        """Return the belts' slip that counts: of a chair that has slid back. All tracks skid that turn as they climb."""
+        slid_m = self._where.slid_m(t_s)
+        return 0.0 if slid_m is None or slid_m < SLID_M else self._where.slip_m_s(t_s)
 
     def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
         self._is_climbing = command.stage in ("climb", "slow")
@@ -249,7 +254,7 @@ class Ascent(Traversal):
             case "climb":
                 return self._on_the_flight(t_s, estimate, needs_stair=False)
             case "slow":
-                turn = self._steering(t_s, estimate)
+                turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s))
                 return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"

@@ -165,9 +165,10 @@ class Traversal:
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
         return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
 
-    def _steering(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float | None:
+    def _steering(
+        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0
+    ) -> float | None:
         """Return the turn on the flight: None for the controller to steer; 0 where belts do not turn the chair: it is let alone."""
-        slip_m_s = self._where.slip_m_s(t_s)
         return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) else 0.0
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
