@@ -54,6 +54,8 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
     arm_torque_n_m_ = sdf->Get<double>("arm_torque", 0.0).first;
     seat_start_ = sdf->Get<double>("seat_start", 0.0).first;
     arm_start_ = sdf->Get<double>("arm_start", 0.0).first;
+    // SDF has no word for it. Without, ODE iterates on long after the contacts' forces have settled.
+    model->GetWorld()->Physics()->SetParam("sor_lcp_tolerance", sdf->Get<double>("solver_tolerance", 0.0).first);
     Listen(sdf->Get<int>("port", 0).first);
     begin_ = gazebo::event::Events::ConnectWorldUpdateBegin([this](const auto&) { Before(); });
   }

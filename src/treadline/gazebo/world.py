@@ -10,6 +10,9 @@ from treadline.mechanics.formats.elements import child, text
 from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Scenario
 
+SOLVER_TOLERANCE = 1e-3
+"""Of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: halves their time, and turns mirror each other as without."""
+
 
 def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
     """Return a scenario at its start.
@@ -36,6 +39,7 @@ def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: flo
     # Table I: 3.07 rad/s at ±1 m/s are the belts' difference over the gauge.
     child(element, "steering_efficiency", "1")
     child(element, "max_linear_speed", text(chair.drives.max_speed_m_s))
+    child(element, "solver_tolerance", text(SOLVER_TOLERANCE))
     # Set anew before the first step: the plugin can only change what is there.
     child(element, "track_mu", "1")
     child(element, "track_mu2", "1")
