@@ -32,9 +32,9 @@ its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, ask
 rolled by 21°. Past the wall it is to be set aside by so much more."""
 TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
-RIDES_PER_S, RIDES_RAD_S = 4.0, 40.0 * DEG
-"""Rate of an arm that rides on the nosings, per angle that is left, and at which it gives way to a load of all its motor's torque:
-with 200 N·m a spring of 1150 N·m/rad and a damper of 290 N·m·s/rad, which lets a chair down that passes a high nosing."""
+RIDES_RAD_S = 20.0 * DEG
+"""At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
+and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
 YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
 """Of its motor's torque, from which on any other arm gives way, and how fast at all of it: there it would all at once."""
 ARM_RAD_S = 15.0 * DEG
@@ -170,7 +170,7 @@ class Traversal:
         if self._arm is None:
             return None
         off = RIDES_RAD + share * (OVER_BELTS_RAD - RIDES_RAD) - self._arm.angle_rad
-        rate = RIDES_PER_S * off + RIDES_RAD_S * self._load
+        rate = ARM_PER_S * off + RIDES_RAD_S * self._load
         # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), self._fastest_rad_s))
 
