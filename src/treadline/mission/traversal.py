@@ -7,9 +7,9 @@ import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD, RIDES_RAD
+from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD, RIDES_RAD, WARY_RAD
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.grip import SideGrip
+from treadline.mission.grip import SLIPS_M_S, SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
 from treadline.mission.whereabouts import Whereabouts
@@ -93,6 +93,8 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._grip = SideGrip()
         self._narrow_maps = 0
+        self._rides_rad = RIDES_RAD
+        """Of the arm on the nosings of this flight."""
         self._there_by_s = math.inf
         """By when an arm that is off where it is asked must be there."""
 
@@ -169,7 +171,9 @@ class Traversal:
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
         if self._arm is None:
             return None
-        off = RIDES_RAD + share * (OVER_BELTS_RAD - RIDES_RAD) - self._arm.angle_rad
+        if share == 0.0 and self._where.slip_m_s(t_s) > SLIPS_M_S:
+            self._rides_rad = WARY_RAD
+        off = self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad) - self._arm.angle_rad
         rate = ARM_PER_S * off + RIDES_RAD_S * self._load
         # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), self._fastest_rad_s))
