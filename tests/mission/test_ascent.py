@@ -11,13 +11,12 @@ import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.control.allocate import SLOWEST_SLIDING, SLOWEST_WITH_GRIP
-from treadline.control.arm import OVER_BELTS_RAD, RIDES_RAD, WARY_RAD
+from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.grip import SLIPS_M_S
-from treadline.mission.traversal import ARM_RAD_S, LATE_S, RIDES_RAD_S
+from treadline.mission.traversal import ARM_RAD_S, LATE_S
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -549,7 +548,7 @@ def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> 
     assert all(plan.arm is None for plan in world.plans)
 
 
-@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -2.0), (-1.0, 0.0), (5.0, 2.0)])
+@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -0.5), (-1.0, 0.75), (5.0, 2.0)])
 def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
     heading_deg: float, angle_deg: float
 ) -> None:
@@ -562,51 +561,7 @@ def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_f
     assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)
 
 
-@pytest.mark.parametrize("load", [0.1, 0.5])
-def test_an_arm_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
-    """Test: a tenth and a half of its motor's torque on the arm of a chair that climbs. Expected result: it gives way at as much
-    of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
-    world = World(steps=14)
-    world.run("climb")
-    world.heading_rad = 0.0
-    for _ in range(400):
-        world.tick()
-    assert CHAIR.arm is not None
-    torque_n_m = -load * CHAIR.arm.torque_n_m
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=RIDES_RAD, torque_n_m=torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(load * RIDES_RAD_S)
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=RIDES_RAD + load * 10.0 * DEG, torque_n_m=torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=RIDES_RAD, torque_n_m=-2.0 * CHAIR.arm.torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(CHAIR.arm.max_rate_deg_s * DEG)
-
-
-@pytest.mark.parametrize(("slip_m_s", "angle_rad"), [(0.95 * SLIPS_M_S, RIDES_RAD), (1.1 * SLIPS_M_S, WARY_RAD)])
-def test_on_belts_that_have_slipped_the_arm_rides_higher_from_then_on(
-    slip_m_s: float, angle_rad: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Test: belts that outrun a square chair for a moment, by 4 cm/s and a little less or more. Expected result: the arm comes to
-    rest as low as before, or higher; on the next flight as low as on this one at first."""
-    world = World(steps=14)
-    world.run("climb")
-    world.heading_rad = 0.0
-    where = world.planner._where
-    monkeypatch.setattr(type(where), "slip_m_s", lambda *_: slip_m_s if world.t_s < slips_s else 0.0)
-    slips_s = world.t_s + 0.2
-    for _ in range(400):
-        world.tick()
-    assert world.arm_rad == pytest.approx(angle_rad, abs=0.1 * DEG)
-    world.planner._face_flight()
-    assert world.planner._rides_rad == RIDES_RAD
-
-
-@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -2.0), (-0.04, 0.0), (0.06, 2.0)])
+@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.5), (-0.04, 0.75), (0.06, 2.0)])
 def test_a_chair_whose_belts_run_apart_lifts_its_front_section_to_turn(apart_m_s: float, angle_deg: float) -> None:
     world = World(steps=14)
     world.run("climb")

@@ -26,10 +26,8 @@ ARM_PER_S = 2.0
 """Rate of an arm that is brought to an angle, per angle that is left."""
 OVER_BELTS_RAD = 2.0 * DEG
 """Where it waits, a little above the belts: in line with them it would carry on the nosings."""
-RIDES_RAD = -2.0 * DEG
-"""Where it is asked to ride on the nosings: they push it up to just below the belts, and the chair rocks on a spring …"""
-WARY_RAD = -0.75 * DEG
-"""… and where belts have slipped: a nosing that must lift a low tip takes what little grip a chair has to spare."""
+IN_LINE_RAD = -0.5 * DEG
+"""Where it is to carry on the nosings: half as long a track again, hollow by the 4 mm by which nosings differ, hardly rocks."""
 SMALL_RAD = 8.0 * DEG
 """Below this pitch the arm's angle tells the pivot's distance no more."""
 

@@ -255,7 +255,7 @@ class Ascent(Traversal):
                 return self._on_the_flight(t_s, estimate, needs_stair=False)
             case "slow":
                 turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s))
-                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=self._lie(t_s, estimate), needs_stair=False)
+                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
             case _:

@@ -7,9 +7,9 @@ import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD, RIDES_RAD, WARY_RAD
+from treadline.control.arm import ARM_PER_S, IN_LINE_RAD, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.grip import SLIPS_M_S, SideGrip
+from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
 from treadline.mission.whereabouts import Whereabouts
@@ -32,11 +32,8 @@ its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, ask
 rolled by 21°. Past the wall it is to be set aside by so much more."""
 TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
-RIDES_RAD_S = 20.0 * DEG
-"""At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
-and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
-YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
-"""Of its motor's torque, from which on any other arm gives way, and how fast at all of it: there it would all at once."""
+YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
+"""Of its motor's torque, from which on the arm gives way, and how fast at all of it: there it would all at once."""
 ARM_RAD_S = 15.0 * DEG
 """Of an arm that is brought to an angle …"""
 LATE_S = 0.8
@@ -66,7 +63,6 @@ class Traversal:
         tracks = chair.tracks
         self._arm_m = tracks.approach_m
         self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
-        self._fastest_rad_s = ARM_RAD_S if chair.arm is None else chair.arm.max_rate_deg_s * DEG
         self._rest_rad = tracks.approach_angle_deg * DEG
         self._gauge_m = tracks.gauge_m
         self._flights = flights
@@ -93,8 +89,6 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._grip = SideGrip()
         self._narrow_maps = 0
-        self._rides_rad = RIDES_RAD
-        """Of the arm on the nosings of this flight."""
         self._there_by_s = math.inf
         """By when an arm that is off where it is asked must be there."""
 
@@ -169,14 +163,7 @@ class Traversal:
         apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
         askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
-        if self._arm is None:
-            return None
-        if share == 0.0 and self._where.slip_m_s(t_s) > SLIPS_M_S:
-            self._rides_rad = WARY_RAD
-        off = self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad) - self._arm.angle_rad
-        rate = ARM_PER_S * off + RIDES_RAD_S * self._load
-        # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
-        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), self._fastest_rad_s))
+        return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0
@@ -185,17 +172,12 @@ class Traversal:
         return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) else 0.0
 
     def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
-        """Return what brings the arm to an angle, and gives way to its load; None without an arm."""
+        """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""
         if self._arm is None:
             return None
-        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
-        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELDS_RAD_S * over
+        over = max(-self._arm.torque_n_m / self._most_n_m - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
+        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S * over
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
-
-    @property
-    def _load(self) -> float:
-        """What the arm carries, as a share of its motor's torque."""
-        return 0.0 if self._arm is None else max(-self._arm.torque_n_m / self._most_n_m, 0.0)
 
     def _is_late(self, t_s: float, off_rad: float) -> bool:
         """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again."""
