@@ -11,8 +11,8 @@ from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Scenario
 
 SOLVER_TOLERANCE = 1e-3
-"""Of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: turns mirror each other as without, in two thirds of the
-time (docs/gazebo.md)."""
+"""Of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: turns mirror each other as without, in half the time
+(docs/gazebo.md)."""
 
 
 def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
