@@ -89,9 +89,9 @@ class TractionTest:
 
     @property
     def over(self) -> bool:
-        """Whether the pulse and the stop after it are over."""
-        config = self._config
-        return self._began_s is not None and self._t_s - self._began_s > config.rest_s + config.pulse_s + config.brake_s
+        """Whether the pulse is over, and the stop after one that did not hold: belts that hold go on, a stop would be a jolt."""
+        since = -math.inf if self._began_s is None else self._t_s - self._began_s - self._config.rest_s - self._config.pulse_s
+        return since > (0.0 if self.holds else self._config.brake_s)
 
     @property
     def slip(self) -> float:
