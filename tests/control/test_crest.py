@@ -7,7 +7,7 @@ import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of
-from treadline.control.crest import Crest, CrestCommand, CrestConfig
+from treadline.control.crest import LAGS_RAD, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.stability import centre_of_mass
@@ -180,6 +180,35 @@ def test_a_tip_that_hangs_by_its_friction_tells_nothing_as_long_as_the_chair_fol
         slides_m_s = (before_rad - chair.crest._lead_rad) / 0.01 * GEOMETRY.slide(pitch_rad, chair.crest._past_m)
         assert slides_m_s <= CrestConfig(chair=CHAIR, payload_kg=50.0).slide_m_s + 1e-9
     assert command.arm.rate_rad_s > 10.0 * DEG
+
+
+def test_a_chair_that_neither_leans_on_the_tip_nor_follows_its_lead_is_led_slowly() -> None:
+    """Test: the lead begins, the tip unloads, and the pitch stays. Expected result: once that is behind by what servo and arm give
+    way by, the lead goes on no faster than it waits: a chair that tips after all falls no further than that onto the tip."""
+    chair = Chassis(0.6)
+    chair.run(6.0)
+    chair.until("lead", tip_n=120.0)
+    leads_rad_s = []
+    while chair.crest._stage == "lead":
+        before_rad = chair.crest._lead_rad
+        behind = chair.pitch_deg * DEG > before_rad + LAGS_RAD
+        chair.run(0.01)
+        if behind and chair.crest._stage == "lead":
+            leads_rad_s.append((before_rad - chair.crest._lead_rad) / 0.01)
+    assert leads_rad_s
+    assert max(leads_rad_s) <= WAITS_RAD_S + 1e-9
+
+
+@pytest.mark.parametrize(("above_deg", "rate"), [(20.0, "reach_rad_s"), (0.0, "meet_rad_s"), (-5.0, "meet_rad_s")])
+def test_the_arm_reaches_fast_and_meets_the_landing_slowly(above_deg: float, rate: str) -> None:
+    """Test: an arm that reaches down, far above where its tip is to meet the landing, there, and below. Expected result: at its
+    pace, then half as fast, also where the landing is lower than nosing and pitch tell."""
+    chair = Chassis(0.6)
+    chair.until("reach")
+    pitch_rad = chair.pitch_deg * DEG
+    angle_rad = above_deg * DEG - pitch_rad - GEOMETRY.depression(pitch_rad, chair.crest._past_m)
+    asked_rad_s = chair.crest._reach(pitch_rad, ArmReading(t_s=chair.t_s, angle_rad=angle_rad, torque_n_m=0.0))
+    assert asked_rad_s == -getattr(CrestConfig(chair=CHAIR, payload_kg=50.0), rate)
 
 
 def test_it_waits_with_its_centre_of_mass_near_the_nosing_and_nothing_under_the_tip() -> None:

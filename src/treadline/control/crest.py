@@ -27,6 +27,9 @@ PROPPED_RAD = 4.0 * DEG
 NOT_FOLLOWED_RAD = 0.4 * DEG
 """Of pitch behind the lead, nothing under the tip. The load alone does not tell: a tip that is thrust forward over ground that
 grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
+LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
+"""Of pitch behind the lead, from which on a chair that does not lean on the tip is led slowly: it would fall after a faster arm,
+and onto it with 3 m/s² at its passenger."""
 LIES_S = 1.0
 """Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 
@@ -45,6 +48,8 @@ class CrestConfig(Loading):
     """Of the front pulley past the nosing: an arm that reaches down clears the nosing even 15 cm too early, and the centre
     of mass (0.5 m behind the pulley's passing) is not there yet 10 cm too late."""
     reach_rad_s: float = 16.0 * DEG
+    meet_rad_s: float = 8.0 * DEG
+    """At which the tip meets the landing where it is expected: at 16 °/s it struck it with 3 m/s² under a light chair."""
     lead_rad_s: float = 10.0 * DEG
     slide_m_s: float = 0.06
     """Of the tip over the landing as the chair goes down: belts turn all alike, so it slides there. Reaching far down it is thrust
@@ -135,7 +140,7 @@ class Crest(Sequencer[Stage]):
             case "slow":
                 return config.crest_m_s, self._towards(OVER_BELTS_RAD, arm)
             case "reach":
-                return 0.0, -config.reach_rad_s
+                return 0.0, self._reach(pitch, arm)
             case "carry":
                 return self._carry(pitch, arm, speed, dt_s)
             case "barred":
@@ -144,6 +149,11 @@ class Crest(Sequencer[Stage]):
                 return config.lead_m_s, self._lead(pitch, arm, speed, dt_s)
             case _:
                 return config.crest_m_s, min(self._towards(self._rest_rad, arm), config.stow_rad_s)
+
+    def _reach(self, pitch: float, arm: ArmReading) -> float:
+        config = self._config
+        to_go = arm.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
+        return -min(max(config.soften_per_s * to_go, config.meet_rad_s), config.reach_rad_s)
 
     def _carry(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, arm, dt_s)
@@ -160,7 +170,9 @@ class Crest(Sequencer[Stage]):
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
         slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # a wrong place is no division
         smoothly = config.slide_m_s / slides_m
-        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, config.lead_rad_s, softly, smoothly)
+        lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
+        fastest = WAITS_RAD_S if lags else config.lead_rad_s
+        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, fastest, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
         trim = config.trim_per_s * (self._lead_rad - pitch)
