@@ -14,7 +14,7 @@ from jaxtyping import Float
 SLOWEST_CLIMBING = 0.25
 """Share of the climb speed that the slower belt keeps where nobody sees how far the chair slides: on 30° with friction of 1.07
 times its tangent a chair that turns from 30° askew then rolls back by 0.15 m at most, at a fifth by 0.25 m (decision 0022)."""
-SLOWEST_WITH_GRIP, SLOWEST_SLIDING, SLID_M = -0.4, 0.6, 0.03
+SLOWEST_WITH_GRIP, SLOWEST_SLIDING, SLID_M = -0.3, 0.6, 0.03
 """The share while nothing slides, and that once the chair has come back by so much; in between by the line through both."""
 SLOWEST_BACKING = 0.5
 """The share backing down, where turning runs away."""
@@ -25,7 +25,7 @@ def slowest_share(slid_m: float) -> float:
 
     Grip is used as far as it goes, whatever slope, load and friction are: the slower belt may even run back until the chair slides.
     """
-    return SLOWEST_WITH_GRIP + (SLOWEST_SLIDING - SLOWEST_WITH_GRIP) * min(max(slid_m / SLID_M, 0.0), 1.0)
+    return float(np.interp(slid_m, (0.0, SLID_M), (SLOWEST_WITH_GRIP, SLOWEST_SLIDING)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
