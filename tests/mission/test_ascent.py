@@ -11,12 +11,12 @@ import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.control.allocate import SLOWEST_SLIDING, SLOWEST_WITH_GRIP
-from treadline.control.arm import OVER_BELTS_RAD
+from treadline.control.arm import IN_LINE_RAD, OVER_BELTS_RAD
 from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.traversal import ARM_RAD_S, LATE_S
+from treadline.mission.traversal import ARM_RAD_S, BLIND_RAD, LATE_S, RIDES_RAD_S
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -548,7 +548,7 @@ def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> 
     assert all(plan.arm is None for plan in world.plans)
 
 
-@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -0.5), (-1.0, 0.75), (5.0, 2.0)])
+@pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -0.75), (-1.0, 0.625), (5.0, 2.0)])
 def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
     heading_deg: float, angle_deg: float
 ) -> None:
@@ -561,7 +561,56 @@ def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_f
     assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)
 
 
-@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.5), (-0.04, 0.75), (0.06, 2.0)])
+@pytest.mark.parametrize("load", [0.1, 0.5])
+def test_an_arm_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
+    """Test: a tenth and a half of its motor's torque on the arm of a chair that climbs. Expected result: it gives way at as much
+    of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
+    world = World(steps=14)
+    world.run("climb")
+    world.heading_rad = 0.0
+    for _ in range(400):
+        world.tick()
+    assert CHAIR.arm is not None
+    torque_n_m = -load * CHAIR.arm.torque_n_m
+    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=torque_n_m))
+    arm = world.planner._lie(world.t_s, SQUARE)
+    assert arm is not None
+    assert arm.rate_rad_s == pytest.approx(load * RIDES_RAD_S)
+    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD + load * 10.0 * DEG, torque_n_m=torque_n_m))
+    arm = world.planner._lie(world.t_s, SQUARE)
+    assert arm is not None
+    assert arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-2.0 * CHAIR.arm.torque_n_m))
+    arm = world.planner._lie(world.t_s, SQUARE)
+    assert arm is not None
+    assert arm.rate_rad_s == pytest.approx(CHAIR.arm.max_rate_deg_s * DEG)
+
+
+@pytest.mark.parametrize(("heading_rad", "let_alone"), [(0.9 * BLIND_RAD, True), (1.1 * BLIND_RAD, False)])
+def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_let_alone(heading_rad: float, let_alone: bool) -> None:
+    """Test: a heading a little below and above 1°, with the stair in view and without. Expected result: without, belts run alike up
+    to 1°, for a gyro that drifts is not followed at once; with it the controller steers."""
+    world = World(steps=14)
+    world.run("climb")
+    estimate = replace(SQUARE, heading_rad=heading_rad)
+    assert (world.planner._steering(world.t_s, estimate, blind=True) == 0.0) is let_alone
+    assert world.planner._steering(world.t_s, estimate) is None
+
+
+def test_a_front_section_shorter_than_from_nosing_to_nosing_does_not_ride() -> None:
+    """Test: nosings 0.5 m apart for an arm of 0.45 m, and as far apart as in a house. Expected result: held in line with the belts,
+    for it would drop off each nosing and have none to ride on until the next; asked to ride."""
+    for run_m, angle_rad in ((0.48, IN_LINE_RAD), (0.3, Ascent.RIDES_RAD)):
+        world = World(steps=14)
+        world.run("climb")
+        world.planner._where.run_m = run_m
+        world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=0.0))
+        arm = world.planner._lie(world.t_s, SQUARE)
+        assert arm is not None
+        assert arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.75), (-0.04, 0.625), (0.06, 2.0)])
 def test_a_chair_whose_belts_run_apart_lifts_its_front_section_to_turn(apart_m_s: float, angle_deg: float) -> None:
     world = World(steps=14)
     world.run("climb")

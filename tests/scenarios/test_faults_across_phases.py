@@ -60,11 +60,11 @@ def stands_still(run: Traverse) -> None:
 @pytest.mark.parametrize(("direction", "step", "at_s"), [("up", 3, 5.0), ("down", 7, 4.0)])
 def test_7_a_gyro_that_begins_to_drift_where_no_stair_is_in_view(direction: str, step: int, at_s: float) -> None:
     """Test: a bias of 1 °/s from when the last nosings leave the view, for good. Expected result: HOLD, told by the belts that turn
-    the chair all the time; true heading within 5°."""
+    the chair all the time, or by a heading that a chair which is left alone would not have; true heading within 5°."""
     run = ride(fault("imu_bias", 1.0, at_s=at_s), place="flight", direction=direction, step=step)
     assert run.verdict == "held", run.cause
     assert run.cause is not None
-    assert run.cause.endswith("on the word of the gyro alone")
+    assert run.cause.endswith(("on the word of the gyro alone", "the chair has turned, or the gyro errs"))
     assert float(np.abs(run.trace["heading_rad"]).max()) <= 5.0 * DEG
     stands_still(run)
 

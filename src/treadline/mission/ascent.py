@@ -77,6 +77,8 @@ class Ascent(Traversal):
 
     DIRECTION = "up"
     ROLLING = frozenset({"mount", "climb", "approach"})
+    RIDES_RAD = -0.75 * DEG
+    """Lower, its tip meets the next nosing as a step: what lifts it there is what little grip a chair has to spare."""
 
     def __init__(self, config: AscentConfig) -> None:
         super().__init__(config.chair, config.flights)
@@ -254,8 +256,8 @@ class Ascent(Traversal):
             case "climb":
                 return self._on_the_flight(t_s, estimate, needs_stair=False)
             case "slow":
-                turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s))
-                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False)
+                turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s), blind=True)
+                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=self._lie(t_s, estimate), needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
             case _:

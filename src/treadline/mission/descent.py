@@ -11,9 +11,12 @@ from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
+from treadline.mission.traversal import ARM_RAD_S, LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
 from treadline.mission.whereabouts import NEAR_M
-from treadline.signals import ArmReading, HeadingEstimate, Plan
+from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
+
+LEANS_SHARE, LETS_DOWN_RAD_S = 0.05, 3.0 * DEG
+"""Of the arm motor's torque, from which on the chair leans on its front section, and how fast it is let down from it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +46,11 @@ class DescentConfig:
     """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing."""
-    raised_m: float = 0.15
-    """Of the rear pulley before the last nosing, where the front section must have been lifted …"""
+    lift_from_m: float = 0.28
+    """Of the front pulley before the last nosing but one, where its section is lifted, no longer needed to carry: the rear is about
+    to reach the floor …"""
+    lifted_m: float = 0.03
+    """… and where it must have been lifted …"""
     short_rad: float = 8.0 * DEG
     """… to within so much of clearing a step: else it would lie on the last nosing as the chair leaves, and drop off it."""
     unseen_m: float = 0.25
@@ -58,6 +64,8 @@ class Descent(Traversal):
 
     DIRECTION = "down"
     ROLLING = frozenset({"descend"})
+    RIDES_RAD = -2.5 * DEG
+    """Nosings come to it from the belts and leave it at its tip: however low, it is lifted smoothly."""
 
     def __init__(self, config: DescentConfig) -> None:
         super().__init__(config.chair, config.flights)
@@ -203,8 +211,6 @@ class Descent(Traversal):
         tips = before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)
         if self._phase == "descend" and not where.bottom_ends and (tips or before < config.unseen_m):
             return self._stand(t_s, f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley")
-        if self._phase == "descend" and before < config.raised_m and (low_rad := self._low_rad) > 0.0:
-            return self._raise(t_s, low_rad)
         if self._phase == "descend" and tips:
             self._phase, self._cause = "leave", f"last nosing {beside(before)} the rear pulley, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
@@ -213,12 +219,19 @@ class Descent(Traversal):
                 self._barred_s = math.inf
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
+        last_step_m = before + 2.0 * self._pivot_m - math.hypot(where.rise_m, where.run_m)  # of the front pulley
+        if last_step_m < config.lifted_m and (low_rad := self._low_rad) > 0.0:
+            return self._raise(t_s, low_rad)
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
-        arm = self._arm_to(t_s, self._stepping_rad) if slow else self._lie(t_s, estimate)
+        arm = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
-        return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate), arm=arm, needs_stair=not slow)
+        return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate, blind=slow), arm=arm, needs_stair=not slow)
+
+    def _lift(self, t_s: float) -> ArmCommand | None:
+        """Return what lifts the front section: gently as long as the chair leans on it."""
+        return self._arm_to(t_s, self._stepping_rad, lifts_rad_s=ARM_RAD_S if self._load < LEANS_SHARE else LETS_DOWN_RAD_S)
 
     @property
     def _low_rad(self) -> float:

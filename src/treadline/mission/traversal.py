@@ -32,8 +32,16 @@ its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, ask
 rolled by 21°. Past the wall it is to be set aside by so much more."""
 TURNS_M_S, TURNING_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
-YIELDS_SHARE, YIELD_RAD_S = 0.5, 10.0 * DEG
-"""Of its motor's torque, from which on the arm gives way, and how fast at all of it: there it would all at once."""
+BLIND_RAD = 1.0 * DEG
+"""Heading left alone on the flight where no stair is in view: belts that follow a gyro that drifts turn the chair, and where one
+has lost grip they run apart and turn nothing, which the guard takes for the former."""
+SPANS = 1.1
+"""Of the way from nosing to nosing, that a front section must be long to ride on them: a shorter one drops off each."""
+RIDES_RAD_S = 20.0 * DEG
+"""At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
+and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
+YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
+"""Of its motor's torque, from which on any other arm gives way, and how fast at all of it: there it would all at once."""
 ARM_RAD_S = 15.0 * DEG
 """Of an arm that is brought to an angle …"""
 LATE_S = 0.8
@@ -58,11 +66,14 @@ class Traversal:
     """Of the flights that the camera sees; maps of others are not for this planner."""
     ROLLING: ClassVar[frozenset[Phase]]
     """Phases that begin without a stop."""
+    RIDES_RAD: ClassVar[float]
+    """Where an arm that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring."""
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
         self._arm_m = tracks.approach_m
         self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
+        self._fastest_rad_s = ARM_RAD_S if chair.arm is None else chair.arm.max_rate_deg_s * DEG
         self._rest_rad = tracks.approach_angle_deg * DEG
         self._gauge_m = tracks.gauge_m
         self._flights = flights
@@ -163,21 +174,47 @@ class Traversal:
         apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
         askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
         share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
-        return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
-
-    def _steering(
-        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0
-    ) -> float | None:
-        """Return the turn on the flight: None for the controller to steer; 0 where belts do not turn the chair: it is let alone."""
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) else 0.0
-
-    def _arm_to(self, t_s: float, angle_rad: float) -> ArmCommand | None:
-        """Return what brings the arm to an angle, as far as its load lets it; None without an arm."""
+        if not self._spans_a_step:
+            return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
         if self._arm is None:
             return None
-        over = max(-self._arm.torque_n_m / self._most_n_m - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
-        rate = ARM_PER_S * (angle_rad - self._arm.angle_rad) + YIELD_RAD_S * over
+        off = self.RIDES_RAD + share * (OVER_BELTS_RAD - self.RIDES_RAD) - self._arm.angle_rad
+        rate = ARM_PER_S * off + RIDES_RAD_S * self._load
+        # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
+        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), self._fastest_rad_s))
+
+    @property
+    def _spans_a_step(self) -> bool:
+        """Whether the front section reaches from nosing to nosing."""
+        return self._arm_m > SPANS * math.hypot(self._where.rise_m, self._where.run_m)
+
+    def _steering(
+        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0, *, blind: bool = False
+    ) -> float | None:
+        """Return the turn on the flight: None for the controller to steer; 0 where the chair is let alone.
+
+        Args:
+            t_s: Now.
+            estimate: Where the chair heads.
+            square_rad: The heading that the chair steers to.
+            slip_m_s: By which the belts outrun the chair.
+            blind: Whether no stair is in view.
+        """
+        spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
+        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) and not spared else 0.0
+
+    def _arm_to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = ARM_RAD_S) -> ArmCommand | None:
+        """Return what brings the arm to an angle, lifts it no faster than told, and gives way to its load; None without an arm."""
+        if self._arm is None:
+            return None
+        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
+        rate = min(ARM_PER_S * (angle_rad - self._arm.angle_rad), lifts_rad_s) + YIELDS_RAD_S * over
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
+
+    @property
+    def _load(self) -> float:
+        """What the arm carries, as a share of its motor's torque."""
+        return 0.0 if self._arm is None else max(-self._arm.torque_n_m / self._most_n_m, 0.0)
 
     def _is_late(self, t_s: float, off_rad: float) -> bool:
         """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again."""
