@@ -15,6 +15,8 @@ COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
 GAP_PX = 2
 """Pixels off a surface that do not end it: a hole, a speck."""
+ROUNDING = 1e-11
+"""Of a sum of squares that is left about the mean: pixels in one row or column. Two rows at the image's border leave 1e-6."""
 WIDENED = 3.7
 """Median deviations of a line's points that are kept: 2.5 sigma of a normal error."""
 CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
@@ -83,7 +85,7 @@ def fit_plane(s, plane):
     xx, xy, yy = s[XX] - n * mx * mx, s[XY] - n * mx * my, s[YY] - n * my * my
     xw, yw, ww = s[XW] - n * mx * mw, s[YW] - n * my * mw, s[WW] - n * mw * mw
     det = xx * yy - xy * xy
-    if det <= 1e-9 * xx * yy or det <= 0.0:
+    if det <= 1e-9 * xx * yy or det <= 0.0 or xx <= ROUNDING * s[XX] or yy <= ROUNDING * s[YY]:
         return np.nan, np.nan
     alpha = (xw * yy - yw * xy) / det
     beta = (yw * xx - xw * xy) / det
