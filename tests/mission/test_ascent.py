@@ -11,12 +11,12 @@ import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.control.allocate import SLOWEST_SLIDING, SLOWEST_WITH_GRIP
-from treadline.control.arm import IN_LINE_RAD, OVER_BELTS_RAD
+from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.traversal import ARM_RAD_S, BLIND_RAD, LATE_S, RIDES_RAD_S
+from treadline.mission.traversal import ARM_RAD_S, BLIND_RAD, IN_LINE_RAD, LATE_S, RIDES_RAD_S
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -269,6 +269,10 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_arm_lowered_and_tests_th
     world.run("climb")
     assert world.phases == ["search", "align", "approach", "mount", "traction", "climb"]
     assert "slipped" in world.plans[-1].cause
+    # Belts that held do not stop before they climb.
+    began = len(world.plans) - 1
+    world.run(limit_s=0.5)
+    assert all(0.0 < plan.speed_m_s <= CONFIG.cruise_m_s for plan in world.plans[began:])
 
 
 def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
@@ -478,6 +482,7 @@ class Script:
     """Stands for the crest: plays stages, and keeps what it is told."""
 
     made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
+    SPEED_M_S = 0.05
     stages: tuple[str, ...] = ("climb", "slow", "reach", "carry", "lead", "land", "done")
 
     def __init__(self, config: CrestConfig, nosing_ahead_m: float) -> None:
@@ -494,7 +499,7 @@ class Script:
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)]
         self.steps += 1
         still = ArmCommand(t_s=imu.t_s, rate_rad_s=0.0)
-        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=0.05, arm=still, tip_n=90.0)
+        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=self.SPEED_M_S, arm=still, tip_n=90.0)
 
 
 @pytest.fixture
@@ -523,6 +528,24 @@ def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(cr
     assert made.ahead_m - PIVOT_M == pytest.approx(CONFIG.unseen_end_m, abs=0.01)
     # No frame tells a better place of it.
     assert made.seen == 0
+
+
+@pytest.mark.usefixtures("crest")
+def test_slow_before_the_crest_its_section_still_rides_and_it_is_let_alone_nearly_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: 0.9° askew as the crest's sequencer slows down. Expected result: belts alike, the arm asked as on the flight and not as
+    the sequencer says."""
+    monkeypatch.setattr(Script, "stages", ("climb", "slow"))
+    world = World(steps=6)
+    world.run("climb")
+    while world.plans[-1].speed_m_s != Script.SPEED_M_S:
+        world.heading_rad = 0.9 * BLIND_RAD
+        world.tick()
+    world.heading_rad = 0.9 * BLIND_RAD
+    plan = world.tick()
+    assert plan.turn_m_s == 0.0
+    assert plan.arm == world.planner._lie(plan.t_s, replace(SQUARE, heading_rad=world.heading_rad))
+    assert plan.arm is not None
+    assert plan.arm.rate_rad_s != 0.0
 
 
 @pytest.mark.usefixtures("crest")
@@ -563,7 +586,7 @@ def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_f
 
 @pytest.mark.parametrize("load", [0.1, 0.5])
 def test_an_arm_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
-    """Test: a tenth and a half of its motor's torque on the arm of a chair that climbs. Expected result: it gives way at as much
+    """Test: a tenth, and half, of its motor's torque on the arm of a chair that climbs. Expected result: it gives way at as much
     of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
     world = World(steps=14)
     world.run("climb")
@@ -599,7 +622,7 @@ def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_let_alone(he
 
 def test_a_front_section_shorter_than_from_nosing_to_nosing_does_not_ride() -> None:
     """Test: nosings 0.5 m apart for an arm of 0.45 m, and as far apart as in a house. Expected result: held in line with the belts,
-    for it would drop off each nosing and have none to ride on until the next; asked to ride."""
+    for it would drop off each nosing and have none to ride on until the next; and where it rides."""
     for run_m, angle_rad in ((0.48, IN_LINE_RAD), (0.3, Ascent.RIDES_RAD)):
         world = World(steps=14)
         world.run("climb")

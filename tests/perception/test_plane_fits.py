@@ -30,7 +30,7 @@ def test_a_plane_is_found_within_what_its_covariance_says(
     columns: range,
 ) -> None:
     """Test: a tread over forty rows, and over two at the image's border. Expected result: in twenty draws the plane's squared error
-    is three times its covariance in the mean, within the scatter of that (0.55)."""
+    is three times its covariance in the mean, within twice the scatter of that (0.55)."""
     squares = []
     for seed in range(20):
         plane, inverse = np.empty(3), np.empty((3, 3))

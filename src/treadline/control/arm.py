@@ -25,9 +25,7 @@ ARM_RAD_S2 = 120.0 * DEG
 ARM_PER_S = 2.0
 """Rate of an arm that is brought to an angle, per angle that is left."""
 OVER_BELTS_RAD = 2.0 * DEG
-"""Where it waits, a little above the belts: in line with them it would carry on the nosings."""
-IN_LINE_RAD = -0.5 * DEG
-"""Where it is to carry on the nosings: half as long a track again, hollow by the 4 mm by which nosings differ, hardly rocks."""
+"""Where it waits, a little above the belts: in line with them it would carry on the nosings, and keep the chair from turning."""
 SMALL_RAD = 8.0 * DEG
 """Below this pitch the arm's angle tells the pivot's distance no more."""
 

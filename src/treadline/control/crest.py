@@ -29,7 +29,7 @@ NOT_FOLLOWED_RAD = 0.4 * DEG
 grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
 LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
 """Of pitch behind the lead, from which on a chair that does not lean on the tip is led slowly: it would fall after a faster arm,
-and onto it with 3 m/s² at its passenger."""
+and onto it with 2.6 to 2.8 m/s² at its passenger."""
 LIES_S = 1.0
 """Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 

@@ -61,7 +61,7 @@ class EdgeConfig(Loading):
     """The same where the pitch is above it: belts that slip back over the nosing prop the chair up by its arm."""
     behind_rad: float = 1.0 * DEG
     """A lead never runs further ahead of the pitch."""
-    steeper_rad: float = 0.5 * DEG
+    steeper_rad: float = 1.5 * DEG
     """Than the slope the front is lifted: a chair lifted too little falls the rest, and that is 3 m/s² from 2.5° on."""
     patience_s: float = 8.0
     """For one more degree, and for the arm to be stowed: a motor that is too weak, or dead, gets no further."""

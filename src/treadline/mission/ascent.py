@@ -5,7 +5,7 @@ camera, the IMU, the belts and the arm's motor tell; its cause is in the plan an
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from treadline.angles import DEG
 from treadline.control.allocate import SLID_M, slowest_share
@@ -202,7 +202,8 @@ class Ascent(Traversal):
         self._traction = None
         slip = f"{test.slip:.0%} of the belts' test pulse slipped"
         if test.holds:
-            return self._begin(t_s, "climb", slip)
+            plan = self._begin(t_s, "climb", slip)
+            return replace(plan, speed_m_s=min(plan.speed_m_s, self._config.cruise_m_s))
         wanted = (1.0 + self._config.traction.wanted) * math.tan(self._where.slope_rad)
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
         return self._begin(t_s, "back_off", self._refusal)

@@ -15,8 +15,8 @@ from treadline.mission.traversal import ARM_RAD_S, LEVEL_RAD, ON_THE_FLIGHT_RAD,
 from treadline.mission.whereabouts import NEAR_M
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
 
-LEANS_SHARE, LETS_DOWN_RAD_S = 0.05, 3.0 * DEG
-"""Of the arm motor's torque, from which on the chair leans on its front section, and how fast it is let down from it."""
+LETS_DOWN_RAD_S = 3.0 * DEG
+"""At which the front section is lifted out of the belts' line: a chair that leans on it must be able to follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,8 +220,10 @@ class Descent(Traversal):
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         last_step_m = before + 2.0 * self._pivot_m - math.hypot(where.rise_m, where.run_m)  # of the front pulley
-        if last_step_m < config.lifted_m and (low_rad := self._low_rad) > 0.0:
-            return self._raise(t_s, low_rad)
+        low_rad = self._low_rad if last_step_m < config.lifted_m else 0.0
+        is_late = self._is_late(t_s, low_rad, self._gently_s)
+        if low_rad > 0.0:
+            return self._raise(t_s, is_late=is_late)
         slow = before < config.slow_from_m
         speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
         arm = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
@@ -230,20 +232,25 @@ class Descent(Traversal):
         return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate, blind=slow), arm=arm, needs_stair=not slow)
 
     def _lift(self, t_s: float) -> ArmCommand | None:
-        """Return what lifts the front section: gently as long as the chair leans on it."""
-        return self._arm_to(t_s, self._stepping_rad, lifts_rad_s=ARM_RAD_S if self._load < LEANS_SHARE else LETS_DOWN_RAD_S)
+        """Return what lifts the front section: gently as long as the chair may lean on it."""
+        leans = self._arm is not None and self._arm.angle_rad < 0.0
+        return self._arm_to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else ARM_RAD_S)
 
     @property
     def _low_rad(self) -> float:
         """How far the front section still has to be lifted for a step; zero without one."""
         return 0.0 if self._arm is None else max(self._stepping_rad - self._config.short_rad - self._arm.angle_rad, 0.0)
 
-    def _raise(self, t_s: float, low_rad: float) -> Plan:
+    @property
+    def _gently_s(self) -> float:
+        """How long the front section takes out of the belts' line."""
+        return 0.0 if self._arm is None else max(-self._arm.angle_rad, 0.0) / LETS_DOWN_RAD_S
+
+    def _raise(self, t_s: float, *, is_late: bool) -> Plan:
         """Wait for the front section; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
         stays = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
-        hold = stays if self._is_late(t_s, low_rad) else None
-        arm = self._arm_to(t_s, self._stepping_rad)
-        return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False, hold=hold)
+        arm = self._lift(t_s)
+        return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False, hold=stays if is_late else None)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Back on over a landing until the next flight is in view."""

@@ -7,13 +7,10 @@ along the chair, less what gravity and the sensor's bias were at rest.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 from treadline.control.arm import pitch_of
 from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import ImuSample, TrackReading
-
-Stage = Literal["rest", "pulse", "brake", "over"]
 
 LEAST_M_S2 = 0.15
 """Asked at least: of a chair that is pitched more than the stair gravity alone asks for what is wanted; less could not be told."""
@@ -91,7 +88,7 @@ class TractionTest:
     def over(self) -> bool:
         """Whether the pulse is over, and the stop after one that did not hold: belts that hold go on, a stop would be a jolt."""
         since = -math.inf if self._began_s is None else self._t_s - self._began_s - self._config.rest_s - self._config.pulse_s
-        return since > (0.0 if self.holds else self._config.brake_s)
+        return self._slip is not None and since > (0.0 if self.holds else self._config.brake_s)
 
     @property
     def slip(self) -> float:

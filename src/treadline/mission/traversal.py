@@ -7,7 +7,7 @@ import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S, IN_LINE_RAD, OVER_BELTS_RAD
+from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
@@ -35,8 +35,9 @@ TURNS_M_S, TURNING_M_S = 0.02, 0.06
 BLIND_RAD = 1.0 * DEG
 """Heading left alone on the flight where no stair is in view: belts that follow a gyro that drifts turn the chair, and where one
 has lost grip they run apart and turn nothing, which the guard takes for the former."""
-SPANS = 1.1
-"""Of the way from nosing to nosing, that a front section must be long to ride on them: a shorter one drops off each."""
+SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
+"""Of the way from nosing to nosing, that a front section must be long to ride on them; a shorter one drops off each, and is held in
+line with the belts."""
 RIDES_RAD_S = 20.0 * DEG
 """At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
 and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
@@ -186,7 +187,7 @@ class Traversal:
     @property
     def _spans_a_step(self) -> bool:
         """Whether the front section reaches from nosing to nosing."""
-        return self._arm_m > SPANS * math.hypot(self._where.rise_m, self._where.run_m)
+        return 0.0 < SPANS * math.hypot(self._where.rise_m, self._where.run_m) < self._arm_m
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0, *, blind: bool = False
@@ -216,9 +217,12 @@ class Traversal:
         """What the arm carries, as a share of its motor's torque."""
         return 0.0 if self._arm is None else max(-self._arm.torque_n_m / self._most_n_m, 0.0)
 
-    def _is_late(self, t_s: float, off_rad: float) -> bool:
-        """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again."""
-        there_s = t_s + off_rad / ARM_RAD_S + LATE_S
+    def _is_late(self, t_s: float, off_rad: float, gently_s: float = 0.0) -> bool:
+        """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again.
+
+        To be asked at each tick, also where nothing is off.
+        """
+        there_s = t_s + off_rad / ARM_RAD_S + gently_s + LATE_S
         self._there_by_s = min(self._there_by_s, there_s) if off_rad > 0.0 else math.inf
         if t_s < self._there_by_s:
             return False
