@@ -121,9 +121,17 @@ def test_a_motor_that_dies_half_way_over_the_edge_lets_the_chair_back_onto_the_l
 
 
 def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
-    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=28.1, duration_s=17.0))
-    assert last_stage(crossing) == "leave"
-    assert crossing.moments[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=1.0 * DEG)
+    # Lifted to 29.5°, it settles from 29.0° on; the dead arm holds it up there until its brake has let it down.
+    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=29.1, duration_s=30.0))
+    assert last_stage(crossing) == "done"
+    assert crossing.moments[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
+    assert_gentle(crossing, WITH_ERRORS_DEG_S)
+
+
+def test_a_motor_that_dies_as_the_front_is_nearly_lifted_lets_it_down_on_the_landing_again(ride: Ride) -> None:
+    crossing = ride(CrestCase(direction="down", motor_lost_at_deg=28.1, duration_s=40.0))
+    assert last_stage(crossing) == "barred"
+    assert abs(crossing.moments[-1].truth.pitch_rad) < 0.01
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
