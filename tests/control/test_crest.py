@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of
-from treadline.control.crest import LAGS_RAD, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
+from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of, plumb
+from treadline.control.crest import CARRIED_M, LAGS_RAD, TRIES, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.stability import centre_of_mass
@@ -128,15 +128,60 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     assert chair.ahead_m == waiting
 
 
-def test_an_arm_that_lifts_the_chair_stands_on_something_else_than_the_landing() -> None:
-    """Test: belts have slipped, the arm reaches down onto the nosing itself. Expected result: barred."""
+def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on() -> None:
+    """Test: belts have slipped, and the arm, hardly lowered, lifts the chair by a degree. Expected result: it is raised, the chair
+    goes on by 13 cm, and it reaches again; what the map says of the nosing counts no more; after three such tries it is barred,
+    the centre of mass still behind where the nosing was believed."""
+    chair = Chassis(0.6)
+    for _ in range(TRIES):
+        chair.pitch_deg = 28.0
+        chair.until("reach")
+        before_m = chair.ahead_m
+        chair.pitch_deg = 29.2
+        assert chair.run(0.02, tip_n=40.0).stage == "slow"
+        chair.crest.nosing_seen(0.2)
+        chair.pitch_deg = 28.0
+        chair.until("reach")
+        assert before_m - chair.ahead_m == pytest.approx(0.13, abs=0.01)
+    chair.pitch_deg = 29.2
+    command = chair.run(0.02, tip_n=40.0)
+    assert (command.stage, command.speed_m_s) == ("barred", 0.0)
+    assert plumb(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG) < chair.ahead_m
+
+
+def test_a_light_chair_that_its_arm_lifts_is_carried_and_lifted_no_further() -> None:
+    """Test: the tip on the landing, the chair pitched up by a degree before 80 N are on it. Expected result: that is contact;
+    the arm stays where it is as long as the chair is lifted."""
     chair = Chassis(0.6)
     chair.until("reach")
-    chair.pitch_deg = 31.0
-    assert chair.run(0.1, tip_n=40.0).stage == "reach"
+    while chair.angle_rad > -(28.0 * DEG + GEOMETRY.depression(28.0 * DEG, 0.08)):
+        assert chair.run(0.01).stage == "reach"
+    chair.pitch_deg = 29.2
+    assert chair.run(0.02, tip_n=60.0).stage == "carry"
+    assert chair.run(0.3, tip_n=60.0).arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_arm_that_props_the_chair_up_is_barred() -> None:
+    chair = Chassis(0.6)
+    chair.until("reach")
     chair.pitch_deg = 32.5
     command = chair.run(0.1, tip_n=40.0)
     assert (command.stage, command.speed_m_s) == ("barred", 0.0)
+
+
+def test_belts_that_run_on_under_a_chair_that_stays_are_stopped() -> None:
+    """Test: the tip carries, and the arm says for ever that the nosing is still ahead. Expected result: barred after 1.2 m."""
+    chair = Chassis(0.6)
+    chair.until("reach")
+    chair.run(2.6)
+    chair.until("carry", tip_n=90.0)
+    before_m = chair.ahead_m
+    for _ in range(3000):
+        chair.angle_rad = -30.0 * DEG
+        if chair.run(0.01, tip_n=90.0).stage == "barred":
+            break
+    assert chair.run(0.1, tip_n=90.0).stage == "barred"
+    assert before_m - chair.ahead_m == pytest.approx(CARRIED_M, abs=0.05)
 
 
 def test_a_short_knock_on_the_arm_is_not_the_landing() -> None:

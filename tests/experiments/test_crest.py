@@ -64,11 +64,13 @@ def test_the_arm_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> None
     "case",
     [
         CrestCase(slope_deg=28.0, nosing_error_m=-0.15, com_error_m=-0.10, seed=1),
+        CrestCase(slope_deg=30.0, payload_kg=0.0, nosing_error_m=-0.15, seed=1),
+        CrestCase(slope_deg=30.0, heading_deg=10.0, seed=1),
         CrestCase(slope_deg=30.0, com_error_m=0.10, seed=2),
         CrestCase(slope_deg=25.0, payload_kg=0.0, seed=3),
         CrestCase(slope_deg=26.0, payload_kg=110.0, nosing_error_m=0.10, com_error_m=0.10, heading_deg=-10.0, seed=7),
     ],
-    ids=["early", "weight behind", "empty", "heavy, late and askew"],
+    ids=["early", "early, empty", "askew, slipping on to a third try", "weight behind", "empty", "heavy, late and askew"],
 )
 def test_the_crest_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)

@@ -17,6 +17,8 @@ CARRIES_SHARE, PRESS_SHARE = 0.2, 0.3
 """Of the chair's weight, where that is less: a light chair would be lifted off its last nosing."""
 CARRIES_S = 0.1
 """For so long: a stop of the rotor is over by then."""
+LIFTED_RAD = 1.0 * DEG
+"""Of pitch by which the arm has lifted the chair: its tip carries, however little it weighs."""
 UNLOADED_N = 30.0
 TIP_S = 0.05
 """Smoothing of the tip's load."""

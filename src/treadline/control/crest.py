@@ -5,14 +5,15 @@ docs/decisions/0013-the-front-section-is-an-arm.md. ``ImuSample, ArmReading, Tra
 
 Without an arm a chair whose centre of mass passes the last nosing falls freely onto its front. With it, five stages:
 climb; slow down and lay the arm in line with the belts; stand still and reach down until the tip carries; drive on, the
-arm keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque.
+arm keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque,
+and by the pitch where the arm lifts the chair.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
+from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.signals import ArmReading
 
@@ -24,6 +25,12 @@ NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
 PROPPED_RAD = 4.0 * DEG
 """Above the pitch at which it began to reach: the arm stands on something else than the landing, and lifts the chair."""
+EARLY_RAD, EARLY_M, TRIES = 12.0 * DEG, 0.05, 3
+"""Above where the landing is expected: a tip that stands there stands on the nosing, which is then so far ahead of the front
+pulley, for belts that slip outrun the chair. It is lifted, and has so many more tries: the 0.39 m that the chair goes for them
+leave its centre of mass behind the nosing, had its place been right."""
+CARRIED_M = 1.2
+"""Run by the belts while the tip was to carry, from which on they slip: 0.8 m are enough with all errors at once."""
 NOT_FOLLOWED_RAD = 0.4 * DEG
 """Of pitch behind the lead, nothing under the tip. The load alone does not tell: a tip that is thrust forward over ground that
 grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
@@ -44,9 +51,9 @@ class CrestConfig(Loading):
     """While the pitch goes down: the further the chair goes, the more the arm has to carry."""
     slow_within_m: float = 0.5
     """Of the centre of mass before the nosing."""
-    reach_from_m: float = 0.25
-    """Of the front pulley past the nosing: an arm that reaches down clears the nosing even 15 cm too early, and the centre
-    of mass (0.5 m behind the pulley's passing) is not there yet 10 cm too late."""
+    reach_from_m: float = 0.08
+    """Of the front pulley past the nosing, before the chair can fall from a high nosing behind it onto the last: 0.16 m at the
+    soonest, where nothing would meet its tip. A tip that reaches down 15 cm too early stands on the nosing, and goes on."""
     reach_rad_s: float = 16.0 * DEG
     meet_rad_s: float = 8.0 * DEG
     """At which the tip meets the landing where it is expected: at 16 °/s it struck it with 3 m/s² under a light chair."""
@@ -92,13 +99,18 @@ class Crest(Sequencer[Stage]):
         self._config = config
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
         self._waited_s = self._reached_rad = 0.0
+        self._carried_m = 0.0
+        """Run by the belts while the tip was to carry."""
+        self._tries = 0
+        """How often the tip has stood on the nosing, in place of the landing."""
         self._lead_from_m = LATER_M
         self._lead_rad = 0.0
         self._lead_rad_s = 0.0
 
     def nosing_seen(self, ahead_m: float) -> None:
         """Take a better place of the last nosing, as long as no contact tells it."""
-        self._see(ahead_m)
+        if self._tries == 0:
+            self._see(ahead_m)
 
     def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
         config = self._config
@@ -106,15 +118,14 @@ class Crest(Sequencer[Stage]):
         self._waited_s = self._waited_s + dt_s if waits else 0.0
         beyond = self._com_beyond(pitch)
         match self._stage:
-            case "reach" | "carry" if self._waited_s > config.patience_s or pitch > self._reached_rad + PROPPED_RAD:
+            case "reach" | "carry" if self._gets_no_further(pitch):
                 self._stage = "barred"
             case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.arm_m:
                 self._stage = "slow"
             case "slow" if self._past_m > config.reach_from_m:
                 self._stage, self._reached_rad = "reach", pitch
-            case "reach" if self._tip.carries:
-                self._stage = "carry"
-                self._ahead_m = self._by_the_arm(pitch, arm)
+            case "reach" if self._tip.carries or self._is_lifted(pitch):
+                self._meet(pitch, arm)
             case "carry" if self._tip.carries and beyond > self._lead_from_m:
                 self._stage = "lead"
                 self._lead_rad = pitch
@@ -131,6 +142,19 @@ class Crest(Sequencer[Stage]):
                 self._stage = "done"
             case _:
                 pass
+
+    def _gets_no_further(self, pitch: float) -> bool:
+        return self._waited_s > self._config.patience_s or pitch > self._reached_rad + PROPPED_RAD or self._carried_m > CARRIED_M
+
+    def _meet(self, pitch: float, arm: ArmReading) -> None:
+        """Tell by where the tip stands on what it stands."""
+        if self._to_go(pitch, arm) <= EARLY_RAD:
+            self._stage = "carry"
+            self._ahead_m = self._by_the_arm(pitch, arm)
+            return
+        self._stage = "slow" if self._tries < TRIES else "barred"
+        self._tries += 1
+        self._ahead_m = self._geometry.pivot_m + EARLY_M
 
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config
@@ -152,14 +176,22 @@ class Crest(Sequencer[Stage]):
 
     def _reach(self, pitch: float, arm: ArmReading) -> float:
         config = self._config
-        to_go = arm.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
-        return -min(max(config.soften_per_s * to_go, config.meet_rad_s), config.reach_rad_s)
+        return -min(max(config.soften_per_s * self._to_go(pitch, arm), config.meet_rad_s), config.reach_rad_s)
+
+    def _to_go(self, pitch: float, arm: ArmReading) -> float:
+        """Return how far the arm is above where its tip is expected to meet the landing."""
+        return arm.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
+
+    def _is_lifted(self, pitch: float) -> bool:
+        """Return whether the arm has pitched the chair up: a light one is lifted before it weighs on its tip as it should."""
+        return pitch > self._reached_rad + LIFTED_RAD
 
     def _carry(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, arm, dt_s)
+        self._carried_m += abs(speed) * dt_s
         config = self._config
         _, per_metre = self._geometry.rates(pitch, self._past_m)
-        missing = max(self._press_n - self._tip.load_n, 0.0)
+        missing = 0.0 if self._is_lifted(pitch) else max(self._press_n - self._tip.load_n, 0.0)
         rate = (per_metre * speed if missing > 0.0 else 0.0) - config.press_rad_s_n * missing
         waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
         return (0.0 if waits else config.crest_m_s), rate

@@ -14,14 +14,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import OVER_BELTS_RAD, UNLOADED_N, Loading, arm_of, plumb
+from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, Loading, arm_of, plumb
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.signals import ArmReading
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
-LIFTED_RAD = 1.0 * DEG
-"""Above the pitch on the landing: the tip carries, however little it weighs."""
 CLOSE_RAD = 0.5 * DEG
 """To the pitch it is lifted to."""
 SUNK_RAD = 4.0 * DEG
