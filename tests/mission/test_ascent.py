@@ -16,7 +16,8 @@ from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.traversal import ARM_RAD_S, BLIND_RAD, IN_LINE_RAD, LATE_S, RIDES_RAD_S
+from treadline.mission.front_section import ARM_RAD_S, IN_LINE_RAD, LAID_RAD, LATE_S, RIDES_RAD_S
+from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -243,6 +244,57 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_cl
     assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
     world.knows = True
     assert "on a flight" in world.run("climb").cause
+    assert world.arm_rad < LAID_RAD
+
+
+def test_with_a_front_section_that_does_not_come_down_a_chair_on_a_flight_drives_on_in_time() -> None:
+    """Test: woken up on a flight, the arm stuck at its rest of 40°. Expected result: the chair waits for it as long as its way
+    takes and 0.8 s more, then climbs: what to do with a dead arm is for the crest to say."""
+    world = World(x_m=3.0, arm_moves=False)
+    world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
+    world.run("climb")
+    assert world.t_s == pytest.approx((40.0 * DEG - LAID_RAD) / ARM_RAD_S + LATE_S, abs=0.15)
+
+
+def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
+    world = World(x_m=3.0, heading_rad=5.0 * DEG)
+    world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
+    world.run("climb")
+    assert world.t_s < 0.3
+
+
+@pytest.mark.parametrize(
+    ("falls_deg_s", "load", "slip_m_s", "goes_down"),
+    [
+        (4.0, 0.0, 0.0, True),
+        (0.9, 0.0, 0.0, False),
+        (-4.0, 0.0, 0.0, False),
+        (4.0, 0.1, 0.0, False),
+        (4.0, 0.0, 0.02, False),
+    ],
+    ids=["falls", "trembles", "rises", "has met the nosing", "has slipped"],
+)
+def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, load: float, slip_m_s: float, goes_down: bool) -> None:
+    """Test: on the flight the pitch goes down by 4 °/s. Expected result: the section at its fastest, to meet the nosing under it;
+    not for a tremble, not once it bears, and not on a stair where the belts have slipped."""
+    world = World(steps=14)
+    world.run("climb")
+    assert CHAIR.arm is not None
+    world.planner._where._slip_m_s = slip_m_s
+    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-load * CHAIR.arm.torque_n_m))
+    for tick in range(10):  # 0.1 s: many times what the rate is smoothed in
+        world.planner.feel(
+            ImuSample(
+                t_s=world.t_s + tick * TICK_S,
+                orientation=quaternion_of(rotation_y(-SLOPE_RAD)),
+                angular_velocity_rad_s=np.array([0.0, falls_deg_s * DEG, 0.0]),
+                linear_acceleration_m_s2=rotation_y(SLOPE_RAD) @ np.array([0.0, 0.0, G_M_S2]),
+            )
+        )
+    arm = world.planner._lie(world.t_s, SQUARE)
+    assert arm is not None
+    expected = -CHAIR.arm.max_rate_deg_s * DEG if goes_down else load * RIDES_RAD_S
+    assert arm.rate_rad_s == pytest.approx(expected, abs=1e-6)
 
 
 # --- approach, mount, traction
@@ -261,9 +313,10 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_arm_lowered_and_tests_th
     mounting = [plan for plan in world.plans if plan.phase == "mount"][1:]
     assert {plan.speed_m_s for plan in mounting} == {CONFIG.slow_m_s}
     assert world.pitch_rad > SLOPE_RAD - CONFIG.mounted_rad
-    # Pitched by nearly the slope, nothing is left to clear.
-    world.run(limit_s=1.0)
+    # Pitched by nearly the slope, nothing is left to clear; in line with the belts it is where it rides in time.
     assert OVER_BELTS_RAD - 0.1 * DEG < world.arm_rad < 8.0 * DEG
+    world.run(limit_s=1.0)
+    assert 0.0 <= world.arm_rad < OVER_BELTS_RAD
     # The first nosing lies where belts on two nosings lift the rear pulley off the floor.
     assert world.first_m - world.x_m < 0.0
     world.run("climb")

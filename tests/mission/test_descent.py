@@ -16,7 +16,8 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
-from treadline.mission.traversal import ARM_RAD_S, BLIND_RAD, CLEAR_M
+from treadline.mission.front_section import ARM_RAD_S, CLEAR_M
+from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")

@@ -22,6 +22,9 @@ CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading left alone over the crest, and half the belts' difference per heading beyond. Nothing but the gyro tells it there, and
 one that drifts by 1 °/s would lead the chair along; yet on a single nosing the chair swings round by itself. Six seconds of drift
 cost 6.3° with nothing left alone, 5.0° so; with a sound gyro it is askew by 2.9° at most instead of 2.1° (28, 30°; six runs)."""
+LOSES_GRIP_M_S = 0.012
+"""Of slip, from which on the front section goes after a fall no more: so low, its tip meets the next nosing as a step. With
+friction of 1.1·tan β 15 of 59 chairs slid for it."""
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing any more."""
 
@@ -90,6 +93,8 @@ class Ascent(Traversal):
         self._traction: TractionTest | None = None
         self._pulses = 0
         self._refusal = ""
+        self._slipped = False
+        """Whether the belts have, on this flight."""
 
     def feel(self, signal: Felt) -> None:
         """Take one signal."""
@@ -121,6 +126,8 @@ class Ascent(Traversal):
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if estimate is not None and where.map_count:
+                if not self._is_laid(t_s, estimate):
+                    return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
                 self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
                 return self._climb(t_s, estimate)
             return self._stand(t_s)
@@ -142,7 +149,7 @@ class Ascent(Traversal):
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
             cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
-            self._there_by_s = math.inf
+            self._front.forget()
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
@@ -168,7 +175,8 @@ class Ascent(Traversal):
             self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
-        return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate, self._aside()), arm=self._arm_to(t_s, self._mounting_rad))
+        turn = self._level.keep(estimate, self._aside())
+        return self._plan(t_s, speed, turn_m_s=turn, arm=self._front.to(t_s, self._mounting_rad))
 
     def _idle(self, t_s: float) -> str | None:
         """Return that the front section, the belts on the floor, is not where it is asked; re-armed, it has another try."""
@@ -176,7 +184,7 @@ class Ascent(Traversal):
             return None
         stands, asked = self._arm.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
-        if not self._is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
+        if not self._front.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the front section {seen}: it would not carry the chair"
@@ -194,7 +202,8 @@ class Ascent(Traversal):
 
     def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
         if not test.over:
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, arm=self._arm_to(t_s, self._mounting_rad))
+            # In line with the belts: it carries nothing yet, and is where it rides before the first fall from a high nosing.
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, arm=self._front.to(t_s, 0.0))
         if not test.holds and self._pulses < self._config.pulses:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
@@ -251,6 +260,10 @@ class Ascent(Traversal):
         slid_m = self._where.slid_m(t_s)
         return 0.0 if slid_m is None or slid_m < SLID_M else self._where.slip_m_s(t_s)
 
+    def _catches(self, t_s: float) -> bool:
+        self._slipped |= self._where.slip_m_s(t_s) > LOSES_GRIP_M_S
+        return not self._slipped
+
     def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
         self._is_climbing = command.stage in ("climb", "slow")
         match command.stage:
@@ -270,7 +283,7 @@ class Ascent(Traversal):
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:
-                self._crest, self._is_climbing = None, True
+                self._crest, self._is_climbing, self._slipped = None, True, False
                 return self._begin_next(t_s)
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
@@ -295,7 +308,7 @@ class Ascent(Traversal):
         config, where = self._config, self._where
         if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
-        arm = self._arm_to(t_s, self._stepping_rad)
+        arm = self._front.to(t_s, self._stepping_rad)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
 
     def _aside(self) -> float:

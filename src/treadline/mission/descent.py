@@ -11,7 +11,8 @@ from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
-from treadline.mission.traversal import ARM_RAD_S, LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
+from treadline.mission.front_section import ARM_RAD_S
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
 from treadline.mission.whereabouts import NEAR_M
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
 
@@ -91,7 +92,7 @@ class Descent(Traversal):
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case "arrived":
-                arm = self._arm_to(t_s, self._rest_rad)
+                arm = self._front.to(t_s, self._front.rest_rad)
                 return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False)
             case _:
                 return self._stand(t_s, needs_stair=False)
@@ -103,6 +104,8 @@ class Descent(Traversal):
                 return self._stand(t_s)
             if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
                 return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
+            if estimate is not None and not self._is_laid(t_s, estimate):
+                return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
             if estimate is not None:
                 return self._begin(t_s, "descend", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
             return self._stand(t_s)
@@ -163,7 +166,7 @@ class Descent(Traversal):
         config, pitch = self._config, self._where.pitch_rad
         self._barred_s = min(self._barred_s, t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(arm.angle_rad - self._rest_rad)
+        off_rad = abs(arm.angle_rad - self._front.rest_rad)
         if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
             return None
         why = self._turned_back_for or "the arm could not let the chair down over the edge"
@@ -178,7 +181,7 @@ class Descent(Traversal):
         """Return how far from mid-track the nosing above a gap counts: from afar the one that is missing may be missed alone."""
         if self._phase != "approach":
             return whole_to_m
-        return min(whole_to_m, NEAR_M - math.hypot(self._where.rise_m, self._where.run_m))
+        return min(whole_to_m, NEAR_M - self._step_m)
 
     def _unseen(self, whole_to_m: float) -> bool:
         """Say whether the chair is lifted, and too little of the flight below has been seen to back onto it."""
@@ -219,9 +222,9 @@ class Descent(Traversal):
                 self._barred_s = math.inf
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
-        last_step_m = before + 2.0 * self._pivot_m - math.hypot(where.rise_m, where.run_m)  # of the front pulley
+        last_step_m = before + 2.0 * self._pivot_m - self._step_m  # of the front pulley
         low_rad = self._low_rad if last_step_m < config.lifted_m else 0.0
-        is_late = self._is_late(t_s, low_rad, self._gently_s)
+        is_late = self._front.is_late(t_s, low_rad, self._gently_s)
         if low_rad > 0.0:
             return self._raise(t_s, is_late=is_late)
         slow = before < config.slow_from_m
@@ -234,7 +237,7 @@ class Descent(Traversal):
     def _lift(self, t_s: float) -> ArmCommand | None:
         """Return what lifts the front section: gently as long as the chair may lean on it."""
         leans = self._arm is not None and self._arm.angle_rad < 0.0
-        return self._arm_to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else ARM_RAD_S)
+        return self._front.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else ARM_RAD_S)
 
     @property
     def _low_rad(self) -> float:

@@ -7,8 +7,8 @@ import math
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.front_section import ASKEW_RAD, FrontSection, turning_share
 from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
@@ -18,35 +18,15 @@ from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
 LEVEL_RAD = 2.0 * DEG
-CLEAR_M = 0.05
-"""Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
-pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
-SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
-"""Heading up to which the front section carries on the nosings, and from which on it lies above them: what lengthens the track by
-half, so that the chair hardly rocks, turns it 2.5 times less."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
 """Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
 NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
 """Maps in a row in which a wall stands nearer than half the chair's width less so much (they err by 5 cm for half a second), before
 its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, askew by 30° and 0.15 m off the middle, it did, and
 rolled by 21°. Past the wall it is to be set aside by so much more."""
-TURNS_M_S, TURNING_M_S = 0.02, 0.06
-"""Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
 BLIND_RAD = 1.0 * DEG
 """Heading left alone on the flight where no stair is in view: belts that follow a gyro that drifts turn the chair, and where one
 has lost grip they run apart and turn nothing, which the guard takes for the former."""
-SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
-"""Of the way from nosing to nosing, that a front section must be long to ride on them; a shorter one drops off each, and is held in
-line with the belts."""
-RIDES_RAD_S = 20.0 * DEG
-"""At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
-and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
-YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
-"""Of its motor's torque, from which on any other arm gives way, and how fast at all of it: there it would all at once."""
-ARM_RAD_S = 15.0 * DEG
-"""Of an arm that is brought to an angle …"""
-LATE_S = 0.8
-"""… and how much longer than that it may take before its motor is dead, or stuck."""
 
 
 def beside(before_m: float) -> str:
@@ -72,10 +52,7 @@ class Traversal:
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
-        self._arm_m = tracks.approach_m
-        self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
-        self._fastest_rad_s = ARM_RAD_S if chair.arm is None else chair.arm.max_rate_deg_s * DEG
-        self._rest_rad = tracks.approach_angle_deg * DEG
+        self._front = FrontSection(chair, self.RIDES_RAD)
         self._gauge_m = tracks.gauge_m
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
@@ -92,7 +69,6 @@ class Traversal:
         """Of belts, when the phase began."""
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
-        self._arm: ArmReading | None = None
         self._turned_rad = 0.0
 
     def _face_flight(self) -> None:
@@ -101,8 +77,7 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._grip = SideGrip()
         self._narrow_maps = 0
-        self._there_by_s = math.inf
-        """By when an arm that is off where it is asked must be there."""
+        self._front.forget()
 
     def feel(self, signal: Felt) -> None:
         """Take one signal."""
@@ -111,6 +86,7 @@ class Traversal:
                 dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
                 self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
                 self._imu = signal
+                self._front.feel(signal)
                 self._where.feel(signal)
             case TrackReading():
                 dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
@@ -122,7 +98,7 @@ class Traversal:
                     self._where.feel(signal)
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case ArmReading():
-                self._arm = signal
+                self._front.feel(signal)
 
     def _free_m(self) -> float:
         """Return the way from the chair's middle to the nearer wall, infinite where none is in view."""
@@ -165,29 +141,34 @@ class Traversal:
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
 
     @property
+    def _arm(self) -> ArmReading | None:
+        return self._front.reading
+
+    @property
+    def _step_m(self) -> float:
+        """From nosing to nosing; 0 as long as no stair is known."""
+        return math.hypot(self._where.rise_m, self._where.run_m)
+
+    @property
     def _stepping_rad(self) -> float:
         """The arm's angle at which its tip just clears a step."""
-        return min(math.asin(min((self._where.rise_m + CLEAR_M) / self._arm_m, 1.0)), self._rest_rad)
+        return self._front.clears(self._where.rise_m)
 
     def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> ArmCommand | None:
         """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
         off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
         apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
-        askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
-        share = min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
-        if not self._spans_a_step:
-            return self._arm_to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
-        if self._arm is None:
-            return None
-        off = self.RIDES_RAD + share * (OVER_BELTS_RAD - self.RIDES_RAD) - self._arm.angle_rad
-        rate = ARM_PER_S * off + RIDES_RAD_S * self._load
-        # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
-        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), self._fastest_rad_s))
+        share = turning_share(off_rad, apart_m_s)
+        return self._front.ride(t_s, self._step_m, share, catches=share < 1.0 and self._catches(t_s))
 
-    @property
-    def _spans_a_step(self) -> bool:
-        """Whether the front section reaches from nosing to nosing."""
-        return 0.0 < SPANS * math.hypot(self._where.rise_m, self._where.run_m) < self._arm_m
+    def _catches(self, t_s: float) -> bool:
+        """Return whether the arm goes down under a chair that falls over a nosing."""
+        del t_s
+        return False
+
+    def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
+        """Return whether a chair that wakes up on a flight may drive."""
+        return self._front.is_laid(t_s, self._step_m, abs(estimate.heading_rad))
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0, *, blind: bool = False
@@ -203,31 +184,6 @@ class Traversal:
         """
         spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
         return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) and not spared else 0.0
-
-    def _arm_to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = ARM_RAD_S) -> ArmCommand | None:
-        """Return what brings the arm to an angle, lifts it no faster than told, and gives way to its load; None without an arm."""
-        if self._arm is None:
-            return None
-        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
-        rate = min(ARM_PER_S * (angle_rad - self._arm.angle_rad), lifts_rad_s) + YIELDS_RAD_S * over
-        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
-
-    @property
-    def _load(self) -> float:
-        """What the arm carries, as a share of its motor's torque."""
-        return 0.0 if self._arm is None else max(-self._arm.torque_n_m / self._most_n_m, 0.0)
-
-    def _is_late(self, t_s: float, off_rad: float, gently_s: float = 0.0) -> bool:
-        """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again.
-
-        To be asked at each tick, also where nothing is off.
-        """
-        there_s = t_s + off_rad / ARM_RAD_S + gently_s + LATE_S
-        self._there_by_s = min(self._there_by_s, there_s) if off_rad > 0.0 else math.inf
-        if t_s < self._there_by_s:
-            return False
-        self._there_by_s = there_s
-        return True
 
     def _stuck(self) -> str | None:
         """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""

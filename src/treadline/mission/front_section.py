@@ -1,0 +1,150 @@
+"""The front section on floor and flight: brought to an angle, riding on the nosings, told late where its motor does not follow.
+
+``ImuSample, ArmReading -> ArmCommand``. Over crest and edge sequencers of their own drive it (``control/crest.py``,
+``control/edge.py``). How it came to be a spring, and why it goes after a chair that falls, is in docs/decisions/0019.
+"""
+
+import math
+
+from treadline.angles import DEG
+from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD
+from treadline.mechanics.chair import ChairDescription
+from treadline.signals import ArmCommand, ArmReading, ImuSample
+
+CLEAR_M = 0.05
+"""Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
+pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
+SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
+"""Heading up to which the front section carries on the nosings, and from which on it lies above them: what lengthens the track by
+half, so that the chair hardly rocks, turns it 2.5 times less."""
+TURNS_M_S, TURNING_M_S = 0.02, 0.06
+"""Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
+SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
+"""Of the way from nosing to nosing, that a front section must be long to ride on them; a shorter one drops off each, and is held in
+line with the belts."""
+RIDES_RAD_S = 20.0 * DEG
+"""At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
+and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
+LAID_RAD = 0.5 * DEG
+"""Above the belts, from which on it is as good as on the nosings."""
+FALLS_RAD_S, CATCHES = 1.0 * DEG, 15.0
+"""Of pitch going down, from which on the section goes down to meet the nosing under it, and how much faster than what is beyond:
+belts are no spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
+FALLS_S = 0.015
+"""In which that is smoothed: a chair that slides trembles."""
+MEETS_SHARE = 0.05
+"""Of the motor's torque, from which on the section has met it: from there it is a spring and a damper again."""
+YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
+"""Of its motor's torque, from which on any other arm gives way, and how fast at all of it: there it would all at once."""
+ARM_RAD_S = 15.0 * DEG
+"""Of an arm that is brought to an angle …"""
+LATE_S = 0.8
+"""… and how much longer than that it may take before its motor is dead, or stuck."""
+
+
+def turning_share(off_rad: float, apart_m_s: float) -> float:
+    """Return how much of the way up from the nosings the section goes for the chair to turn, 0 to 1.
+
+    Args:
+        off_rad: Of the chair's heading from square, positive.
+        apart_m_s: Of one belt ahead of the other, positive.
+    """
+    askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
+    return min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
+
+
+class FrontSection:
+    """What is felt of the front section, and what is asked of it.
+
+    Args:
+        rides_rad: Where an arm that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring.
+    """
+
+    def __init__(self, chair: ChairDescription, rides_rad: float) -> None:
+        self.rest_rad = chair.tracks.approach_angle_deg * DEG
+        self.reading: ArmReading | None = None
+        self._rides_rad = rides_rad
+        self._arm_m = chair.tracks.approach_m
+        self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
+        self._fastest_rad_s = ARM_RAD_S if chair.arm is None else chair.arm.max_rate_deg_s * DEG
+        self._felt_s = math.nan
+        self._falls_rad_s = 0.0
+        """Of the chair's pitch going down, smoothed."""
+        self._there_by_s = math.inf
+        """By when an arm that is off where it is asked must be there."""
+
+    def feel(self, signal: ImuSample | ArmReading) -> None:
+        """Take one signal."""
+        if isinstance(signal, ArmReading):
+            self.reading = signal
+            return
+        dt_s = 0.0 if math.isnan(self._felt_s) else max(signal.t_s - self._felt_s, 0.0)
+        self._felt_s = signal.t_s
+        self._falls_rad_s += (float(signal.angular_velocity_rad_s[1]) - self._falls_rad_s) * (1.0 - math.exp(-dt_s / FALLS_S))
+
+    def clears(self, rise_m: float) -> float:
+        """Return the arm's angle at which its tip just clears a step."""
+        return min(math.asin(min((rise_m + CLEAR_M) / self._arm_m, 1.0)), self.rest_rad)
+
+    def spans(self, step_m: float) -> bool:
+        """Return whether it reaches from nosing to nosing; ``step_m`` is 0 as long as no stair is known."""
+        return 0.0 < SPANS * step_m < self._arm_m
+
+    def ride(self, t_s: float, step_m: float, share: float, *, catches: bool) -> ArmCommand | None:
+        """Return what lays it along the flight, or above the nosings for the chair to turn; None without an arm.
+
+        Args:
+            t_s: Now.
+            step_m: From nosing to nosing.
+            share: How much of the way up it goes (``turning_share``).
+            catches: Whether it goes down under a chair that falls.
+        """
+        if not self.spans(step_m):
+            return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
+        if self.reading is None:
+            return None
+        off = self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad) - self.reading.angle_rad
+        rate = max(ARM_PER_S * off + RIDES_RAD_S * self._load, -ARM_RAD_S)
+        if catches and self._load <= MEETS_SHARE:
+            rate -= CATCHES * max(self._falls_rad_s - FALLS_RAD_S, 0.0)
+        # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
+        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
+
+    def is_laid(self, t_s: float, step_m: float, off_rad: float) -> bool:
+        """Return whether a chair that wakes up on a flight may drive: the arm lies where it rides, or is not to, or is late.
+
+        With the arm at its rest a chair falls from the first high nosing with up to 4.2 m/s² at its passenger.
+        """
+        above_rad = 0.0
+        if self.reading is not None and self.spans(step_m) and off_rad < ASKEW_RAD:
+            above_rad = max(self.reading.angle_rad - LAID_RAD, 0.0)
+        return self.is_late(t_s, above_rad) or above_rad <= 0.0
+
+    def to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = ARM_RAD_S) -> ArmCommand | None:
+        """Return what brings the arm to an angle, lifts it no faster than told, and gives way to its load; None without an arm."""
+        if self.reading is None:
+            return None
+        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
+        rate = min(ARM_PER_S * (angle_rad - self.reading.angle_rad), lifts_rad_s) + YIELDS_RAD_S * over
+        return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -ARM_RAD_S), ARM_RAD_S))
+
+    @property
+    def _load(self) -> float:
+        """What the arm carries, as a share of its motor's torque."""
+        return 0.0 if self.reading is None else max(-self.reading.torque_n_m / self._most_n_m, 0.0)
+
+    def is_late(self, t_s: float, off_rad: float, gently_s: float = 0.0) -> bool:
+        """Return whether the arm, off by so much, has had the time that its way needs; once told it has as long again.
+
+        To be asked at each tick, also where nothing is off.
+        """
+        there_s = t_s + off_rad / ARM_RAD_S + gently_s + LATE_S
+        self._there_by_s = min(self._there_by_s, there_s) if off_rad > 0.0 else math.inf
+        if t_s < self._there_by_s:
+            return False
+        self._there_by_s = there_s
+        return True
+
+    def forget(self) -> None:
+        """Know of no way that the arm has to go."""
+        self._there_by_s = math.inf
