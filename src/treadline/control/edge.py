@@ -26,8 +26,9 @@ SUNK_RAD = 4.0 * DEG
 """Below the pitch it was lifted to: the arm has given way."""
 PROPPED_RAD = 3.0 * DEG
 """Above that pitch: the arm stands where it is to fold, and props the chair up as it backs."""
-CLEAR_M = 0.15
-"""Of the front pulley before the nosing: no nearer while the arm hangs below the belts' line."""
+BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
+"""Of the motor's torque, beyond which the arm gives way to a chair whose belts lie, and how fast at all of it. With less, a chair whose
+centre of mass passes a high nosing falls to its rear; with more, the tip drags one that has little friction down the flight."""
 STOWED_RAD = 5.0 * DEG
 """To where the arm is to be."""
 
@@ -61,6 +62,11 @@ class EdgeConfig(Loading):
     """A lead never runs further ahead of the pitch."""
     steeper_rad: float = 1.5 * DEG
     """Than the slope the front is lifted: a chair lifted too little falls the rest, and that is 3 m/s² from 2.5° on."""
+    near_rad: float = 3.0 * DEG
+    """Below the slope, from where on the belts may meet the next nosing."""
+    touched_m: float = 0.12
+    """Of the centre of mass further from the nosing than it was, as the tip's load tells: the chair turns about the next one."""
+    touched_s: float = 0.1
     patience_s: float = 8.0
     """For one more degree, and for the arm to be stowed: a motor that is too weak, or dead, gets no further."""
     spare_rad: float = 3.0 * DEG
@@ -68,8 +74,9 @@ class EdgeConfig(Loading):
     settle_m_s: float = 0.05
     seek_rad_s: float = 4.0 * DEG
     """At which a tip that does not carry is lowered onto the landing."""
-    let_go_m: float = 0.15
-    """Of the centre of mass past the nosing: 10 cm of error leave 5."""
+    leave_m: float = 0.06
+    """Of the front pulley before the nosing, where the arm is stowed: until then the tip steadies the chair on uneven nosings, and soon
+    the front section lies on the first of them."""
     stow_rad_s: float = 25.0 * DEG
 
 
@@ -92,6 +99,7 @@ class Edge(Sequencer[Stage]):
         self._config = config
         arm = arm_of(config.chair)
         self._max_rate_rad_s = arm.max_rate_deg_s * DEG
+        self._most_n_m = arm.torque_n_m
         self._lowest_rad = arm.range_deg[0] * DEG
         self._slope_rad = slope_rad
         self._press_from_m = config.early_m - plumb(config, slope_rad)
@@ -99,6 +107,8 @@ class Edge(Sequencer[Stage]):
         self._lead_rad = self._lead_rad_s = 0.0
         self._highest_rad = self._waited_s = 0.0
         self._turns_back = False
+        self._lifted_rad = slope_rad + config.steeper_rad
+        self._least_m, self._touched_s = math.inf, 0.0
 
     def nosing_seen(self, behind_m: float) -> None:
         """Take a better place of the nosing, as long as no contact tells it."""
@@ -114,18 +124,15 @@ class Edge(Sequencer[Stage]):
     def _behind_m(self) -> float:
         return -self._ahead_m
 
-    @property
-    def _lifted_rad(self) -> float:
-        return self._slope_rad + self._config.steeper_rad
-
     def _begin(self, stage: Stage, pitch: float) -> None:
         """Begin to turn the chair, from where it is."""
         self._stage = stage
         self._lead_rad, self._lead_rad_s = pitch, 0.0
         self._highest_rad, self._waited_s = pitch, 0.0
+        self._lifted_rad = self._slope_rad + self._config.steeper_rad
+        self._least_m, self._touched_s = math.inf, 0.0
 
     def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
-        del dt_s
         config = self._config
         match self._stage:
             case "approach" if self._behind_m < self._press_from_m:
@@ -133,7 +140,7 @@ class Edge(Sequencer[Stage]):
                 self._level_rad = pitch
             case "press" if self._tip.carries or pitch > self._level_rad + LIFTED_RAD:
                 self._begin("lift", pitch)
-            case "lift" if pitch > self._lifted_rad - CLOSE_RAD and not self._turns_back:
+            case "lift" if not self._turns_back and (self._touches(pitch, dt_s) or pitch > self._lifted_rad - CLOSE_RAD):
                 self._stage = "settle"
             case "press" | "lift" | "settle" if self._gives_up():
                 self._begin("lower", pitch)
@@ -143,7 +150,7 @@ class Edge(Sequencer[Stage]):
                 self._begin("lift", pitch)
             case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * config.patience_s:
                 self._stage = "barred"
-            case "settle" if self._com_beyond(self._slope_rad) < -config.let_go_m:
+            case "settle" if self._past_m < config.leave_m:
                 self._begin("leave", pitch)
             case "leave" if self._past_m < 0.0 and self._is_up(arm, OVER_BELTS_RAD - STOWED_RAD):
                 self._stage = "done"
@@ -168,23 +175,45 @@ class Edge(Sequencer[Stage]):
             case "lift":
                 return self._balance(pitch), self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
             case "settle":
-                return -config.settle_m_s, self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+                return -config.settle_m_s, self._settle(pitch, arm, speed, dt_s)
             case "lower":
                 return max(self._balance(pitch), 0.0), self._lower(pitch, arm, speed, dt_s)
             case "barred":
                 return 0.0, self._stow(self._rest_rad, arm)
             case _:
                 self._watch(pitch, dt_s)
-                waits = self._past_m < CLEAR_M and not self._is_up(arm, 0.0)
-                return (0.0 if waits else -config.edge_m_s), self._stow(OVER_BELTS_RAD, arm)
+                return (-config.edge_m_s if self._is_up(arm, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, arm)
+
+    def _left_over(self, pitch: float) -> float:
+        """Return how far before the nosing the whole lift leaves the centre of mass, by what the tip carries now."""
+        config = self._config
+        reach = self._geometry.reach(pitch, self._past_m)
+        before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
+        return before + plumb(config, self._slope_rad) - plumb(config, pitch)
+
+    def _settle(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
+        """Return the arm rate that keeps the front on its tip as the chair backs onto the nosings, and gives way to what they lift."""
+        share = max(-arm.torque_n_m / self._most_n_m, 0.0)
+        rate = self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+        return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
+
+    def _touches(self, pitch: float, dt_s: float) -> bool:
+        """Say whether the belts have met the next nosing: lifted on, the chair would turn about that one and lean on its tip."""
+        config = self._config
+        if pitch < self._slope_rad - config.near_rad:
+            return False
+        left_over = self._left_over(pitch)
+        self._least_m = min(self._least_m, left_over)
+        self._touched_s = self._touched_s + dt_s if left_over > self._least_m + config.touched_m else 0.0
+        if self._touched_s < config.touched_s:
+            return False
+        self._lifted_rad = max(pitch, self._slope_rad)
+        return True
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass where the whole lift leaves it before the nosing."""
         config = self._config
-        reach = self._geometry.reach(pitch, self._past_m)
-        before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
-        left_over = before + plumb(config, self._slope_rad) - plumb(config, pitch)
-        speed = config.keep_per_s * (config.keep_m - left_over)
+        speed = config.keep_per_s * (config.keep_m - self._left_over(pitch))
         highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
         return min(max(speed, -config.lift_m_s), highest)
 
