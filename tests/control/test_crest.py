@@ -7,7 +7,7 @@ import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
 from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of, plumb
-from treadline.control.crest import CARRIED_M, LAGS_RAD, TRIES, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
+from treadline.control.crest import CARRIED_M, LAGS_RAD, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.stability import centre_of_mass
@@ -30,8 +30,8 @@ def imu(t_s: float, pitch_deg: float) -> ImuSample:
 class Chassis:
     """A chair that does what it is told, on a stair that is not there."""
 
-    def __init__(self, ahead_m: float, *, pitch_deg: float = 28.0) -> None:
-        self.crest = Crest(CrestConfig(chair=CHAIR, payload_kg=50.0), ahead_m)
+    def __init__(self, ahead_m: float, *, pitch_deg: float = 28.0, payload_kg: float = 50.0) -> None:
+        self.crest = Crest(CrestConfig(chair=CHAIR, payload_kg=payload_kg), ahead_m)
         self.ahead_m, self.pitch_deg = ahead_m, pitch_deg
         self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
 
@@ -128,25 +128,28 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     assert chair.ahead_m == waiting
 
 
-def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on() -> None:
+@pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])
+@pytest.mark.parametrize("payload_kg", [0.0, 12.0, 50.0, 110.0])
+def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on(payload_kg: float, slope_deg: float) -> None:
     """Test: belts have slipped, and the arm, hardly lowered, lifts the chair by a degree. Expected result: it is raised, the chair
-    goes on by 13 cm, and it reaches again; what the map says of the nosing counts no more; after three such tries it is barred,
-    the centre of mass still behind where the nosing was believed."""
-    chair = Chassis(0.6)
-    for _ in range(TRIES):
-        chair.pitch_deg = 28.0
+    goes on by 13 cm, and it reaches again; what the map says of the nosing counts no more; it is barred, after two such tries at
+    least, while the centre of mass is still behind where the nosing was believed."""
+    chair = Chassis(0.6, pitch_deg=slope_deg, payload_kg=payload_kg)
+    tries, stage, before_m = 0, "slow", math.inf
+    while stage == "slow":
+        chair.pitch_deg = slope_deg
         chair.until("reach")
+        if tries > 0:
+            assert before_m - chair.ahead_m == pytest.approx(0.13, abs=0.01)
         before_m = chair.ahead_m
-        chair.pitch_deg = 29.2
-        assert chair.run(0.02, tip_n=40.0).stage == "slow"
+        chair.pitch_deg += 1.2
+        command = chair.run(0.02, tip_n=40.0)
+        stage, tries = command.stage, tries + 1
         chair.crest.nosing_seen(0.2)
-        chair.pitch_deg = 28.0
-        chair.until("reach")
-        assert before_m - chair.ahead_m == pytest.approx(0.13, abs=0.01)
-    chair.pitch_deg = 29.2
-    command = chair.run(0.02, tip_n=40.0)
-    assert (command.stage, command.speed_m_s) == ("barred", 0.0)
-    assert plumb(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG) < chair.ahead_m
+    assert (stage, command.speed_m_s) == ("barred", 0.0)
+    assert f"stood on the last nosing, try {tries}" in command.cause
+    assert tries >= 3
+    assert plumb(CrestConfig(chair=CHAIR, payload_kg=payload_kg), slope_deg * DEG) < chair.ahead_m
 
 
 def test_a_light_chair_that_its_arm_lifts_is_carried_and_lifted_no_further() -> None:
@@ -161,12 +164,17 @@ def test_a_light_chair_that_its_arm_lifts_is_carried_and_lifted_no_further() -> 
     assert chair.run(0.3, tip_n=60.0).arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
 
 
-def test_an_arm_that_props_the_chair_up_is_barred() -> None:
+@pytest.mark.parametrize("stage", ["reach", "carry"])
+def test_an_arm_that_props_the_chair_up_is_barred(stage: str) -> None:
     chair = Chassis(0.6)
     chair.until("reach")
+    if stage == "carry":
+        chair.run(2.6)
+        chair.until("carry", tip_n=90.0)
     chair.pitch_deg = 32.5
     command = chair.run(0.1, tip_n=40.0)
     assert (command.stage, command.speed_m_s) == ("barred", 0.0)
+    assert "lifted the chair by 4.5°" in command.cause
 
 
 def test_belts_that_run_on_under_a_chair_that_stays_are_stopped() -> None:

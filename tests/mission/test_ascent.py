@@ -15,8 +15,8 @@ from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
-from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.front_section import ARM_RAD_S, IN_LINE_RAD, LAID_RAD, LATE_S, RIDES_RAD_S
+from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
+from treadline.mission.front_section import ARM_RAD_S, IN_LINE_RAD, LAID_RAD, LATE_S, MEETS_SHARE, RIDES_RAD_S, turning_share
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
@@ -47,6 +47,7 @@ class World:
     slip: float = 0.0
     """Of the belts on the floor."""
     arm_moves: bool = True
+    brake_on: bool = False
     knows: bool = True
     """Whether the filter has a heading."""
     spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
@@ -108,7 +109,7 @@ class World:
     def _senses(self, change: float) -> list[Any]:
         R = rotation_y(-self.pitch_rad)
         senses: list[Any] = [
-            TrackReading(t_s=self.t_s, left_m_s=self.belts, right_m_s=self.belts, brake_on=False),
+            TrackReading(t_s=self.t_s, left_m_s=self.belts, right_m_s=self.belts, brake_on=self.brake_on),
             ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=0.0),
             ImuSample(
                 t_s=self.t_s,
@@ -256,6 +257,30 @@ def test_with_a_front_section_that_does_not_come_down_a_chair_on_a_flight_drives
     assert world.t_s == pytest.approx((40.0 * DEG - LAID_RAD) / ARM_RAD_S + LATE_S, abs=0.15)
 
 
+@pytest.mark.parametrize("heading_deg", [0.0, 0.9, 1.4])
+def test_nearly_square_a_sound_front_section_is_waited_for_until_it_is_there(heading_deg: float) -> None:
+    """Test: woken up on a flight. Expected result: it climbs once its section is a degree above where it is to be; none is late."""
+    world = World(x_m=3.0, heading_rad=heading_deg * DEG)
+    world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
+    plan = world.run("climb")
+    lifted = turning_share(heading_deg * DEG, 0.0) * OVER_BELTS_RAD
+    assert 0.0 < world.arm_rad < lifted + LAID_RAD
+    assert f"front section {world.arm_rad / DEG:+.0f}°" in plan.cause
+    assert world.t_s < (40.0 * DEG - LAID_RAD) / ARM_RAD_S + LATE_S - 0.1
+
+
+def test_a_chair_that_is_held_on_a_flight_waits_for_its_front_section_once_it_is_let_go() -> None:
+    """Test: woken up with the brake on, for ten seconds, in which the arm stands as well. Expected result: nothing is late; let go,
+    the arm is laid first."""
+    world = World(x_m=3.0, arm_moves=False, brake_on=True)
+    world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
+    world.run(limit_s=10.0)
+    assert {plan.phase for plan in world.plans} == {"search"}
+    world.brake_on, world.arm_moves = False, True
+    world.run("climb")
+    assert world.arm_rad < LAID_RAD
+
+
 def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
     world = World(x_m=3.0, heading_rad=5.0 * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
@@ -269,7 +294,7 @@ def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
         (4.0, 0.0, 0.0, True),
         (0.9, 0.0, 0.0, False),
         (-4.0, 0.0, 0.0, False),
-        (4.0, 0.1, 0.0, False),
+        (4.0, 1.2 * MEETS_SHARE, 0.0, False),
         (4.0, 0.0, 0.02, False),
     ],
     ids=["falls", "trembles", "rises", "has met the nosing", "has slipped"],
@@ -295,6 +320,29 @@ def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, loa
     assert arm is not None
     expected = -CHAIR.arm.max_rate_deg_s * DEG if goes_down else load * RIDES_RAD_S
     assert arm.rate_rad_s == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> None:
+    """Test: belts slip while the chair is square, and grip again; then the next flight. Expected result: there it goes after a fall
+    again, and not before."""
+    world = World(steps=14)
+    world.run("climb")
+    planner = world.planner
+    for slip_m_s, catches in ((0.0, True), (2.0 * LOSES_GRIP_M_S, False), (0.0, False)):
+        planner._where._slip_m_s = slip_m_s
+        assert planner._catches(world.t_s) == catches
+    planner._begin_next(world.t_s)
+    assert planner._catches(world.t_s)
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 1.6])
+def test_a_section_that_is_lifted_for_the_chair_to_turn_catches_nothing(heading_deg: float) -> None:
+    front = World(steps=14, heading_rad=heading_deg * DEG)
+    front.run("climb")
+    asked: list[bool] = []
+    front.planner._front.ride = lambda *_, catches: asked.append(catches)  # type: ignore[method-assign]
+    front.planner._lie(front.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
+    assert asked == [heading_deg == 0.0]
 
 
 # --- approach, mount, traction

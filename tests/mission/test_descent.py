@@ -16,7 +16,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
-from treadline.mission.front_section import ARM_RAD_S, CLEAR_M
+from treadline.mission.front_section import ARM_RAD_S, CLEAR_M, LAID_RAD, LATE_S
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
@@ -172,6 +172,18 @@ def edge(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
     Script.made, Script.stages = [], ("press", "lift", "settle", "leave", "done")
     monkeypatch.setattr(descent, "Edge", Script)
     return Script
+
+
+def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_front_section_laid() -> None:
+    """Test: on the flight, the arm at its rest; sound, and stuck. Expected result: it stands until the arm is laid, or late."""
+    world = World(x_m=EDGE_M - 1.2)
+    plan = world.run("descend")
+    assert world.arm_rad < LAID_RAD
+    assert f"front section {world.arm_rad / DEG:+.0f}°" in plan.cause
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    stuck = World(x_m=EDGE_M - 1.2, arm_moves=False)
+    stuck.run("descend")
+    assert stuck.t_s == pytest.approx((stuck.arm_rad - LAID_RAD) / ARM_RAD_S + LATE_S, abs=0.15)
 
 
 def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading
+from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading, plumb
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.signals import ArmReading
 
@@ -25,10 +25,9 @@ NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
 PROPPED_RAD = 4.0 * DEG
 """Above the pitch at which it began to reach: the arm stands on something else than the landing, and lifts the chair."""
-EARLY_RAD, EARLY_M, TRIES = 12.0 * DEG, 0.05, 3
+EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
 """Above where the landing is expected: a tip that stands there stands on the nosing, which is then so far ahead of the front
-pulley, for belts that slip outrun the chair. It is lifted, and has so many more tries: the 0.39 m that the chair goes for them
-leave its centre of mass behind the nosing, had its place been right."""
+pulley, for belts that slip outrun the chair."""
 CARRIED_M = 1.2
 """Run by the belts while the tip was to carry, from which on they slip: 0.8 m are enough with all errors at once."""
 NOT_FOLLOWED_RAD = 0.4 * DEG
@@ -118,8 +117,8 @@ class Crest(Sequencer[Stage]):
         self._waited_s = self._waited_s + dt_s if waits else 0.0
         beyond = self._com_beyond(pitch)
         match self._stage:
-            case "reach" | "carry" if self._gets_no_further(pitch):
-                self._stage = "barred"
+            case "reach" | "carry" if cause := self._gets_no_further(pitch):
+                self._stage, self._cause = "barred", cause
             case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.arm_m:
                 self._stage = "slow"
             case "slow" if self._past_m > config.reach_from_m:
@@ -143,8 +142,16 @@ class Crest(Sequencer[Stage]):
             case _:
                 pass
 
-    def _gets_no_further(self, pitch: float) -> bool:
-        return self._waited_s > self._config.patience_s or pitch > self._reached_rad + PROPPED_RAD or self._carried_m > CARRIED_M
+    def _gets_no_further(self, pitch: float) -> str:
+        """Return why the chair would not get over, as far as is felt; nothing where it may."""
+        config = self._config
+        if self._waited_s > config.patience_s:
+            return f"nothing carried the front section in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
+        if (lifted := pitch - self._reached_rad) > PROPPED_RAD:
+            return f"the front section lifted the chair by {lifted / DEG:.1f}°, and stands on something else than the landing"
+        if self._carried_m > CARRIED_M:
+            return f"the belts ran {self._carried_m:.1f} m under a chair that stays: they slip on the last nosing"
+        return ""
 
     def _meet(self, pitch: float, arm: ArmReading) -> None:
         """Tell by where the tip stands on what it stands."""
@@ -152,9 +159,16 @@ class Crest(Sequencer[Stage]):
             self._stage = "carry"
             self._ahead_m = self._by_the_arm(pitch, arm)
             return
-        self._stage = "slow" if self._tries < TRIES else "barred"
+        self._stage = "slow" if self._may_go_on else "barred"
         self._tries += 1
         self._ahead_m = self._geometry.pivot_m + EARLY_M
+        self._cause = f"the front section stood on the last nosing, try {self._tries}: the belts slip, or it was believed too near"
+
+    @property
+    def _may_go_on(self) -> bool:
+        """Say whether one more try leaves the centre of mass behind the nosing, had its place been right from the first."""
+        goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
+        return plumb(self._loading, self._reached_rad) < self._geometry.pivot_m - goes_m
 
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config

@@ -27,8 +27,8 @@ SUNK_RAD = 4.0 * DEG
 PROPPED_RAD = 3.0 * DEG
 """Above that pitch: the arm stands where it is to fold, and props the chair up as it backs."""
 BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
-"""Of the motor's torque, beyond which the arm gives way to a chair whose belts lie, and how fast at all of it. With less, a chair whose
-centre of mass passes a high nosing falls to its rear; with more, the tip drags one that has little friction down the flight."""
+"""Of the motor's torque, beyond which the arm gives way to a chair whose belts lie, and how fast at all of it. With less, a chair
+whose centre of mass passes a high nosing falls to its rear; with more, the tip drags one on little friction down the flight."""
 STOWED_RAD = 5.0 * DEG
 """To where the arm is to be."""
 
@@ -75,8 +75,8 @@ class EdgeConfig(Loading):
     seek_rad_s: float = 4.0 * DEG
     """At which a tip that does not carry is lowered onto the landing."""
     leave_m: float = 0.06
-    """Of the front pulley before the nosing, where the arm is stowed: until then the tip steadies the chair on uneven nosings, and soon
-    the front section lies on the first of them."""
+    """Of the front pulley before the nosing, where the arm is stowed: until then the tip steadies the chair on uneven nosings, and
+    soon the front section lies on the first of them."""
     stow_rad_s: float = 25.0 * DEG
 
 
@@ -192,7 +192,7 @@ class Edge(Sequencer[Stage]):
         return before + plumb(config, self._slope_rad) - plumb(config, pitch)
 
     def _settle(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
-        """Return the arm rate that keeps the front on its tip as the chair backs onto the nosings, and gives way to what they lift."""
+        """Return the arm rate that keeps the front on its tip as the chair backs onto the nosings, and gives way to its load."""
         share = max(-arm.torque_n_m / self._most_n_m, 0.0)
         rate = self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)

@@ -30,6 +30,8 @@ class PitchCommand(Generic[StageT]):
     arm: ArmCommand
     tip_n: float
     """Load on the arm's tip, as the torque tells it."""
+    cause: str = ""
+    """Why a stage begins again, or the chair is barred; empty otherwise."""
 
 
 class Sequencer(ABC, Generic[StageT]):
@@ -49,6 +51,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._rate = ArmRate(arm_of(loading.chair))
         self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
         self._stage = stage
+        self._cause = ""
         self._ahead_m = nosing_ahead_m
         self._t_s: float | None = None
 
@@ -68,6 +71,7 @@ class Sequencer(ABC, Generic[StageT]):
             speed_m_s=belts,
             arm=ArmCommand(t_s=imu.t_s, rate_rad_s=self._rate.step(rate, dt_s)),
             tip_n=self._tip.load_n,
+            cause=self._cause,
         )
 
     @abstractmethod

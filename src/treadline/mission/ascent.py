@@ -86,15 +86,18 @@ class Ascent(Traversal):
     def __init__(self, config: AscentConfig) -> None:
         super().__init__(config.chair, config.flights)
         self._config = config
-        self._crest: Crest | None = None
-        self._is_climbing = True
-        """Whether the crest's sequencer has not yet lowered its arm."""
         self._end = ""
         self._traction: TractionTest | None = None
         self._pulses = 0
         self._refusal = ""
+
+    def _face_flight(self) -> None:
+        super()._face_flight()
+        self._crest: Crest | None = None
+        self._is_climbing = True
+        """Whether the crest's sequencer has never yet lowered its arm."""
         self._slipped = False
-        """Whether the belts have, on this flight."""
+        """Whether the belts have, on this flight, under a chair that did not turn."""
 
     def feel(self, signal: Felt) -> None:
         """Take one signal."""
@@ -128,7 +131,7 @@ class Ascent(Traversal):
             if estimate is not None and where.map_count:
                 if not self._is_laid(t_s, estimate):
                     return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
-                self._begin(t_s, "climb", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+                self._begin(t_s, "climb", self._on_a_flight)
                 return self._climb(t_s, estimate)
             return self._stand(t_s)
         if estimate is not None and where.known:
@@ -265,11 +268,13 @@ class Ascent(Traversal):
         return not self._slipped
 
     def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
-        self._is_climbing = command.stage in ("climb", "slow")
+        self._is_climbing = self._is_climbing and command.stage in ("climb", "slow")
         match command.stage:
             case "climb":
                 return self._on_the_flight(t_s, estimate, needs_stair=False)
             case "slow":
+                if self._phase == "crest":
+                    self._begin(t_s, "climb", command.cause)
                 turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s), blind=True)
                 return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=self._lie(t_s, estimate), needs_stair=False)
             case "land" | "done":
@@ -283,12 +288,11 @@ class Ascent(Traversal):
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:
-                self._crest, self._is_climbing, self._slipped = None, True, False
                 return self._begin_next(t_s)
             return self._begin(
                 t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
             )
-        barred = "the front section does not carry: the chair stands before the crest" if command.stage == "barred" else None
+        barred = f"{command.cause}: the chair stands before the crest" if command.stage == "barred" else None
         turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
         return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 

@@ -71,6 +71,9 @@ class Descent(Traversal):
     def __init__(self, config: DescentConfig) -> None:
         super().__init__(config.chair, config.flights)
         self._config = config
+
+    def _face_flight(self) -> None:
+        super()._face_flight()
         self._edge: Edge | None = None
         self._turned_back_for = ""
         """Why the chair is let down on the landing again."""
@@ -107,7 +110,7 @@ class Descent(Traversal):
             if estimate is not None and not self._is_laid(t_s, estimate):
                 return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
             if estimate is not None:
-                return self._begin(t_s, "descend", f"on a flight, pitched by {where.pitch_rad / DEG:.1f}°, the stair in view")
+                return self._begin(t_s, "descend", self._on_a_flight)
             return self._stand(t_s)
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
@@ -218,8 +221,6 @@ class Descent(Traversal):
             self._phase, self._cause = "leave", f"last nosing {beside(before)} the rear pulley, the floor beyond it seen"
         if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
             if self._goes_on:
-                self._edge, self._turned_back_for = None, ""
-                self._barred_s = math.inf
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         last_step_m = before + 2.0 * self._pivot_m - self._step_m  # of the front pulley

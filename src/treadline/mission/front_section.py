@@ -25,8 +25,8 @@ line with the belts."""
 RIDES_RAD_S = 20.0 * DEG
 """At which an arm that rides on the nosings gives way to a load of all its motor's torque: with 200 N·m a spring of 1150 N·m/rad
 and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
-LAID_RAD = 0.5 * DEG
-"""Above the belts, from which on it is as good as on the nosings."""
+LAID_RAD = 1.0 * DEG
+"""Above the belts, or above where it is lifted to: as good as there, and the last degree would take half a second more."""
 FALLS_RAD_S, CATCHES = 1.0 * DEG, 15.0
 """Of pitch going down, from which on the section goes down to meet the nosing under it, and how much faster than what is beyond:
 belts are no spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
@@ -54,10 +54,10 @@ def turning_share(off_rad: float, apart_m_s: float) -> float:
 
 
 class FrontSection:
-    """What is felt of the front section, and what is asked of it.
+    """What is felt of the front section, and what is asked of it. Its angles are above the belts' line.
 
     Args:
-        rides_rad: Where an arm that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring.
+        rides_rad: ``Traversal.RIDES_RAD``.
     """
 
     def __init__(self, chair: ChairDescription, rides_rad: float) -> None:
@@ -103,21 +103,30 @@ class FrontSection:
             return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
         if self.reading is None:
             return None
-        off = self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad) - self.reading.angle_rad
+        off = self._rides_at(share) - self.reading.angle_rad
         rate = max(ARM_PER_S * off + RIDES_RAD_S * self._load, -ARM_RAD_S)
         if catches and self._load <= MEETS_SHARE:
             rate -= CATCHES * max(self._falls_rad_s - FALLS_RAD_S, 0.0)
         # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
 
-    def is_laid(self, t_s: float, step_m: float, off_rad: float) -> bool:
-        """Return whether a chair that wakes up on a flight may drive: the arm lies where it rides, or is not to, or is late.
+    def _rides_at(self, share: float) -> float:
+        return self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad)
 
-        With the arm at its rest a chair falls from the first high nosing with up to 4.2 m/s² at its passenger.
+    def is_laid(self, t_s: float, step_m: float, share: float) -> bool:
+        """Return whether a chair that wakes up on a flight may drive: the arm lies where it rides, or is late.
+
+        With the arm at its rest a chair falls from the first high nosing with up to 4.2 m/s² at its passenger. Where it is to be
+        lifted all the way, or is too short to ride, it would catch none: there nothing is waited for.
+
+        Args:
+            t_s: Now.
+            step_m: From nosing to nosing.
+            share: How much of the way up it goes (``turning_share``).
         """
         above_rad = 0.0
-        if self.reading is not None and self.spans(step_m) and off_rad < ASKEW_RAD:
-            above_rad = max(self.reading.angle_rad - LAID_RAD, 0.0)
+        if self.reading is not None and self.spans(step_m) and share < 1.0:
+            above_rad = max(self.reading.angle_rad - max(self._rides_at(share), 0.0) - LAID_RAD, 0.0)
         return self.is_late(t_s, above_rad) or above_rad <= 0.0
 
     def to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = ARM_RAD_S) -> ArmCommand | None:

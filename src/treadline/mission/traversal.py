@@ -167,8 +167,17 @@ class Traversal:
         return False
 
     def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
-        """Return whether a chair that wakes up on a flight may drive."""
-        return self._front.is_laid(t_s, self._step_m, abs(estimate.heading_rad))
+        """Return whether a chair that wakes up on a flight may drive; as long as it is held, its arm is not expected to move."""
+        if self._tracks is not None and self._tracks.brake_on:
+            self._front.forget()
+            return False
+        return self._front.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
+
+    @property
+    def _on_a_flight(self) -> str:
+        """What a chair that wakes up on a flight sees and feels."""
+        arm = "" if self._arm is None else f", front section {self._arm.angle_rad / DEG:+.0f}° off the belts"
+        return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{arm}, the stair in view"
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0, *, blind: bool = False
