@@ -277,6 +277,8 @@ class Plan:
     slowest_share: float | None = None
     """Of the speed, kept by the slower belt of a chair that climbs and turns: less turns faster and slides further. None leaves it
     to the heading controller."""
+    easing_m_s: float = 0.0
+    """Added to both belts at each tick, whoever steers: they go with a chair that falls over a nosing."""
     arm: ArmCommand | None = None
     needs_stair: bool = True
     """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""

@@ -16,6 +16,7 @@ from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
+from treadline.mission.falling import MOST_M_S, Falling
 from treadline.mission.front_section import ARM_RAD_S, IN_LINE_RAD, LAID_RAD, LATE_S, MEETS_SHARE, RIDES_RAD_S, turning_share
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
@@ -328,21 +329,40 @@ def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> No
     world = World(steps=14)
     world.run("climb")
     planner = world.planner
-    for slip_m_s, catches in ((0.0, True), (2.0 * LOSES_GRIP_M_S, False), (0.0, False)):
+    for slip_m_s, has_grip in ((0.0, True), (2.0 * LOSES_GRIP_M_S, False), (0.0, False)):
         planner._where._slip_m_s = slip_m_s
-        assert planner._catches(world.t_s) == catches
+        assert planner._has_grip(world.t_s) == has_grip
     planner._begin_next(world.t_s)
-    assert planner._catches(world.t_s)
+    assert planner._has_grip(world.t_s)
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 1.6])
-def test_a_section_that_is_lifted_for_the_chair_to_turn_catches_nothing(heading_deg: float) -> None:
-    front = World(steps=14, heading_rad=heading_deg * DEG)
-    front.run("climb")
-    asked: list[bool] = []
-    front.planner._front.ride = lambda *_, catches: asked.append(catches)  # type: ignore[method-assign]
-    front.planner._lie(front.t_s, replace(SQUARE, heading_rad=heading_deg * DEG))
-    assert asked == [heading_deg == 0.0]
+def test_neither_section_nor_belts_go_after_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
+    world = World(steps=14, heading_rad=heading_deg * DEG)
+    world.run("climb")
+    planner, estimate = world.planner, replace(SQUARE, heading_rad=heading_deg * DEG)
+    planner._falling.rate_rad_s = 4.0 * DEG
+    asked: list[float] = []
+    planner._front.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
+    planner._lie(world.t_s, estimate)
+    assert asked == [4.0 * DEG if heading_deg == 0.0 else 0.0]
+    assert planner._ease(world.t_s, estimate) == (MOST_M_S if heading_deg == 0.0 else 0.0)
+
+
+@pytest.mark.parametrize(("falls_deg_s", "easing_m_s"), [(4.0, MOST_M_S), (-4.0, -MOST_M_S), (0.5, 0.0)])
+def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, easing_m_s: float) -> None:
+    """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add; not where
+    they have slipped."""
+    world = World(steps=14)
+    world.run("climb")
+    planner = world.planner
+    planner._falling.rate_rad_s = falls_deg_s * DEG
+    plan = planner.step(world.t_s, SQUARE)
+    assert (plan.speed_m_s, plan.turn_m_s, plan.easing_m_s) == (CONFIG.cruise_m_s, None, easing_m_s)
+    planner._falling = Falling()
+    planner._falling.rate_rad_s = falls_deg_s * DEG
+    planner._where._slip_m_s = 2.0 * LOSES_GRIP_M_S
+    assert planner.step(world.t_s, SQUARE).easing_m_s == 0.0
 
 
 # --- approach, mount, traction

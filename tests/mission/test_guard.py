@@ -749,9 +749,10 @@ def test_a_plan_may_ask_for_a_hold_and_must_be_a_number() -> None:
     drive.guard.notice(Plan(t_s=0.1, phase="crest", speed_m_s=0.1, hold="the tip finds no landing"))
     assert drive.step().brake
     assert drive.guard.holding == "the tip finds no landing"
-    for bad in (Plan(t_s=0.1, phase="climb", speed_m_s=math.nan), Plan(t_s=math.nan, phase="climb", speed_m_s=0.1)):
+    good = Plan(t_s=0.1, phase="climb", speed_m_s=0.1)
+    for field in ("t_s", "speed_m_s", "turn_m_s", "heading_rad", "slowest_share", "easing_m_s"):
         drive = Drive().run(0.1)
-        drive.guard.notice(bad)
+        drive.guard.notice(replace(good, **{field: math.nan}))
         assert drive.step().brake
         assert drive.guard.holding == "plan is not finite"
 

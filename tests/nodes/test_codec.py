@@ -106,6 +106,7 @@ SIGNALS = [
             speed_m_s=-0.1,
             turn_m_s=0.05,
             heading_rad=0.1,
+            easing_m_s=-0.1 + 0.003,
             arm=ArmCommand(t_s=T_S, rate_rad_s=0.1 + 0.2),
             needs_stair=False,
             cause="Kuppe",

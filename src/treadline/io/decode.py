@@ -353,6 +353,7 @@ def _plan(r: CdrReader) -> Plan:
         turn_m_s=float(values["turn_m_s"]) if "turn_m_s" in values else None,
         heading_rad=float(values["heading_rad"]),
         slowest_share=float(values["slowest_share"]) if "slowest_share" in values else None,
+        easing_m_s=float(values.get("easing_m_s", 0.0)),
         arm=arm,
         needs_stair=values["needs_stair"] == "True",
         cause=told.message,

@@ -241,7 +241,7 @@ def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]
 
 def _plan(plan: Plan, topic: str, writer: Writer) -> list[Message]:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
-    numbers |= {"slowest_share": plan.slowest_share}
+    numbers |= {"slowest_share": plan.slowest_share, "easing_m_s": plan.easing_m_s}
     numbers |= {} if plan.arm is None else {"arm_t_s": plan.arm.t_s, "arm_rad_s": plan.arm.rate_rad_s}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
     values |= {"needs_stair": str(plan.needs_stair)} | ({} if plan.hold is None else {"hold": plan.hold})

@@ -80,6 +80,7 @@ class Ascent(Traversal):
 
     DIRECTION = "up"
     ROLLING = frozenset({"mount", "climb", "approach"})
+    CATCHES = True
     RIDES_RAD = -0.75 * DEG
     """Lower, its tip meets the next nosing as a step: what lifts it there is what little grip a chair has to spare."""
 
@@ -254,6 +255,7 @@ class Ascent(Traversal):
             turn_m_s=self._steering(t_s, estimate, aim_rad, self._slip_m_s(t_s)),
             heading_rad=aim_rad,
             slowest_share=None if slid_m is None else slowest_share(slid_m),
+            easing_m_s=self._ease(t_s, estimate, aim_rad),
             arm=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
@@ -263,7 +265,7 @@ class Ascent(Traversal):
         slid_m = self._where.slid_m(t_s)
         return 0.0 if slid_m is None or slid_m < SLID_M else self._where.slip_m_s(t_s)
 
-    def _catches(self, t_s: float) -> bool:
+    def _has_grip(self, t_s: float) -> bool:
         self._slipped |= self._where.slip_m_s(t_s) > LOSES_GRIP_M_S
         return not self._slipped
 
@@ -275,8 +277,9 @@ class Ascent(Traversal):
             case "slow":
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
-                turn = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s), blind=True)
-                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=self._lie(t_s, estimate), needs_stair=False)
+                turn, easing = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s), blind=True), self._ease(t_s, estimate)
+                arm = self._lie(t_s, estimate)
+                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, easing_m_s=easing, arm=arm, needs_stair=False)
             case "land" | "done":
                 phase: Phase = "land"
             case _:

@@ -46,7 +46,9 @@ class DescentConfig:
     gap_m: float = 0.45
     """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
-    """Of the rear pulley before the last nosing."""
+    """Of the rear pulley before the last nosing …"""
+    slows_m: float = 0.1
+    """… and the way on which it slows down: belts that brake downhill tip the chair backwards."""
     lift_from_m: float = 0.28
     """Of the front pulley before the last nosing but one, where its section is lifted, no longer needed to carry: the rear is about
     to reach the floor …"""
@@ -65,6 +67,7 @@ class Descent(Traversal):
 
     DIRECTION = "down"
     ROLLING = frozenset({"descend"})
+    CATCHES = False
     RIDES_RAD = -2.5 * DEG
     """Nosings come to it from the belts and leave it at its tip: however low, it is lifted smoothly."""
 
@@ -229,11 +232,13 @@ class Descent(Traversal):
         if low_rad > 0.0:
             return self._raise(t_s, is_late=is_late)
         slow = before < config.slow_from_m
-        speed = -(config.slow_m_s if slow or self._phase == "leave" else config.cruise_m_s)
+        hasty = 0.0 if self._phase == "leave" else min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
+        speed = -(config.slow_m_s + hasty * (config.cruise_m_s - config.slow_m_s))
         arm = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
-        return self._plan(t_s, speed, turn_m_s=self._steering(t_s, estimate, blind=slow), arm=arm, needs_stair=not slow)
+        turn, easing = self._steering(t_s, estimate, blind=slow), self._ease(t_s, estimate)
+        return self._plan(t_s, speed, turn_m_s=turn, easing_m_s=easing, arm=arm, needs_stair=not slow)
 
     def _lift(self, t_s: float) -> ArmCommand | None:
         """Return what lifts the front section: gently as long as the chair may lean on it."""

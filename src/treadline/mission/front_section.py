@@ -1,6 +1,6 @@
 """The front section on floor and flight: brought to an angle, riding on the nosings, told late where its motor does not follow.
 
-``ImuSample, ArmReading -> ArmCommand``. Over crest and edge sequencers of their own drive it (``control/crest.py``,
+``ArmReading -> ArmCommand``. Over crest and edge sequencers of their own drive it (``control/crest.py``,
 ``control/edge.py``). How it came to be a spring, and why it goes after a chair that falls, is in docs/decisions/0019.
 """
 
@@ -9,7 +9,7 @@ import math
 from treadline.angles import DEG
 from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
-from treadline.signals import ArmCommand, ArmReading, ImuSample
+from treadline.signals import ArmCommand, ArmReading
 
 CLEAR_M = 0.05
 """Of the arm's tip above a step while the front section passes over nosings alone: it meets them at its own angle plus the
@@ -27,11 +27,9 @@ RIDES_RAD_S = 20.0 * DEG
 and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
 LAID_RAD = 1.0 * DEG
 """Above the belts, or above where it is lifted to: as good as there, and the last degree would take half a second more."""
-FALLS_RAD_S, CATCHES = 1.0 * DEG, 15.0
+FALLS_RAD_S, CATCHES = 1.0 * DEG, 4.0
 """Of pitch going down, from which on the section goes down to meet the nosing under it, and how much faster than what is beyond:
 belts are no spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
-FALLS_S = 0.015
-"""In which that is smoothed: a chair that slides trembles."""
 MEETS_SHARE = 0.05
 """Of the motor's torque, from which on the section has met it: from there it is a spring and a damper again."""
 YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
@@ -67,20 +65,12 @@ class FrontSection:
         self._arm_m = chair.tracks.approach_m
         self._most_n_m = math.inf if chair.arm is None else chair.arm.torque_n_m
         self._fastest_rad_s = ARM_RAD_S if chair.arm is None else chair.arm.max_rate_deg_s * DEG
-        self._felt_s = math.nan
-        self._falls_rad_s = 0.0
-        """Of the chair's pitch going down, smoothed."""
         self._there_by_s = math.inf
         """By when an arm that is off where it is asked must be there."""
 
-    def feel(self, signal: ImuSample | ArmReading) -> None:
-        """Take one signal."""
-        if isinstance(signal, ArmReading):
-            self.reading = signal
-            return
-        dt_s = 0.0 if math.isnan(self._felt_s) else max(signal.t_s - self._felt_s, 0.0)
-        self._felt_s = signal.t_s
-        self._falls_rad_s += (float(signal.angular_velocity_rad_s[1]) - self._falls_rad_s) * (1.0 - math.exp(-dt_s / FALLS_S))
+    def feel(self, reading: ArmReading) -> None:
+        """Take one reading."""
+        self.reading = reading
 
     def clears(self, rise_m: float) -> float:
         """Return the arm's angle at which its tip just clears a step."""
@@ -90,14 +80,14 @@ class FrontSection:
         """Return whether it reaches from nosing to nosing; ``step_m`` is 0 as long as no stair is known."""
         return 0.0 < SPANS * step_m < self._arm_m
 
-    def ride(self, t_s: float, step_m: float, share: float, *, catches: bool) -> ArmCommand | None:
+    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float = 0.0) -> ArmCommand | None:
         """Return what lays it along the flight, or above the nosings for the chair to turn; None without an arm.
 
         Args:
             t_s: Now.
             step_m: From nosing to nosing.
             share: How much of the way up it goes (``turning_share``).
-            catches: Whether it goes down under a chair that falls.
+            falls_rad_s: Of the chair's pitch going down, for it to go after; 0 where it is not to.
         """
         if not self.spans(step_m):
             return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
@@ -105,8 +95,8 @@ class FrontSection:
             return None
         off = self._rides_at(share) - self.reading.angle_rad
         rate = max(ARM_PER_S * off + RIDES_RAD_S * self._load, -ARM_RAD_S)
-        if catches and self._load <= MEETS_SHARE:
-            rate -= CATCHES * max(self._falls_rad_s - FALLS_RAD_S, 0.0)
+        if self._load <= MEETS_SHARE:
+            rate -= CATCHES * max(falls_rad_s - FALLS_RAD_S, 0.0)
         # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
         return ArmCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
 

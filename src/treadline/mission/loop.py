@@ -25,6 +25,7 @@ from treadline.estimation import HeadingHealth
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
+from treadline.mission.proposals import Proposals
 from treadline.mission.rates import Rate, seat_now
 from treadline.perception.quality import quality_of
 from treadline.perception.sight import SWEPT_HALF_M
@@ -154,6 +155,7 @@ class Mission:
         self._is_dead = is_dead
         self._tick = 0
         self._control = Rate(blocks.driver.period_s)
+        self._proposals = Proposals(blocks.driver)
         self._estimate: HeadingEstimate | None = None
         self._imu: ImuSample | None = None
         self._phase = ""
@@ -190,22 +192,16 @@ class Mission:
         return plan
 
     def _propose(self, plan: Plan) -> bool:
-        """Hand belt speeds to the guard: the plan's own at each tick, or the driver's when it is due."""
-        blocks = self._blocks
+        """Hand belt speeds to the guard, and say whether the driver spoke."""
         due = self._control.due(self._tick)
         if self._is_dead(plan.t_s):
             return False
-        if plan.turn_m_s is not None:
-            if due:
-                blocks.driver.step(None, plan.t_s, plan)  # it does not steer: what it remembers of the belts is void
-            left, right = plan.speed_m_s - plan.turn_m_s, plan.speed_m_s + plan.turn_m_s
-            blocks.guard.propose(TrackCommand(t_s=plan.t_s, left_m_s=left, right_m_s=right))
-            return False
-        if due:
-            # A held chair does not answer its belts: a driver that went on would learn from that.
-            known = self._estimate if blocks.guard.holding is None else None
-            blocks.guard.propose(blocks.driver.step(known, plan.t_s, plan))
-        return due
+        # A held chair does not answer its belts: a driver that went on would learn from that.
+        known = self._estimate if self._blocks.guard.holding is None else None
+        command = self._proposals.step(plan, known, due=due)
+        if command is not None:
+            self._blocks.guard.propose(command)
+        return due and plan.turn_m_s is None
 
     def _feel(self, reading: Reading) -> None:
         blocks = self._blocks

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.falling import Falling
 from treadline.mission.front_section import ASKEW_RAD, FrontSection, turning_share
 from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
@@ -47,12 +48,15 @@ class Traversal:
     """Of the flights that the camera sees; maps of others are not for this planner."""
     ROLLING: ClassVar[frozenset[Phase]]
     """Phases that begin without a stop."""
+    CATCHES: ClassVar[bool]
+    """Whether the section goes down under a chair that falls onto it."""
     RIDES_RAD: ClassVar[float]
     """Where an arm that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring."""
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
         self._front = FrontSection(chair, self.RIDES_RAD)
+        self._falling = Falling()
         self._gauge_m = tracks.gauge_m
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
@@ -86,7 +90,7 @@ class Traversal:
                 dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
                 self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
                 self._imu = signal
-                self._front.feel(signal)
+                self._falling.feel(signal)
                 self._where.feel(signal)
             case TrackReading():
                 dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
@@ -156,15 +160,22 @@ class Traversal:
 
     def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> ArmCommand | None:
         """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
-        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
-        apart_m_s = 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s)
-        share = turning_share(off_rad, apart_m_s)
-        return self._front.ride(t_s, self._step_m, share, catches=share < 1.0 and self._catches(t_s))
+        share = self._turning_share(estimate, square_rad)
+        catches = self.CATCHES and share < 1.0 and self._has_grip(t_s)
+        return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._falling.rate_rad_s if catches else 0.0)
 
-    def _catches(self, t_s: float) -> bool:
-        """Return whether the arm goes down under a chair that falls over a nosing."""
+    def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float:
+        """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
+        return self._falling.ease(t_s, may=self._turning_share(estimate, square_rad) < 1.0 and self._has_grip(t_s))
+
+    def _turning_share(self, estimate: HeadingEstimate | None, square_rad: float) -> float:
+        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
+        return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
+
+    def _has_grip(self, t_s: float) -> bool:
+        """Return whether the belts have lost no grip on this flight."""
         del t_s
-        return False
+        return True
 
     def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
         """Return whether a chair that wakes up on a flight may drive; as long as it is held, its arm is not expected to move."""
@@ -220,6 +231,7 @@ class Traversal:
         turn_m_s: float | None = None,
         heading_rad: float = 0.0,
         slowest_share: float | None = None,
+        easing_m_s: float = 0.0,
         arm: ArmCommand | None = None,
         needs_stair: bool = True,
         hold: str | None = None,
@@ -232,6 +244,7 @@ class Traversal:
             turn_m_s=turn_m_s,
             heading_rad=heading_rad,
             slowest_share=slowest_share,
+            easing_m_s=easing_m_s,
             arm=arm,
             needs_stair=needs_stair,
             cause=self._cause,

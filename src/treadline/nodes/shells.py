@@ -14,6 +14,7 @@ from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
+from treadline.mission.proposals import Proposals
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.words import Beat, Drive, GuardState, Mounts
@@ -250,7 +251,7 @@ class DriverNode:
 
     def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
         self._planner = planner
-        self._driver = driver
+        self._proposals = Proposals(driver)
         self._gate = Gate(config)
         self._every = round(driver.period_s / TICK_S)
         self._slot = -1
@@ -274,14 +275,9 @@ class DriverNode:
         # A tick that was lost on the way must not lose a command with it.
         slot = round(t_s / TICK_S) // self._every
         due, self._slot = slot != self._slot, slot
-        if plan.turn_m_s is not None:
-            if due:
-                self._driver.step(None, t_s, plan)
-            left, right = plan.speed_m_s - plan.turn_m_s, plan.speed_m_s + plan.turn_m_s
-            self._say(on.TRACKS_PROPOSED, TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right))
-        elif due:
-            known = self._estimate if self._holding is None else None
-            self._say(on.TRACKS_PROPOSED, self._driver.step(known, t_s, plan))
+        command = self._proposals.step(plan, self._estimate if self._holding is None else None, due=due)
+        if command is not None:
+            self._say(on.TRACKS_PROPOSED, command)
 
     def _feel(self, reading: ImuSample | TrackReading | ArmReading) -> None:
         if self._gate.admits(reading):

@@ -289,7 +289,7 @@ class Guard:
     # Plans and commands
 
     def _follow(self, plan: Plan) -> None:
-        if not finite(plan.t_s, plan.speed_m_s, plan.heading_rad, plan.turn_m_s or 0.0, plan.slowest_share or 0.0):
+        if not finite(plan.t_s, plan.speed_m_s, plan.heading_rad, plan.turn_m_s or 0.0, plan.slowest_share or 0.0, plan.easing_m_s):
             self._latch.hold(self._now(plan.t_s), "plan is not finite")
             return
         self._latch.hold(plan.t_s, plan.hold)  # however old

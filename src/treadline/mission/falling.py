@@ -1,0 +1,58 @@
+"""A chair that falls over a nosing: told by the gyro, eased by its belts.
+
+``ImuSample -> rate of the fall, speed added to both belts``. A rigid chair tips about a nosing that its centre of mass has
+passed, onto the next. Belts that change their speed by a shift the weight's line by a/g of its height above them: they go the way
+in which the chair falls, downhill as its rear drops, uphill as its front does, so that it falls more slowly and stops less hard
+(docs/decisions/0019).
+"""
+
+import math
+
+from treadline.angles import DEG
+from treadline.signals import TICK_S, ImuSample
+
+SMOOTHED_S = 0.015
+"""In which the rate is smoothed: a chair that slides trembles."""
+FALLS_RAD_S = 1.0 * DEG
+"""Of pitch, either way, from which on the belts go along …"""
+EASING_M_RAD = 3.0
+"""… how much faster, per rate beyond it …"""
+MOST_M_S = 0.1
+"""… and at most: half the cruise speed, and what friction of 1.1·tan β lets them speed up by without slipping."""
+LASTS_S = 0.4
+"""For which a fall lasts at most; what goes on for longer is the stair, or a gyro that is off."""
+BACK_M_S2 = 0.2
+"""At which the speed comes back: that tips the chair the other way, and takes grip."""
+
+
+class Falling:
+    """What is felt of a chair's fall, and what its belts do about it."""
+
+    def __init__(self) -> None:
+        self.rate_rad_s = 0.0
+        """Of the chair's pitch going down, smoothed; negative as it falls onto its rear."""
+        self._felt_s = math.nan
+        self._eased_m_s = 0.0
+        self._since_s: float | None = None
+        """When the fall began."""
+
+    def feel(self, imu: ImuSample) -> None:
+        """Take one sample."""
+        dt_s = 0.0 if math.isnan(self._felt_s) else max(imu.t_s - self._felt_s, 0.0)
+        self._felt_s = imu.t_s
+        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHED_S))
+
+    def ease(self, t_s: float, *, may: bool) -> float:
+        """Return what is added to both belts at this tick [m/s], uphill positive.
+
+        Args:
+            t_s: Now.
+            may: Whether the belts are free to go along; what they have added comes back all the same.
+        """
+        beyond = max(abs(self.rate_rad_s) - FALLS_RAD_S, 0.0)
+        self._since_s = None if beyond == 0.0 else t_s if self._since_s is None else self._since_s
+        falls = may and self._since_s is not None and t_s - self._since_s < LASTS_S
+        asked = math.copysign(min(EASING_M_RAD * beyond, MOST_M_S), self.rate_rad_s) if falls else 0.0
+        kept = math.copysign(max(abs(self._eased_m_s) - BACK_M_S2 * TICK_S, 0.0), self._eased_m_s)
+        self._eased_m_s = asked if abs(asked) > abs(kept) else kept
+        return self._eased_m_s

@@ -1,0 +1,44 @@
+"""What is asked of the belts: the plan's own turn at each tick, the driver's when it is due; eased by the plan, whoever steers.
+
+``Plan, HeadingEstimate -> TrackCommand``. The loop and the driver's node share it.
+"""
+
+from treadline.mission.drivers import Driver
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
+
+
+class Proposals:
+    """Asks for belt speeds, and remembers what the driver said last: a fall does not wait for its period."""
+
+    def __init__(self, driver: Driver) -> None:
+        self._driver = driver
+        self._steered: TrackCommand | None = None
+        self._eased_m_s = 0.0
+
+    def step(self, plan: Plan, known: HeadingEstimate | None, *, due: bool) -> TrackCommand | None:
+        """Return what to propose at this tick; None leaves it at what was proposed last.
+
+        Args:
+            plan: What to do now.
+            known: Where the chair heads, as far as the driver is to know.
+            due: Whether the driver's period is over.
+        """
+        eased, self._eased_m_s = self._eased_m_s, plan.easing_m_s
+        if plan.turn_m_s is not None:
+            if due:
+                self._driver.step(None, plan.t_s, plan)  # it does not steer: what it remembers of the belts is void
+            self._steered = None
+            speed = plan.speed_m_s + plan.easing_m_s
+            return TrackCommand(t_s=plan.t_s, left_m_s=speed - plan.turn_m_s, right_m_s=speed + plan.turn_m_s)
+        if due:
+            self._steered = self._driver.step(known, plan.t_s, plan)
+        elif plan.easing_m_s == eased:
+            return None
+        return None if self._steered is None else _eased(self._steered, plan)
+
+
+def _eased(command: TrackCommand, plan: Plan) -> TrackCommand:
+    """Return a command with the plan's easing; belts that are to stand do."""
+    if command.brake or plan.easing_m_s == 0.0:
+        return command
+    return TrackCommand(t_s=plan.t_s, left_m_s=command.left_m_s + plan.easing_m_s, right_m_s=command.right_m_s + plan.easing_m_s)

@@ -1,0 +1,67 @@
+"""A chair that falls over a nosing: the gyro's rate in, what its belts add out."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from treadline.angles import DEG
+from treadline.mission.falling import BACK_M_S2, EASING_M_RAD, FALLS_RAD_S, LASTS_S, MOST_M_S, Falling
+from treadline.signals import TICK_S, ImuSample
+
+LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def eased(rates_deg_s: list[float], *, may: bool = True) -> list[float]:
+    """Return what is added at each tick under these rates of the pitch going down."""
+    falling, added = Falling(), []
+    for tick, rate in enumerate(rates_deg_s):
+        t_s = tick * TICK_S
+        gyro = np.array([0.0, rate * DEG, 0.0])
+        falling.feel(ImuSample(t_s=t_s, orientation=LEVEL, angular_velocity_rad_s=gyro, linear_acceleration_m_s2=np.zeros(3)))
+        added.append(falling.ease(t_s, may=may))
+    return added
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["onto its front", "onto its rear"])
+def test_belts_go_the_way_in_which_the_chair_falls_and_as_far_as_it_is_fast(way: float) -> None:
+    """Test: 2 °/s for 0.2 s, then rest. Expected result: uphill as the front drops, downhill as the rear does, by the rate
+    beyond the first degree; back at the rate at which speed comes back."""
+    added = way * np.array(eased([way * 2.0] * 20 + [0.0] * 60))
+    assert added[19] == pytest.approx(EASING_M_RAD * (2.0 * DEG - FALLS_RAD_S), rel=1e-3)
+    back = np.diff(added[24:])
+    assert back[:10] == pytest.approx(-BACK_M_S2 * TICK_S)
+    assert added[-1] == 0.0
+
+
+def test_a_chair_that_trembles_or_that_may_not_is_left_alone() -> None:
+    """Test: ±3 °/s from sample to sample; a steady 0.9 °/s; a fall of a chair that may not. Expected result: nothing is added."""
+    assert not any(eased([3.0 * (-1.0) ** tick for tick in range(100)])[30:])
+    assert not any(eased([0.9] * 100))
+    assert not any(eased([6.0] * 100, may=False))
+
+
+@pytest.mark.parametrize("rate_deg_s", [3.0, -3.0])
+def test_a_gyro_that_is_off_moves_the_belts_once(rate_deg_s: float) -> None:
+    """Test: 3 °/s for ten seconds. Expected result: the belts go along for as long as a fall lasts, and come back for good."""
+    added = np.abs(eased([rate_deg_s] * 1000))
+    last = round((LASTS_S + MOST_M_S / BACK_M_S2) / TICK_S) + 5
+    assert added.max() == MOST_M_S
+    assert not added[last:].any()
+
+
+def test_what_was_added_comes_back_where_the_chair_may_no_longer() -> None:
+    falling = Falling()
+    falling.rate_rad_s = 6.0 * DEG
+    assert falling.ease(0.0, may=True) == MOST_M_S
+    assert falling.ease(TICK_S, may=False) == pytest.approx(MOST_M_S - BACK_M_S2 * TICK_S)
+
+
+@given(st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=200))
+def test_whatever_the_gyro_says_the_belts_add_little_and_come_back_slowly(rates_deg_s: list[float]) -> None:
+    """Expected result: never beyond the most; where it shrinks without changing its sign, no faster than it may come back."""
+    added = np.array(eased(rates_deg_s))
+    assert np.abs(added).max() <= MOST_M_S
+    same = added[1:] * added[:-1] > 0.0
+    shrinks = np.abs(added[:-1]) - np.abs(added[1:])
+    assert np.all(shrinks[same] <= BACK_M_S2 * TICK_S + 1e-12)

@@ -1,0 +1,72 @@
+"""Who asks the belts for what, and when."""
+
+import pytest
+
+from treadline.mission.proposals import Proposals
+from treadline.signals import HeadingEstimate, Plan, TrackCommand
+
+KNOWN = HeadingEstimate(t_s=0.0, heading_rad=0.1, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+
+class Steering:
+    """A driver that turns by a fixed difference, stands without an estimate, and counts."""
+
+    period_s = 0.25
+
+    def __init__(self) -> None:
+        self.knew: list[HeadingEstimate | None] = []
+
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+        self.knew.append(estimate)
+        if estimate is None:
+            return TrackCommand.stop(t_s)
+        return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s - 0.02, right_m_s=plan.speed_m_s + 0.02)
+
+
+def plan(t_s: float, *, turn_m_s: float | None = None, easing_m_s: float = 0.0) -> Plan:
+    return Plan(t_s=t_s, phase="climb", speed_m_s=0.2, turn_m_s=turn_m_s, easing_m_s=easing_m_s)
+
+
+def belts(command: TrackCommand | None) -> tuple[float, float] | None:
+    return None if command is None else (round(command.left_m_s, 9), round(command.right_m_s, 9))
+
+
+def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> None:
+    """Test: the chair falls between two periods of the driver. Expected result: both belts give way at once, the turn stays,
+    and each change is told with its own time; the driver hears of none of it."""
+    driver = Steering()
+    proposals = Proposals(driver)
+    assert belts(proposals.step(plan(0.0), KNOWN, due=True)) == (0.18, 0.22)
+    assert proposals.step(plan(0.01), KNOWN, due=False) is None
+    falls = proposals.step(plan(0.02, easing_m_s=-0.1), KNOWN, due=False)
+    assert falls is not None
+    assert (belts(falls), falls.t_s) == ((0.08, 0.12), 0.02)
+    assert proposals.step(plan(0.03, easing_m_s=-0.1), KNOWN, due=False) is None
+    assert belts(proposals.step(plan(0.04), KNOWN, due=False)) == (0.18, 0.22)
+    assert driver.knew == [KNOWN]
+
+
+def test_the_plans_own_turn_is_asked_at_each_tick_and_the_driver_forgets() -> None:
+    driver = Steering()
+    proposals = Proposals(driver)
+    assert belts(proposals.step(plan(0.0, turn_m_s=0.05, easing_m_s=0.1), KNOWN, due=True)) == (0.25, 0.35)
+    assert belts(proposals.step(plan(0.01, turn_m_s=0.05), KNOWN, due=False)) == (0.15, 0.25)
+    assert driver.knew == [None]
+
+
+def test_what_the_driver_said_before_the_plan_turned_is_void() -> None:
+    """Test: the driver steers, the plan turns, and leaves steering to the driver as the chair falls, before it is due. Expected
+    result: nothing is asked until it is."""
+    proposals = Proposals(Steering())
+    proposals.step(plan(0.0), KNOWN, due=True)
+    proposals.step(plan(0.01, turn_m_s=0.0), KNOWN, due=False)
+    assert proposals.step(plan(0.02, easing_m_s=0.1), KNOWN, due=False) is None
+    assert belts(proposals.step(plan(0.25, easing_m_s=0.1), KNOWN, due=True)) == (0.28, 0.32)
+
+
+@pytest.mark.parametrize("easing_m_s", [0.1, -0.1])
+def test_belts_that_are_to_stand_stand(easing_m_s: float) -> None:
+    """Test: no heading is known, so the driver stops. Expected result: no fall moves the belts."""
+    asked = Proposals(Steering()).step(plan(0.0, easing_m_s=easing_m_s), None, due=True)
+    assert asked is not None
+    assert (belts(asked), asked.brake) == ((0.0, 0.0), True)
