@@ -17,7 +17,17 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
 from treadline.mission.falling import MOST_M_S, Falling
-from treadline.mission.front_section import ARM_RAD_S, IN_LINE_RAD, LAID_RAD, LATE_S, MEETS_SHARE, RIDES_RAD_S, turning_share
+from treadline.mission.front_section import (
+    ARM_RAD_S,
+    CATCHES,
+    FALLS_RAD_S,
+    IN_LINE_RAD,
+    LAID_RAD,
+    LATE_S,
+    MEETS_SHARE,
+    RIDES_RAD_S,
+    turning_share,
+)
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
 
@@ -301,7 +311,7 @@ def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
     ids=["falls", "trembles", "rises", "has met the nosing", "has slipped"],
 )
 def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, load: float, slip_m_s: float, goes_down: bool) -> None:
-    """Test: on the flight the pitch goes down by 4 °/s. Expected result: the section at its fastest, to meet the nosing under it;
+    """Test: on the flight the pitch goes down by 4 °/s. Expected result: the section faster than that, to meet the nosing under it;
     not for a tremble, not once it bears, and not on a stair where the belts have slipped."""
     world = World(steps=14)
     world.run("climb")
@@ -319,8 +329,9 @@ def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, loa
         )
     arm = world.planner._lie(world.t_s, SQUARE)
     assert arm is not None
-    expected = -CHAIR.arm.max_rate_deg_s * DEG if goes_down else load * RIDES_RAD_S
-    assert arm.rate_rad_s == pytest.approx(expected, abs=1e-6)
+    expected = -CATCHES * (falls_deg_s * DEG - FALLS_RAD_S) if goes_down else load * RIDES_RAD_S
+    assert arm.rate_rad_s == pytest.approx(expected, rel=0.01, abs=1e-6)  # of the rate some 0.2 % is not yet through the smoothing
+    assert not goes_down or arm.rate_rad_s < -falls_deg_s * DEG
 
 
 def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> None:
