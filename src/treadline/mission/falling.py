@@ -15,7 +15,7 @@ SMOOTHED_S = 0.015
 """In which the rate is smoothed: a chair that slides trembles."""
 FALLS_RAD_S = 1.0 * DEG
 """Of pitch, either way, from which on the belts go along …"""
-EASING_M_RAD = 3.0
+EASING_M_RAD = 10.0
 """… how much faster, per rate beyond it …"""
 MOST_M_S = 0.1
 """… and at most: half the cruise speed, and what friction of 1.1·tan β lets them speed up by without slipping."""
