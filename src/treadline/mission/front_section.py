@@ -27,7 +27,7 @@ RIDES_RAD_S = 20.0 * DEG
 and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
 LAID_RAD = 1.0 * DEG
 """Above the belts, or above where it is lifted to: as good as there, and the last degree would take half a second more."""
-FALLS_RAD_S, CATCHES = 1.0 * DEG, 6.0
+FALLS_RAD_S, CATCHES = 1.0 * DEG, 4.0
 """Of pitch going down, from which on the section goes down to meet the nosing under it, and how much faster than what is beyond:
 belts are no spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
 MEETS_SHARE = 0.05
