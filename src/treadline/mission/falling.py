@@ -18,7 +18,7 @@ FALLS_RAD_S = 1.0 * DEG
 EASING_M_RAD = 10.0
 """… how much faster, per rate beyond it …"""
 MOST_M_S = 0.1
-"""… and at most: half the cruise speed, and what friction of 1.1·tan β lets them speed up by without slipping."""
+"""… and at most: half the cruise speed."""
 LASTS_S = 0.4
 """For which a fall lasts at most; what goes on for longer is the stair, or a gyro that is off."""
 BACK_M_S2 = 0.2
@@ -50,7 +50,10 @@ class Falling:
             may: Whether the belts are free to go along; what they have added comes back all the same.
         """
         beyond = max(abs(self.rate_rad_s) - FALLS_RAD_S, 0.0)
-        self._since_s = None if beyond == 0.0 else t_s if self._since_s is None else self._since_s
+        if beyond == 0.0:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = t_s
         falls = may and self._since_s is not None and t_s - self._since_s < LASTS_S
         asked = math.copysign(min(EASING_M_RAD * beyond, MOST_M_S), self.rate_rad_s) if falls else 0.0
         kept = math.copysign(max(abs(self._eased_m_s) - BACK_M_S2 * TICK_S, 0.0), self._eased_m_s)
