@@ -16,11 +16,10 @@ from treadline.control.crest import CrestCommand, CrestConfig
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
-from treadline.mission.falling import MOST_M_S, Falling
+from treadline.mission.falling import FALLS_RAD_S, MOST_M_S, Falling
 from treadline.mission.front_section import (
     ARM_RAD_S,
     CATCHES,
-    FALLS_RAD_S,
     IN_LINE_RAD,
     LAID_RAD,
     LATE_S,

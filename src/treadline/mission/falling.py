@@ -14,7 +14,7 @@ from treadline.signals import TICK_S, ImuSample
 SMOOTHED_S = 0.015
 """In which the rate is smoothed: a chair that slides trembles."""
 FALLS_RAD_S = 1.0 * DEG
-"""Of pitch, either way, from which on the belts go along …"""
+"""Of pitch, either way, from which on it is a fall; the belts go along …"""
 EASING_M_RAD = 10.0
 """… how much faster, per rate beyond it …"""
 MOST_M_S = 0.1

@@ -9,6 +9,7 @@ import math
 from treadline.angles import DEG
 from treadline.control.arm import ARM_PER_S, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.falling import FALLS_RAD_S
 from treadline.signals import ArmCommand, ArmReading
 
 CLEAR_M = 0.05
@@ -27,9 +28,9 @@ RIDES_RAD_S = 20.0 * DEG
 and a damper of 570 N·m·s/rad, which lets a chair down that passes a high nosing. Twice as fast, its servo's stiffness rings."""
 LAID_RAD = 1.0 * DEG
 """Above the belts, or above where it is lifted to: as good as there, and the last degree would take half a second more."""
-FALLS_RAD_S, CATCHES = 1.0 * DEG, 4.0
-"""Of pitch going down, from which on the section goes down to meet the nosing under it, and how much faster than what is beyond:
-belts are no spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
+CATCHES = 4.0
+"""How much faster than the chair falls, beyond where a fall begins, the section goes down to meet the nosing under it: belts are no
+spring, so a chair falls from a nosing 2 mm high by up to 1°, onto the next with 2.5 to 3.6 m/s² at its passenger."""
 MEETS_SHARE = 0.05
 """Of the motor's torque, from which on the section has met it: from there it is a spring and a damper again."""
 YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
@@ -80,7 +81,7 @@ class FrontSection:
         """Return whether it reaches from nosing to nosing; ``step_m`` is 0 as long as no stair is known."""
         return 0.0 < SPANS * step_m < self._arm_m
 
-    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float = 0.0) -> ArmCommand | None:
+    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float) -> ArmCommand | None:
         """Return what lays it along the flight, or above the nosings for the chair to turn; None without an arm.
 
         Args:

@@ -161,12 +161,16 @@ class Traversal:
     def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> ArmCommand | None:
         """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
         share = self._turning_share(estimate, square_rad)
-        catches = self.CATCHES and share < 1.0 and self._has_grip(t_s)
+        catches = self.CATCHES and self._may_follow(t_s, share)
         return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._falling.rate_rad_s if catches else 0.0)
 
     def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float:
         """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
-        return self._falling.ease(t_s, may=self._turning_share(estimate, square_rad) < 1.0 and self._has_grip(t_s))
+        return self._falling.ease(t_s, may=self._may_follow(t_s, self._turning_share(estimate, square_rad)))
+
+    def _may_follow(self, t_s: float, share: float) -> bool:
+        """Return whether section and belts may go after a fall: not of a chair that turns, nor of one that has lost grip."""
+        return share < 1.0 and self._has_grip(t_s)
 
     def _turning_share(self, estimate: HeadingEstimate | None, square_rad: float) -> float:
         off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
