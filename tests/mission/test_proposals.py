@@ -36,37 +36,47 @@ def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> N
     and each change is told with its own time; the driver hears of none of it."""
     driver = Steering()
     proposals = Proposals(driver)
-    assert belts(proposals.step(plan(0.0), KNOWN, due=True)) == (0.18, 0.22)
-    assert proposals.step(plan(0.01), KNOWN, due=False) is None
-    falls = proposals.step(plan(0.02, easing_m_s=-0.1), KNOWN, due=False)
+    assert belts(proposals.step(plan(0.0), KNOWN, held=False, due=True)) == (0.18, 0.22)
+    assert proposals.step(plan(0.01), KNOWN, held=False, due=False) is None
+    falls = proposals.step(plan(0.02, easing_m_s=-0.1), KNOWN, held=False, due=False)
     assert falls is not None
     assert (belts(falls), falls.t_s) == ((0.08, 0.12), 0.02)
-    assert proposals.step(plan(0.03, easing_m_s=-0.1), KNOWN, due=False) is None
-    assert belts(proposals.step(plan(0.04), KNOWN, due=False)) == (0.18, 0.22)
+    assert proposals.step(plan(0.03, easing_m_s=-0.1), KNOWN, held=False, due=False) is None
+    assert belts(proposals.step(plan(0.04), KNOWN, held=False, due=False)) == (0.18, 0.22)
     assert driver.knew == [KNOWN]
 
 
 def test_the_plans_own_turn_is_asked_at_each_tick_and_the_driver_forgets() -> None:
     driver = Steering()
     proposals = Proposals(driver)
-    assert belts(proposals.step(plan(0.0, turn_m_s=0.05, easing_m_s=0.1), KNOWN, due=True)) == (0.25, 0.35)
-    assert belts(proposals.step(plan(0.01, turn_m_s=0.05), KNOWN, due=False)) == (0.15, 0.25)
+    assert belts(proposals.step(plan(0.0, turn_m_s=0.05, easing_m_s=0.1), KNOWN, held=False, due=True)) == (0.25, 0.35)
+    assert belts(proposals.step(plan(0.01, turn_m_s=0.05), KNOWN, held=False, due=False)) == (0.15, 0.25)
     assert driver.knew == [None]
+
+
+def test_the_driver_of_a_held_chair_knows_no_heading() -> None:
+    """Test: the guard holds the chair, then a person lets it go. Expected result: the driver is asked without a heading, and
+    then with it."""
+    driver = Steering()
+    proposals = Proposals(driver)
+    assert belts(proposals.step(plan(0.0), KNOWN, held=True, due=True)) == (0.0, 0.0)
+    assert belts(proposals.step(plan(0.25), KNOWN, held=False, due=True)) == (0.18, 0.22)
+    assert driver.knew == [None, KNOWN]
 
 
 def test_what_the_driver_said_before_the_plan_turned_is_void() -> None:
     """Test: the driver steers, the plan turns, and leaves steering to the driver as the chair falls, before it is due. Expected
     result: nothing is asked until it is."""
     proposals = Proposals(Steering())
-    proposals.step(plan(0.0), KNOWN, due=True)
-    proposals.step(plan(0.01, turn_m_s=0.0), KNOWN, due=False)
-    assert proposals.step(plan(0.02, easing_m_s=0.1), KNOWN, due=False) is None
-    assert belts(proposals.step(plan(0.25, easing_m_s=0.1), KNOWN, due=True)) == (0.28, 0.32)
+    proposals.step(plan(0.0), KNOWN, held=False, due=True)
+    proposals.step(plan(0.01, turn_m_s=0.0), KNOWN, held=False, due=False)
+    assert proposals.step(plan(0.02, easing_m_s=0.1), KNOWN, held=False, due=False) is None
+    assert belts(proposals.step(plan(0.25, easing_m_s=0.1), KNOWN, held=False, due=True)) == (0.28, 0.32)
 
 
 @pytest.mark.parametrize("easing_m_s", [0.1, -0.1])
 def test_belts_that_are_to_stand_stand(easing_m_s: float) -> None:
     """Test: no heading is known, so the driver stops. Expected result: no fall moves the belts."""
-    asked = Proposals(Steering()).step(plan(0.0, easing_m_s=easing_m_s), None, due=True)
+    asked = Proposals(Steering()).step(plan(0.0, easing_m_s=easing_m_s), None, held=False, due=True)
     assert asked is not None
     assert (belts(asked), asked.brake) == ((0.0, 0.0), True)

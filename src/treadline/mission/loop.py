@@ -196,9 +196,8 @@ class Mission:
         due = self._control.due(self._tick)
         if self._is_dead(plan.t_s):
             return False
-        # A held chair does not answer its belts: a driver that went on would learn from that.
-        known = self._estimate if self._blocks.guard.holding is None else None
-        command = self._proposals.step(plan, known, due=due)
+        held = self._blocks.guard.holding is not None
+        command = self._proposals.step(plan, self._estimate, held=held, due=due)
         if command is not None:
             self._blocks.guard.propose(command)
         return due and plan.turn_m_s is None

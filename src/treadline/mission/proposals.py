@@ -15,12 +15,14 @@ class Proposals:
         self._steered: TrackCommand | None = None
         self._eased_m_s = 0.0
 
-    def step(self, plan: Plan, known: HeadingEstimate | None, *, due: bool) -> TrackCommand | None:
+    def step(self, plan: Plan, estimate: HeadingEstimate | None, *, held: bool, due: bool) -> TrackCommand | None:
         """Return what to propose at this tick; None leaves it at what was proposed last.
 
         Args:
             plan: What to do now.
-            known: Where the chair heads, as far as the driver is to know.
+            estimate: Where the chair heads.
+            held: Whether the guard holds it: it does not answer its belts then, and a driver that knew where it heads would learn
+                from that.
             due: Whether the driver's period is over.
         """
         eased, self._eased_m_s = self._eased_m_s, plan.easing_m_s
@@ -31,7 +33,7 @@ class Proposals:
             speed = plan.speed_m_s + plan.easing_m_s
             return TrackCommand(t_s=plan.t_s, left_m_s=speed - plan.turn_m_s, right_m_s=speed + plan.turn_m_s)
         if due:
-            self._steered = self._driver.step(known, plan.t_s, plan)
+            self._steered = self._driver.step(None if held else estimate, plan.t_s, plan)
         elif plan.easing_m_s == eased:
             return None
         return None if self._steered is None else _eased(self._steered, plan)

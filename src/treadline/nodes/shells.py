@@ -275,7 +275,7 @@ class DriverNode:
         # A tick that was lost on the way must not lose a command with it.
         slot = round(t_s / TICK_S) // self._every
         due, self._slot = slot != self._slot, slot
-        command = self._proposals.step(plan, self._estimate if self._holding is None else None, due=due)
+        command = self._proposals.step(plan, self._estimate, held=self._holding is not None, due=due)
         if command is not None:
             self._say(on.TRACKS_PROPOSED, command)
 
