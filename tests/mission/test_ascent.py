@@ -680,6 +680,22 @@ def test_slow_before_the_crest_its_section_still_rides_and_it_is_let_alone_nearl
 
 
 @pytest.mark.usefixtures("crest")
+@pytest.mark.parametrize(("stage", "eases"), [("reach", True), ("carry", False), ("lead", False), ("barred", False)])
+def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
+    monkeypatch: pytest.MonkeyPatch, stage: str, *, eases: bool
+) -> None:
+    """Test: standing on the last nosing the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard
+    to limit it; not once the tip carries, nor in a fall that the arm leads."""
+    monkeypatch.setattr(Script, "stages", ("climb", "slow", stage))
+    world = World(steps=6)
+    world.run("crest")
+    world.planner._falling.rate_rad_s = 4.0 * DEG
+    plan = world.planner.step(world.t_s, SQUARE)
+    assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (MOST_M_S if eases else 0.0))
+    assert plan.easing_m_s == 0.0
+
+
+@pytest.mark.usefixtures("crest")
 def test_the_crest_follows_its_stages_and_arrives_level() -> None:
     world = World(steps=6)
     world.run("land")

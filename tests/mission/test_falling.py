@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.angles import DEG
-from treadline.mission.falling import BACK_M_S2, EASING_M_RAD, FALLS_RAD_S, LASTS_S, MOST_M_S, Falling
+from treadline.mission.falling import BACK_M_S2, EASES_RAD_S, EASING_M_RAD, LASTS_S, MOST_M_S, Falling
 from treadline.signals import TICK_S, ImuSample
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
@@ -25,19 +25,19 @@ def eased(rates_deg_s: list[float], *, may: bool = True) -> list[float]:
 
 @pytest.mark.parametrize("way", [1.0, -1.0], ids=["onto its front", "onto its rear"])
 def test_belts_go_the_way_in_which_the_chair_falls_and_as_far_as_it_is_fast(way: float) -> None:
-    """Test: 1.4 °/s for 0.2 s, then rest. Expected result: uphill as the front drops, downhill as the rear does, by the rate
-    beyond the first degree; back at the rate at which speed comes back."""
-    added = way * np.array(eased([way * 1.4] * 20 + [0.0] * 60))
-    assert added[19] == pytest.approx(EASING_M_RAD * (1.4 * DEG - FALLS_RAD_S), rel=1e-3)
+    """Test: 2.4 °/s for 0.2 s, then rest. Expected result: uphill as the front drops, downhill as the rear does, by the rate
+    beyond the first two degrees; back at the rate at which speed comes back."""
+    added = way * np.array(eased([way * 2.4] * 20 + [0.0] * 60))
+    assert added[19] == pytest.approx(EASING_M_RAD * (2.4 * DEG - EASES_RAD_S), rel=1e-3)
     back = np.diff(added[24:])
     assert back[:10] == pytest.approx(-BACK_M_S2 * TICK_S)
     assert added[-1] == 0.0
 
 
 def test_a_chair_that_trembles_or_that_may_not_is_left_alone() -> None:
-    """Test: ±3 °/s from sample to sample; a steady 0.9 °/s; a fall of a chair that may not. Expected result: nothing is added."""
+    """Test: ±3 °/s from sample to sample; a steady 1.9 °/s; a fall of a chair that may not. Expected result: nothing is added."""
     assert not any(eased([3.0 * (-1.0) ** tick for tick in range(100)])[70:])
-    assert not any(eased([0.9] * 100))
+    assert not any(eased([1.9] * 100))
     assert not any(eased([6.0] * 100, may=False))
 
 

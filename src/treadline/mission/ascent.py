@@ -297,7 +297,9 @@ class Ascent(Traversal):
             )
         barred = f"{command.cause}: the chair stands before the crest" if command.stage == "barred" else None
         turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
-        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
+        # Until the tip carries, nothing but the belts eases the fall of a chair that rocks on its nosings as it stops.
+        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage == "reach")
+        return self._plan(t_s, speed, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         """Drive on over a landing until the next flight is in view."""

@@ -14,7 +14,9 @@ from treadline.signals import TICK_S, ImuSample
 SMOOTHED_S = 0.015
 """In which the rate is smoothed: a chair that slides trembles."""
 FALLS_RAD_S = 1.0 * DEG
-"""Of pitch, either way, from which on it is a fall; the belts go along …"""
+"""Of pitch, either way, from which on it is a fall."""
+EASES_RAD_S = 2.0 * DEG
+"""From which on the belts go along: they can change their speed but once, and spent at the outset that draws the fall out, …"""
 EASING_M_RAD = 10.0
 """… how much faster, per rate beyond it …"""
 MOST_M_S = 0.1
@@ -49,7 +51,7 @@ class Falling:
             t_s: Now.
             may: Whether the belts are free to go along; what they have added comes back all the same.
         """
-        beyond = max(abs(self.rate_rad_s) - FALLS_RAD_S, 0.0)
+        beyond = max(abs(self.rate_rad_s) - EASES_RAD_S, 0.0)
         if beyond == 0.0:
             self._since_s = None
         elif self._since_s is None:

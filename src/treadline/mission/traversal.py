@@ -164,9 +164,9 @@ class Traversal:
         catches = self.CATCHES and self._may_follow(t_s, share)
         return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._falling.rate_rad_s if catches else 0.0)
 
-    def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> float:
+    def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, may: bool = True) -> float:
         """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
-        return self._falling.ease(t_s, may=self._may_follow(t_s, self._turning_share(estimate, square_rad)))
+        return self._falling.ease(t_s, may=may and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
 
     def _may_follow(self, t_s: float, share: float) -> bool:
         """Return whether section and belts may go after a fall: not of a chair that turns, nor of one that has lost grip."""
