@@ -16,6 +16,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
+from treadline.mission.falling import MOST_M_S
 from treadline.mission.front_section import ARM_RAD_S, CLEAR_M, LAID_RAD, LATE_S
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
@@ -264,6 +265,25 @@ def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(ed
     assert world.plans[-1].cause == "press: 90 N on the arm's tip"
     assert world.plans[-1].arm is not None
     assert not world.plans[-1].needs_stair
+
+
+@pytest.mark.parametrize(
+    ("stage", "eases"), [("press", False), ("lift", False), ("settle", True), ("leave", True), ("lower", False)]
+)
+@pytest.mark.parametrize("way", [1.0, -1.0], ids=["onto its front", "onto its rear"])
+def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
+    edge: type[Script], stage: str, way: float, *, eases: bool
+) -> None:
+    """Test: over the edge the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard to limit it; not
+    while the arm turns the chair, or lets it down."""
+    edge.stages = (stage,)
+    world = World()
+    world.run("edge")
+    world.planner._falling.rate_rad_s = way * 4.0 * DEG
+    square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+    plan = world.planner.step(world.t_s, square)
+    assert plan.speed_m_s == pytest.approx(-0.1 + way * (MOST_M_S if eases else 0.0))
+    assert plan.easing_m_s == 0.0
 
 
 @pytest.mark.usefixtures("edge")

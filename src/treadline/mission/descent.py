@@ -18,6 +18,8 @@ from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """At which the front section is lifted out of the belts' line: a chair that leans on it must be able to follow."""
+RESTS = ("settle", "leave")
+"""Stages of the edge in which the chair rests on nosings, its tip bearing little: the belts go with a fall there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,7 +167,8 @@ class Descent(Traversal):
         self._note(command)
         turn = self._level.keep(estimate)
         barred = self._barred(t_s, self._arm) if command.stage == "barred" else None
-        return self._plan(t_s, command.speed_m_s, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
+        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage in RESTS)
+        return self._plan(t_s, speed, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
 
     def _barred(self, t_s: float, arm: ArmReading) -> str | None:
         """Return why the chair stands before the edge for good; None as long as its arm, the chair level, is still being stowed."""
