@@ -274,8 +274,8 @@ def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(ed
 def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     edge: type[Script], stage: str, way: float, *, eases: bool
 ) -> None:
-    """Test: over the edge the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard to limit it; not
-    while the arm turns the chair, or lets it down."""
+    """Test: over the edge the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard to limit it;
+    not while the arm turns the chair, or lets it down."""
     edge.stages = (stage,)
     world = World()
     world.run("edge")
