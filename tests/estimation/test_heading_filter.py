@@ -286,6 +286,23 @@ def test_a_rate_that_no_chair_reaches_was_never_measured_and_is_told(rate_deg_s:
     assert np.abs(odd.errors_deg(since_s=9.9)).max() < np.abs(clean.errors_deg(since_s=9.9)).max() + 0.05
 
 
+def test_a_gyro_that_spits_hides_no_camera_that_errs() -> None:
+    """Test: vision 10° off for a second and a half, one impossible sample of the gyro every 0.4 s. Expected result: the
+    disagreement is told all the time, since it began, for the guard to hold for (hazard 7)."""
+    spits = [10.2, 10.6, 11.0, 11.4]
+    climb = Climb(
+        1,
+        seconds=11.5,
+        imu=lambda t, rate: rate + (300.0 * DEG if min(abs(t - spit) for spit in spits) < 1e-9 else 0.0),
+        frames=lambda t, h: (t, h + (10.0 * DEG if t > 10.0 else 0.0)),
+    )
+    (began_s,) = {t_s for t_s, kind in climb.faults if kind == "disagreement"}
+    assert 10.0 < began_s < 10.6
+    health = climb.filter.health
+    assert health is not None
+    assert (health.fault, health.since_s) == ("disagreement", began_s)
+
+
 @pytest.mark.parametrize("step_deg_s", [1.0, -2.0, 5.0])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_gyro_that_starts_to_drift_is_found_out_within_a_second_and_understood(seed: int, step_deg_s: float) -> None:

@@ -79,3 +79,15 @@ def test_levelling_points_any_force_up(seed: int) -> None:
     force = np.random.default_rng(seed).normal(size=3)
     up = rotation_about(levelling(force)) @ force / np.linalg.norm(force)
     np.testing.assert_allclose(up, UP, atol=1e-12)
+
+
+def test_a_rate_that_is_no_number_is_left_out() -> None:
+    """Test: one sample whose rate is NaN in a steady turn. Expected result: nothing is told then, and the turn goes on."""
+    tilt, R_WB, rate = Tilt(), rotation_y(-28 * DEG), np.array([0.1, -0.3, 0.5])
+    tilt.step(sample(0.0, R_WB, rate))
+    for k in range(1, 51):
+        R_WB = R_WB @ rotation_about(0.01 * rate)
+        said = np.full(3, np.nan) if k == 20 else rate
+        orientation = tilt.step(sample(0.01 * k, rotation_x(1.0), said, g=19.6))
+        assert (orientation is None) == (k == 20)
+    assert off_level(orientation, R_WB) < 1e-6

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.errors import PoorExcitation
+from treadline.errors import PeriodMismatch, PoorExcitation, RecordError
 from treadline.identification import identify_chunks, stream
 from treadline.identification.validate import impulse_response, part
 from treadline.models import InputOutputRecord, LinearModel
@@ -49,3 +49,21 @@ def test_a_stream_that_never_moves_is_refused(draw: Draw) -> None:
         identify_chunks(in_chunks(still, 100), order=2)
     with pytest.raises(PoorExcitation, match="there is no chunk"):
         identify_chunks([], order=2)
+
+
+@pytest.mark.parametrize("spoil", ["period", "channels", "infinite"])
+def test_a_later_chunk_of_another_kind_is_refused(draw: Draw, spoil: str) -> None:
+    """Test: the third chunk has another period, an input more, or an infinite sample. Expected result: an error that says so, and
+    no model."""
+    chunks = in_chunks(draw(0), 100)
+    odd = chunks[2]
+    if spoil == "period":
+        chunks[2] = InputOutputRecord(u=odd.u, y=odd.y, dt_s=2.0 * odd.dt_s)
+    elif spoil == "channels":
+        chunks[2] = InputOutputRecord(u=np.hstack([odd.u, odd.u[:, :1]]), y=odd.y, dt_s=odd.dt_s)
+    else:
+        y = odd.y.copy()
+        y[5, 0] = np.inf
+        chunks[2] = InputOutputRecord(u=odd.u, y=y, dt_s=odd.dt_s)
+    with pytest.raises((RecordError, PeriodMismatch)):
+        identify_chunks(chunks, order=2)

@@ -1224,6 +1224,16 @@ def test_a_re_arm_button_that_is_stuck_re_arms_once() -> None:
     assert guard.holding is None
 
 
+def test_an_overtaken_message_makes_no_stuck_button_a_press() -> None:
+    """Test: re-arm stays pressed; a fault holds; a message from before the press comes late. Expected result: held."""
+    guard = Guard(GuardConfig())
+    guard.admit(OperatorInput(t_s=1.0, rearm=True))
+    guard.notice(Plan(t_s=1.05, phase="climb", speed_m_s=0.1, hold="no way"))
+    assert not guard.admit(OperatorInput(t_s=0.9))
+    guard.admit(OperatorInput(t_s=1.1, rearm=True))
+    assert guard.holding == "no way"
+
+
 def test_to_re_arm_a_chair_that_is_not_held_changes_nothing() -> None:
     """Test: re-arm while driving. Expected result: no event, no clock restarted."""
     drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.91)

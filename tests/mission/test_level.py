@@ -1,5 +1,7 @@
 """On the level: square before it goes, gentle while it goes, and a search that ends."""
 
+import itertools
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -24,10 +26,23 @@ def turned_by(half_m_s: float, skid: float) -> float:
 @settings(derandomize=True)
 @given(heading=st.floats(-180.0, 180.0), target=st.floats(-30.0, 30.0))
 def test_it_turns_towards_the_target_and_never_faster_than_its_limit(heading: float, target: float) -> None:
-    half = LevelSteering(CONFIG).towards(estimate(heading), target * DEG)
+    steering = LevelSteering(CONFIG)
+    halves = [0.0, *(steering.towards(estimate(heading), target * DEG) for _ in range(200))]
     # Turning left, heading growing, needs the right belt faster: half the difference positive.
-    assert half * (target - heading) >= 0.0
-    assert abs(turned_by(half, CONFIG.skid)) <= CONFIG.turn_rad_s * TICK_S + 1e-12
+    assert all(half * (target - heading) >= 0.0 for half in halves)
+    # Two seconds are enough to set the belts apart as far as they ever go, gently.
+    rate = min(abs(target - heading) * DEG * CONFIG.turn_gain_per_s, CONFIG.turn_rad_s)
+    assert abs(turned_by(halves[-1], CONFIG.skid)) == pytest.approx(rate * TICK_S, abs=1e-12)
+    steps = [abs(after - before) for before, after in itertools.pairwise(halves)]
+    assert max(steps) <= CONFIG.turn_m_s2 * TICK_S + 1e-12
+
+
+def test_a_turn_that_was_stopped_begins_from_rest() -> None:
+    """Test: a chair that turns is braked. Expected result: the next turn sets its belts apart as slowly as the first did."""
+    steering = LevelSteering(CONFIG)
+    first = [steering.towards(estimate(25.0)) for _ in range(30)]
+    steering.rest()
+    assert [steering.towards(estimate(25.0)) for _ in range(30)] == first
 
 
 @settings(derandomize=True, max_examples=30)

@@ -152,3 +152,20 @@ def test_belts_that_do_not_move_are_no_grip() -> None:
 def test_before_the_first_sample_nothing_is_asked_and_nothing_is_over() -> None:
     test = TractionTest(CONFIG, 28.0 * DEG)
     assert (test.speed_m_s, test.over, test.slip) == (0.0, False, 0.0)
+
+
+def test_a_test_that_was_stopped_begins_again_and_has_shown_nothing() -> None:
+    """Test: the belts are braked in the middle of the pulse, for two seconds. Expected result: no verdict of it; then a whole test,
+    from its rest on."""
+    test = TractionTest(CONFIG, 28.0 * DEG)
+    force = rotation_y(-28.0 * DEG).T @ np.array([0.0, 0.0, G_M_S2])
+    attitude = quaternion_of(rotation_y(-28.0 * DEG))
+    for tick in range(420):
+        t_s, braked = tick * TICK_S, 80 <= tick < 280
+        test.feel(TrackReading(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake_on=braked))
+        test.feel(ImuSample(t_s=t_s, orientation=attitude, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=force))
+        assert not test.over or tick > 280 + round((CONFIG.rest_s + CONFIG.pulse_s) / TICK_S)
+        if 80 <= tick < 279 + round(CONFIG.rest_s / TICK_S):
+            assert test.speed_m_s == 0.0
+    assert test.over is False
+    assert test.slip == 1.0  # belts that do not move after all have shown no grip

@@ -1,7 +1,7 @@
 """Where the nosings are: what stands still stays where it is, whatever the chair does and whatever a frame says once."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -252,7 +252,6 @@ def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
         chair.feel(where, 5, 4, 3, up=False)
     for _ in range(2):
         chair.feel(where, 3, 2, 1, 0, up=False, ends=True)
-    assert where.direction == "down"
     assert where.bottom_ends
     assert not where.top_ends
     assert where.top_ahead_m() == pytest.approx(5 * RUN_M - 4.0)  # the edge: on the level with the belts
@@ -291,3 +290,14 @@ def test_each_flickering_place_is_one_nosing_not_many() -> None:
     for _ in range(200):
         chair.feel(where, 0, 1, 2, 3, error_m=0.02 * float(rng.normal()))
     assert len(where.ahead_m()) == 4
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_map_without_nosings_tells_nothing(*, known: bool) -> None:
+    """Test: a map that holds no nosing, before the flight is known and after. Expected result: all stays as it was."""
+    chair = Chair()
+    where = seen(chair, 0, 1, 2, times=3 * known)
+    empty = replace(chair.sees(0), nosings_B=np.zeros((0, 3)))
+    before = (where.map_count, where.ahead_m())
+    where.feel(empty)
+    assert (where.map_count, where.ahead_m()) == before

@@ -1,5 +1,7 @@
 """A node that falls silent: the guard holds within 0.8 s, whichever it is; without a guard the plant brakes by itself."""
 
+from dataclasses import replace
+
 import pytest
 
 from treadline.experiments.shipped import shipped_controller
@@ -9,10 +11,12 @@ from treadline.mission.guard import GuardConfig
 from treadline.nodes import channels as on
 from treadline.nodes.inproc import InProcess
 from treadline.nodes.lockstep import LockStep
+from treadline.nodes.plant import LOST_S, PlantNode
 from treadline.nodes.shells import GuardNode
 from treadline.nodes.words import Drive, GuardState
+from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import TrackCommand
+from treadline.signals import ArmCommand, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 KILLED_S, WITHIN_S = 1.0, 0.8
@@ -80,3 +84,90 @@ def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None
     transport.publish(on.TWIST, Drive(speed_m_s=float("nan"), turn_rad_s=0.0))
     guard.tick(0.11)
     assert commands[-1].brake
+
+
+def speak(graph: LockStep, **said: bool) -> None:
+    graph.transport.publish(on.OPERATOR, OperatorInput(t_s=graph.tick(), **said))
+
+
+def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped() -> None:
+    """Test: a person stops the chair; the guard dies, and another takes its place. Expected result: the brake stays on until the
+    button to re-arm is pressed, and a button that is stuck is not; then the chair drives on."""
+    graph, _ = turning()
+    while graph.tick() < KILLED_S:
+        pass
+    speak(graph, stop=True)
+    place = next(index for index, node in enumerate(graph.nodes) if node.name == "guard")
+    kill(graph, "guard")
+    while graph.tick() < KILLED_S + LOST_S + 0.2:
+        pass
+    anew = GuardNode(GuardConfig())
+    anew.listen(graph.transport)
+    graph.nodes.insert(place, anew)
+    truths: list[Truth] = []
+    graph.transport.subscribe(on.TRUTH, truths.append)
+    states: list[GuardState] = []
+    graph.transport.subscribe(on.GUARD, states.append)
+    began_s = graph.tick()
+    while graph.tick() < began_s + 2.0:
+        pass
+    assert {truth.left_m_s for truth in truths} == {0.0}
+    assert (states[-1].holding or "").startswith("the brake is on, and nobody asked for it")
+    speak(graph, rearm=True)
+    while graph.tick() < began_s + 8.0:  # its front section is laid first
+        speak(graph)
+    assert max(truth.left_m_s for truth in truths) > 0.05
+
+
+class Bench:
+    """A plant that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[TrackCommand, ArmCommand | None]] = []
+
+    def start(self) -> None: ...
+
+    def advance(self, t_s: float) -> None: ...
+
+    def read(self) -> list[Reading]:
+        return []
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+        del seat
+        self.told.append((tracks, arm))
+
+    def close(self) -> None: ...
+
+
+def test_what_was_asked_of_the_arm_is_forgotten_with_the_guard_that_asked() -> None:
+    """Test: the guard lowers the arm and dies; half a second later one speaks that says nothing of the arm. Expected result: the
+    arm runs no longer than its command is fresh, and not again."""
+    transport, bench = InProcess(), Bench()
+    node = PlantNode(bench)
+    node.listen(transport)
+    lowers = ArmCommand(t_s=0.1, rate_rad_s=-0.3)
+    transport.publish(on.ARM_CMD, lowers)
+    drives = TrackCommand(t_s=0.1, left_m_s=0.1, right_m_s=0.1)
+    transport.publish(on.TRACKS_CMD, drives)
+    assert bench.told[-1] == (drives, lowers)
+    node.tick(0.5)
+    assert bench.told[-1][1] is None
+    transport.publish(on.TRACKS_CMD, replace(drives, t_s=0.5))
+    assert bench.told[-1] == (replace(drives, t_s=0.5), None)
+
+
+def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_stuck() -> None:
+    transport, bench = InProcess(), Bench()
+    node = PlantNode(bench)
+    node.listen(transport)
+    transport.publish(on.OPERATOR, OperatorInput(t_s=0.0, rearm=True))
+    for k in range(3):
+        drives = TrackCommand(t_s=2.0 * k, left_m_s=0.1, right_m_s=0.1)
+        node.tick(drives.t_s)
+        transport.publish(on.TRACKS_CMD, drives)
+        assert bench.told[-1][0].brake == (k > 0)
+        transport.publish(on.OPERATOR, OperatorInput(t_s=drives.t_s, rearm=True))
+    for said in ({"rearm": False}, {"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True}):
+        transport.publish(on.OPERATOR, OperatorInput(t_s=5.0, **said))
+        transport.publish(on.TRACKS_CMD, replace(drives, t_s=5.0))
+        assert bench.told[-1][0].brake == (said != {"rearm": True})

@@ -32,18 +32,17 @@ class Journal:
         self._path = folder / NAME
         self._sweep = sweep
         self.rows: dict[int, Row] = {}
-        kept = 0
-        if self._path.exists():
-            if not resume:
-                raise SettingsError(f"{self._path}: a sweep is there already; go on with --resume, or give another --out")
-            kept = self._read(sweep)
+        there = self._path.exists()
+        if there and not resume:
+            raise SettingsError(f"{self._path}: a sweep is there already; go on with --resume, or give another --out")
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._file: BinaryIO = self._path.open("ab", buffering=0)
         except OSError as error:
             raise self._unwritable(error) from None
         try:
-            self._lock()
+            self._lock()  # before it is read: what another sweep adds until it ends is kept
+            kept = self._read(sweep) if there else 0
             self._file.truncate(kept)
             if not kept:
                 self._append(sweep)

@@ -35,7 +35,7 @@ def budget(runs: int) -> int:
 
 def search(first: Float[np.ndarray, "count dimension"], evaluate: Evaluate, *, generations: int, seed: int) -> None:
     """Evaluate generation after generation, from ``first`` on; ``evaluate`` keeps what it finds."""
-    rng = np.random.default_rng([seed, 2])
+    rng = np.random.default_rng([seed, 0, 2])
     tried, scores = first, evaluate(first)
     for _ in range(generations - 1):
         elite = tried[np.argsort(scores, kind="stable")[: max(4, round(ELITE * len(first)))]]

@@ -80,7 +80,10 @@ def node(
     try:
         made = node_of(name, config, plant=lambda: simulated(settings, seed, plant), out=out, stick=stick)
         if isinstance(made, PlantNode):
-            t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
+            try:
+                t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
+            finally:
+                made.close()
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         try:
             Turning(made, wire, clock=clock, patience_s=patience).run(stop)

@@ -103,8 +103,6 @@ class Crest(Sequencer[Stage]):
         self._tries = 0
         """How often the tip has stood on the nosing, in place of the landing."""
         self._lead_from_m = LATER_M
-        self._lead_rad = 0.0
-        self._lead_rad_s = 0.0
 
     def nosing_seen(self, ahead_m: float) -> None:
         """Take a better place of the last nosing, as long as no contact tells it."""
@@ -127,8 +125,7 @@ class Crest(Sequencer[Stage]):
                 self._meet(pitch, arm)
             case "carry" if self._tip.carries and beyond > self._lead_from_m:
                 self._stage = "lead"
-                self._lead_rad = pitch
-                self._lead_rad_s = 0.0
+                self._lead_from(pitch)
             case "lead" if self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD):
                 # The chair has not followed: its centre of mass is further back than believed. Reach for the landing again.
                 self._stage = "carry"

@@ -104,7 +104,6 @@ class Edge(Sequencer[Stage]):
         self._slope_rad = slope_rad
         self._press_from_m = config.early_m - plumb(config, slope_rad)
         self._level_rad = 0.0
-        self._lead_rad = self._lead_rad_s = 0.0
         self._highest_rad = self._waited_s = 0.0
         self._turns_back = False
         self._lifted_rad = slope_rad + config.steeper_rad
@@ -127,7 +126,7 @@ class Edge(Sequencer[Stage]):
     def _begin(self, stage: Stage, pitch: float) -> None:
         """Begin to turn the chair, from where it is."""
         self._stage = stage
-        self._lead_rad, self._lead_rad_s = pitch, 0.0
+        self._lead_from(pitch)
         self._highest_rad, self._waited_s = pitch, 0.0
         self._lifted_rad = self._slope_rad + self._config.steeper_rad
         self._least_m, self._touched_s = math.inf, 0.0
@@ -225,7 +224,7 @@ class Edge(Sequencer[Stage]):
         """
         if self._tip.load_n >= UNLOADED_N:
             return self._turn(self._level_rad - LIFTED_RAD, pitch, arm, speed, dt_s)
-        self._lead_rad, self._lead_rad_s = pitch, 0.0
+        self._lead_from(pitch)
         self._watch(pitch, dt_s)
         _, per_metre = self._geometry.rates(pitch, self._past_m)
         return per_metre * speed - self._config.seek_rad_s

@@ -54,15 +54,21 @@ class Sequencer(ABC, Generic[StageT]):
         self._cause = ""
         self._ahead_m = nosing_ahead_m
         self._t_s: float | None = None
+        self._lead_rad = self._lead_rad_s = 0.0
+        """Where the arm leads the pitch to, and how fast."""
 
     def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> PitchCommand[StageT]:
-        """Answer one tick's readings."""
+        """Answer one tick's readings. A braked chair is held: nobody obeys, so nothing is waited for, and nothing speeds up."""
         dt_s = 0.0 if self._t_s is None else min(max(imu.t_s - self._t_s, 0.0), STEP_MAX_S)
         self._t_s = imu.t_s
         speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
         self._ahead_m -= speed * dt_s
         pitch = pitch_of(imu)
         self._tip.step(pitch, arm, dt_s)
+        if tracks.brake_on:
+            dt_s = 0.0
+            self._rate = ArmRate(arm_of(self._loading.chair))
+            self._lead_from(pitch)
         self._sequence(pitch, arm, dt_s)
         belts, rate = self._act(pitch, arm, speed, dt_s)
         return PitchCommand(
@@ -81,6 +87,10 @@ class Sequencer(ABC, Generic[StageT]):
     @abstractmethod
     def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
         """Return belt speed and arm rate."""
+
+    def _lead_from(self, pitch: float) -> None:
+        """Lead the pitch from here, from rest."""
+        self._lead_rad, self._lead_rad_s = pitch, 0.0
 
     @property
     def _past_m(self) -> float:

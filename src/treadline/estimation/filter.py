@@ -15,7 +15,7 @@ import numpy as np
 from treadline.angles import DEG, wrap
 from treadline.estimation.bank import GyroModel, KalmanBank
 from treadline.estimation.drift import Drift, DriftRule, DriftWatch
-from treadline.estimation.health import FaultKind, HeadingHealth, Memory, Scatter, StuckRule, StuckWatch
+from treadline.estimation.health import FaultKind, Faults, HeadingHealth, Memory, Scatter, StuckRule, StuckWatch
 from treadline.estimation.reacquire import ReacquisitionRule, Refused
 from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
@@ -85,7 +85,7 @@ class HeadingFilter:
         self._rate = 0.0
         self._turned = 0.0
         self._disagreement = 0.0
-        self._fault: tuple[FaultKind, float, float, str] | None = None
+        self._faults = Faults()
         self.rejected_count = 0
 
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
@@ -107,14 +107,12 @@ class HeadingFilter:
         """What is known to be wrong, or None before the first heading."""
         if self._seen_s is None or self._t_s is None:
             return None
-        kind, since_s, until_s, cause = self._fault or (None, None, math.inf, None)
-        if self._t_s > until_s:
-            kind = since_s = cause = None
+        found = self._faults.gravest(self._t_s)
         return HeadingHealth(
             t_s=self._t_s,
-            fault=kind,
-            since_s=since_s,
-            cause=cause,
+            fault=None if found is None else found.kind,
+            since_s=None if found is None else found.since_s,
+            cause=None if found is None else found.cause,
             disagreement_rad=self._disagreement,
             unseen_s=max(self._t_s - self._seen_s, 0.0),
             bias_rad_s=self._bank.belief.bias,
@@ -160,9 +158,9 @@ class HeadingFilter:
         """Say whether a sample only repeats what the gyro said long ago: no motion is known from it."""
         same_s = self._stuck.stuck_s(sample)
         if same_s == 0.0:
-            self._forgive("stuck")
+            self._faults.forgive("stuck")
             return False
-        if self._fault is None or self._fault[0] != "stuck" or sample.t_s > self._fault[2]:
+        if not self._faults.knows("stuck", sample.t_s):
             rate = float(sample.angular_velocity_rad_s[2]) / DEG
             self._tell("stuck", sample.t_s, f"gyro has said {rate:.3f} °/s for {same_s:.2f} s", math.inf)
             # All since it stuck was unseen.
@@ -237,7 +235,7 @@ class HeadingFilter:
             self._refused.accepted(seen.t_s, seen.heading_rad, turned)
             self._seen_s = seen.t_s
             self._disagreement = 0.0
-            self._forgive("disagreement")
+            self._faults.forgive("disagreement")
         if drift is not None:
             self._mend(drift, seen.t_s)
         elif not accepted:
@@ -263,17 +261,11 @@ class HeadingFilter:
         self._drifts.clear()
         self._refused.clear()
         self._disagreement = 0.0
+        self._faults.forgive("disagreement")
         self._tell("drift", t_s, f"gyro drifts by {drift.rate_rad_s / DEG:+.1f} °/s since {drift.began_s:.2f} s")
 
     def _tell(self, kind: FaultKind, t_s: float, cause: str, for_s: float | None = None) -> None:
-        """Note a fault; one that goes on keeps the time at which it was found."""
-        since_s = self._fault[1] if self._fault is not None and self._fault[0] == kind and t_s <= self._fault[2] else t_s
-        self._fault = (kind, since_s, t_s + (self._config.told_s if for_s is None else for_s), cause)
-
-    def _forgive(self, kind: FaultKind) -> None:
-        """End a fault of this kind."""
-        if self._fault is not None and self._fault[0] == kind:
-            self._fault = None
+        self._faults.tell(kind, t_s, t_s + (self._config.told_s if for_s is None else for_s), cause)
 
     def _usable(self, seen: HeadingMeasurement) -> bool:
         """Say whether a measurement is a number, newer than the one before, and near enough to the gyro's clock."""
@@ -298,7 +290,7 @@ class HeadingFilter:
         self._refused.restart(seen.t_s, seen.heading_rad, turned)
         self._seen_s = seen.t_s
         self._disagreement = 0.0
-        self._forgive("disagreement")
+        self._faults.forgive("disagreement")
 
     def _age(self, t_s: float) -> float:
         """Return how long before now a frame was taken, as far as the gyro remembers."""

@@ -2,7 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from treadline.angles import wrap
 from treadline.signals import ImuSample, TrackReading
@@ -13,7 +13,8 @@ NEIGHBOURS_S = 0.35
 SCATTER_GATE = 9.0
 SCATTER_ALL = 0.8
 """From this share on all of it counts as the frame's own: 300 frames tell it to a tenth."""
-FaultKind = Literal["drift", "jump", "stuck", "disagreement"]
+FaultKind = Literal["stuck", "disagreement", "drift", "jump"]
+"""The gravest first: it is told where several are known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,42 @@ class HeadingHealth:
     scale: float
     walk_rad_rts: float
     """What the gyro is believed to random-walk in a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A fault that is known."""
+
+    kind: FaultKind
+    since_s: float
+    until_s: float
+    """When it is no longer told, unless it is found again; infinite for one that must be forgiven."""
+    cause: str
+
+
+class Faults:
+    """All faults that are known: one that comes and goes hides no other."""
+
+    def __init__(self) -> None:
+        self._found: dict[FaultKind, Found] = {}
+
+    def tell(self, kind: FaultKind, t_s: float, until_s: float, cause: str) -> None:
+        """Note a fault; one that goes on keeps the time at which it was found."""
+        before = self._found.get(kind)
+        since_s = before.since_s if before is not None and t_s <= before.until_s else t_s
+        self._found[kind] = Found(kind=kind, since_s=since_s, until_s=until_s, cause=cause)
+
+    def forgive(self, kind: FaultKind) -> None:
+        """End a fault."""
+        self._found.pop(kind, None)
+
+    def knows(self, kind: FaultKind, t_s: float) -> bool:
+        """Say whether there is such a fault now."""
+        return kind in self._found and t_s <= self._found[kind].until_s
+
+    def gravest(self, t_s: float) -> Found | None:
+        """Return the gravest fault that is there now."""
+        return next((self._found[kind] for kind in get_args(FaultKind) if self.knows(kind, t_s)), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

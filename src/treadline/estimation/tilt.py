@@ -29,6 +29,8 @@ class Tilt:
     def step(self, sample: ImuSample) -> Float[np.ndarray, " 4"] | None:
         """Return the orientation after one more sample, or None before the first force was felt."""
         force, rate = sample.linear_acceleration_m_s2, sample.angular_velocity_rad_s
+        if not np.isfinite(rate).all():
+            return None  # the next sample's time takes in this one's
         length = float(np.linalg.norm(force))
         felt = np.isfinite(length) and length > 0.0
         dt_s = sample.t_s - self._t_s

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_records, check_whole
+from treadline.identification.checks import channel_names, check_alike, check_records, check_whole
 from treadline.identification.from_sums import from_sums, made_by
 from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
@@ -113,6 +113,7 @@ def _summed(
     builder.add(last.u, last.y)
     marks = {1: builder.finish()}
     for count, chunk in enumerate(rest, start=2):
+        check_alike([start.record, chunk])
         builder.add(chunk.u, chunk.y)
         last = joined_in_time(last, chunk)
         last = part(last, max(0, len(last) - KEPT), len(last))

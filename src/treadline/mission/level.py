@@ -102,6 +102,10 @@ class LevelSteering:
             return None
         return self._half(math.copysign(config.turn_rad_s, self._legs[0] - self._swept_rad))
 
+    def rest(self) -> None:
+        """Begin the next turn from rest: the belts are braked."""
+        self._half_m_s = 0.0
+
     def _half(self, rate_rad_s: float) -> float:
         """Return half the belts' difference for a rate of turn; called at each tick of a turn."""
         wanted = 0.5 * self._config.gauge_m * self._config.skid * rate_rad_s

@@ -40,7 +40,7 @@ class Proposals:
 
 
 def _eased(command: TrackCommand, plan: Plan) -> TrackCommand:
-    """Return a command with the plan's easing; belts that are to stand do."""
-    if command.brake or plan.easing_m_s == 0.0:
+    """Return a command with the plan's easing, told now: the end of an easing is news too. Belts that are to stand do."""
+    if command.brake:
         return command
     return TrackCommand(t_s=plan.t_s, left_m_s=command.left_m_s + plan.easing_m_s, right_m_s=command.right_m_s + plan.easing_m_s)

@@ -40,7 +40,10 @@ class TractionTest:
     def __init__(self, config: TractionConfig, slope_rad: float) -> None:
         self._config = config
         self._slope_rad = slope_rad
-        self._pitch_rad = slope_rad
+        self._begin()
+
+    def _begin(self) -> None:
+        self._pitch_rad = self._slope_rad
         self._began_s: float | None = None
         self._t_s = 0.0
         self._rest_sum, self._rest_count = 0.0, 0
@@ -49,8 +52,10 @@ class TractionTest:
         self._slip: float | None = None
 
     def feel(self, signal: ImuSample | TrackReading) -> None:
-        """Take one signal."""
+        """Take one signal. A test whose belts are braked has shown nothing, and begins again once they are free."""
         if isinstance(signal, TrackReading):
+            if signal.brake_on:
+                self._begin()
             self._belts_m_s = 0.5 * (signal.left_m_s + signal.right_m_s)
             return
         if self._began_s is None:

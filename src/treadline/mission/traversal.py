@@ -96,6 +96,9 @@ class Traversal:
                 dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
                 self._ran_m += 0.5 * dt_s * abs(signal.left_m_s + signal.right_m_s)
                 self._tracks = signal
+                if signal.brake_on:  # held: neither belts nor arm do as they are told
+                    self._level.rest()
+                    self._front.forget()
                 self._where.feel(signal)
             case StairMap():
                 if signal.direction == self.DIRECTION:
@@ -184,7 +187,6 @@ class Traversal:
     def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
         """Return whether a chair that wakes up on a flight may drive; as long as it is held, its arm is not expected to move."""
         if self._tracks is not None and self._tracks.brake_on:
-            self._front.forget()
             return False
         return self._front.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
 

@@ -80,7 +80,6 @@ class Whereabouts:
         """Of the flight, mean of the maps; zero before the first."""
         self.left_wall_m: float | None = None
         self.right_wall_m: float | None = None
-        self.direction: str | None = None
         self.map_count = 0
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
@@ -100,11 +99,13 @@ class Whereabouts:
                 self._drive(signal)
             case ImuSample():
                 self.pitch_rad = pitch_of(signal)
-            case StairMap():
+            case StairMap() if len(signal.nosings_B):
                 if self._is_across(signal):
                     self._see_across(signal)
                 else:
                     self._see(signal)
+            case _:
+                pass
         if self._next is not None and not isinstance(signal, StairMap):
             self._next.heading_rad = self.heading_rad
             self._next.feel(signal)
@@ -218,7 +219,6 @@ class Whereabouts:
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
         since_s, self.map_s = seen.t_s - self.map_s, seen.t_s
-        self.direction = seen.direction
         share = 1.0 / min(self.map_count, MAPS_MAX)
         self.rise_m += (seen.rise_m - self.rise_m) * share
         self.run_m += (seen.run_m - self.run_m) * share

@@ -4,7 +4,6 @@ Paper: Fig. 7.
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 CLOCK = "/clock"
 IMU = "/imu"
@@ -52,7 +51,6 @@ class Channel:
     topics: tuple[Topic, ...]
     depth: int
     """How many messages may wait: a picture or a command is of use while it is new, what a filter integrates comes whole."""
-    reliability: Literal["reliable", "best_effort"] = "reliable"
     kept: bool = False
     """Whether who comes later still gets the last message: ROS 1's latch, ROS 2's transient local."""
 

@@ -25,6 +25,11 @@ from treadline.signals import (
 
 COMMAND_TIMEOUT_S = 0.3
 """The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
+LOST_S = 1.0
+"""Without a command for so long the guard has died under way, and one that takes its place knows nothing of why it held: the brake
+stays on until a person re-arms."""
+ARM_TIMEOUT_S = 0.1
+"""How old what is asked of the arm may be: it comes anew at each tick."""
 TRUTH_TICKS = 10
 """A simulator tells people and tests how it is ten times a second; no node listens."""
 SPOKEN: dict[type, str] = {
@@ -58,6 +63,8 @@ class PlantNode:
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         self._arm: ArmCommand | None = None
         self._t_s = self._heard_s = 0.0
+        self._driven = self._lost = self._pressed = False
+        """Whether the chair was ever let go; whether its guard was lost since; whether the button to re-arm is down."""
         self.commanded_s = 0.0
         """Stamp of the newest command: how far the guard has come."""
 
@@ -67,18 +74,27 @@ class PlantNode:
         transport.subscribe(on.TRACKS_CMD, self._write)
         transport.subscribe(on.SEAT_CMD, self._level)
         transport.subscribe(on.ARM_CMD, self._raise)
+        transport.subscribe(on.OPERATOR, self._obey)
 
     def start(self) -> None:
         """Put the chair at its start."""
         self._plant.start()
 
+    def close(self) -> None:
+        """Leave the chair, or its simulator."""
+        self._plant.close()
+
     def tick(self, t_s: float) -> None:
         """Go on to this time, and tell what the sensors read."""
-        if t_s - self._heard_s > COMMAND_TIMEOUT_S:
-            self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
+        silent_s = t_s - self._heard_s
+        if silent_s > COMMAND_TIMEOUT_S:
+            self._lost |= self._driven and silent_s > LOST_S
+            self._brake(t_s)
         self._t_s = t_s
         self._plant.advance(t_s)
         for reading in self._plant.read():
+            if isinstance(reading, OperatorInput):
+                self._obey(reading)  # not every wire lets a node hear itself
             self._say(spoken(reading), reading)
         if isinstance(self._plant, TruthPlant):
             for truth in self._plant.truth():
@@ -87,7 +103,21 @@ class PlantNode:
 
     def _write(self, tracks: TrackCommand) -> None:
         self._heard_s, self.commanded_s = self._t_s, tracks.t_s
-        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), self._arm)
+        if self._lost:
+            self._brake(tracks.t_s)
+            return
+        self._driven |= not tracks.brake
+        arm = self._arm if self._arm is not None and abs(tracks.t_s - self._arm.t_s) <= ARM_TIMEOUT_S else None
+        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), arm)
+
+    def _brake(self, t_s: float) -> None:
+        self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
+
+    def _obey(self, operator: OperatorInput) -> None:
+        """Let go of a brake that stayed on; a button that is stuck is not pressed."""
+        pressed, self._pressed = operator.rearm and not self._pressed, operator.rearm
+        if pressed and not operator.stop and operator.dead_man:
+            self._lost = False
 
     def _level(self, command: SeatCommand) -> None:
         self._seat = command

@@ -263,12 +263,12 @@ class Guard:
     def _obey(self, operator: OperatorInput) -> bool:
         """Obey the person: stop and a released dead-man hold, however old; re-arm ends a hold."""
         new = self._is_new("operator", operator.t_s)
-        pressed = self._latch.press(rearm=operator.rearm)
+        pressed = new and self._latch.press(rearm=operator.rearm)
         if new:
             self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:
             self._latch.hold(self._now(operator.t_s), "operator stop")
-        elif new and pressed and self._latch.release(operator.t_s):
+        elif pressed and self._latch.release(operator.t_s):
             self._restart(operator.t_s)
         return new
 
