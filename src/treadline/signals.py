@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from treadline import paper
-from treadline.angles import rotation_x, rotation_y, rotation_z
+from treadline.angles import rotation_x, rotation_y, rotation_z, tilt_of
 from treadline.arrays import shaped
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
@@ -85,6 +85,11 @@ class ImuSample:
     angular_velocity_rad_s: Float[np.ndarray, " 3"]
     linear_acceleration_m_s2: Float[np.ndarray, " 3"]
     """Specific force: +g along z when at rest and level."""
+
+    @property
+    def pitch_rad(self) -> float:
+        """Of the chair against the level, front up positive."""
+        return tilt_of(self.orientation.tolist())[0]
 
     def __post_init__(self) -> None:
         try:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.arm import ArmGeometry, centre_of_mass_level, pitch_of, plumb
+from treadline.control.arm import ArmGeometry
 from treadline.control.crest import CARRIED_M, LAGS_RAD, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
+from treadline.mechanics.loading import centre_of_mass_level, plumb
 from treadline.mechanics.stability import centre_of_mass
 from treadline.scenario import Chair
 from treadline.signals import ArmReading, ImuSample, TrackReading
@@ -101,7 +102,7 @@ def test_the_believed_centre_of_mass_is_that_of_the_chairs_file() -> None:
 
 
 def test_pitch_is_read_from_the_orientation_whatever_the_yaw() -> None:
-    assert pitch_of(imu(0.0, 28.0)) == pytest.approx(28.0 * DEG, abs=1e-12)
+    assert imu(0.0, 28.0).pitch_rad == pytest.approx(28.0 * DEG, abs=1e-12)
 
 
 def test_a_chair_with_a_fixed_front_section_is_refused() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.control.arm import OVER_BELTS_RAD, ArmGeometry, plumb
+from treadline.control.arm import OVER_BELTS_RAD, ArmGeometry
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
+from treadline.mechanics.loading import plumb
 from treadline.signals import ArmReading, ImuSample, TrackReading
 
 CHAIR = read_chair("wheelchair")

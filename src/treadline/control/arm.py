@@ -6,10 +6,11 @@ What crest and edge share (``control/crest.py``, ``control/edge.py``). ``ImuSamp
 import math
 from dataclasses import dataclass
 
-from treadline.angles import DEG, tilt_of
+from treadline.angles import DEG
 from treadline.errors import MechanicsError
-from treadline.mechanics.chair import EMPTY_SEAT_KG, GRAVITY_M_S2, Arm, ChairDescription
-from treadline.signals import ArmReading, ImuSample
+from treadline.mechanics.chair import GRAVITY_M_S2, Arm, ChairDescription
+from treadline.mechanics.loading import Loading
+from treadline.signals import ArmReading
 
 CARRIES_N = 80.0
 """Load from which the tip counts as standing: five times what torque noise and the arm's weight leave in doubt."""
@@ -30,27 +31,6 @@ OVER_BELTS_RAD = 2.0 * DEG
 """Where it waits, a little above the belts: in line with them it would carry on the nosings, and keep the chair from turning."""
 SMALL_RAD = 8.0 * DEG
 """Below this pitch the arm's angle tells the pivot's distance no more."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loading:
-    """The chair and what is believed of its load."""
-
-    chair: ChairDescription
-    payload_kg: float
-    com_error_m: float = 0.0
-    """Added to the centre of mass along the chair: what a belief is off by, in tests."""
-
-    @property
-    def seat_kg(self) -> float:
-        """What turns with the seat."""
-        return EMPTY_SEAT_KG + self.payload_kg
-
-    @property
-    def weight_n(self) -> float:
-        """Of chair and payload."""
-        arm_kg = 0.0 if self.chair.arm is None else self.chair.arm.mass_kg
-        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.seat_kg)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,30 +120,6 @@ class ArmRate:
         rate = min(max(wanted_rad_s, self._rate_rad_s - change), self._rate_rad_s + change)
         self._rate_rad_s = min(max(rate, -self._limit_rad_s), self._limit_rad_s)
         return self._rate_rad_s
-
-
-def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
-    """Return the believed centre of mass (x, z) in B while the seat is level."""
-    chair, c, s = loading.chair, math.cos(pitch_rad), math.sin(pitch_rad)
-    (hx, _, hz), (px, _, pz) = chair.seat.hinge_m, chair.seat.payload_com_m
-    chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
-    # The arm reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
-    arm, pivot = 0.0 if chair.arm is None else chair.arm.mass_kg, 0.5 * chair.tracks.flat_run_m
-    total = chassis + arm + loading.seat_kg
-    x = (chassis * cx + arm * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
-    z = (chassis * cz + arm * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
-    return x + loading.com_error_m, z
-
-
-def plumb(loading: Loading, pitch_rad: float) -> float:
-    """Return where the plumb line through the believed centre of mass meets the belts, ahead of mid-track."""
-    x, z = centre_of_mass_level(loading, pitch_rad)
-    return x - z * math.tan(pitch_rad)
-
-
-def pitch_of(imu: ImuSample) -> float:
-    """Return the chassis' pitch, front up positive."""
-    return tilt_of(imu.orientation.tolist())[0]
 
 
 def geometry_of(chair: ChairDescription) -> ArmGeometry:

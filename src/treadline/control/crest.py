@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N, Loading, plumb
+from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
 from treadline.control.sequencer import PitchCommand, Sequencer
+from treadline.mechanics.loading import Loading, plumb
 from treadline.signals import ArmReading
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]

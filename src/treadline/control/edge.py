@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, Loading, arm_of, plumb
+from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, arm_of
 from treadline.control.sequencer import PitchCommand, Sequencer
+from treadline.mechanics.loading import Loading, plumb
 from treadline.signals import ArmReading
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 from treadline.angles import DEG
-from treadline.control.arm import ARM_PER_S, SMALL_RAD, UNLOADED_N, ArmRate, Loading, Tip, arm_of, geometry_of, pitch_of, plumb
+from treadline.control.arm import ARM_PER_S, SMALL_RAD, UNLOADED_N, ArmRate, Tip, arm_of, geometry_of
+from treadline.mechanics.loading import Loading, plumb
 from treadline.signals import ArmCommand, ArmReading, ImuSample, TrackReading
 
 StageT = TypeVar("StageT", bound=str)
@@ -63,7 +64,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._t_s = imu.t_s
         speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
         self._ahead_m -= speed * dt_s
-        pitch = pitch_of(imu)
+        pitch = imu.pitch_rad
         self._tip.step(pitch, arm, dt_s)
         if tracks.brake_on:
             dt_s = 0.0

@@ -7,9 +7,9 @@ at a limit is let pass by a degree's reserve less than ``check`` wants: what ``c
 import math
 
 from treadline.angles import DEG
-from treadline.control.arm import Loading, centre_of_mass_level
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.loading import Loading, centre_of_mass_level
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, tipping_margins, worst_support
 from treadline.mechanics.tracks import minimum_track_length
 

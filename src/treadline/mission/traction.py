@@ -8,7 +8,6 @@ along the chair, less what gravity and the sensor's bias were at rest.
 import math
 from dataclasses import dataclass
 
-from treadline.control.arm import pitch_of
 from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import ImuSample, TrackReading
 
@@ -62,10 +61,10 @@ class TractionTest:
             self._began_s = self._t_s = signal.t_s
         since, dt_s = signal.t_s - self._began_s, signal.t_s - self._t_s
         self._t_s = signal.t_s
-        push = float(signal.linear_acceleration_m_s2[0]) - GRAVITY_M_S2 * math.sin(pitch_of(signal))
+        push = float(signal.linear_acceleration_m_s2[0]) - GRAVITY_M_S2 * math.sin(signal.pitch_rad)
         if 0.5 * self._config.rest_s < since <= self._config.rest_s:
             self._rest_sum += push
-            self._pitch_rad = pitch_of(signal)
+            self._pitch_rad = signal.pitch_rad
             self._rest_count += 1
         elif since > self._config.rest_s and self._slip is None:
             self._moved_m_s += dt_s * (push - self._rest_sum / max(self._rest_count, 1))

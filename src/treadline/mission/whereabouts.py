@@ -11,7 +11,6 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
-from treadline.control.arm import pitch_of
 from treadline.signals import ImuSample, StairMap, TrackReading
 
 SAME = 0.45
@@ -98,7 +97,7 @@ class Whereabouts:
             case TrackReading():
                 self._drive(signal)
             case ImuSample():
-                self.pitch_rad = pitch_of(signal)
+                self.pitch_rad = signal.pitch_rad
             case StairMap() if len(signal.nosings_B):
                 if self._is_across(signal):
                     self._see_across(signal)
