@@ -123,7 +123,7 @@ class GuardConfig:
     """Two frames' time, a control tick and the brake: the way of the chair in it is added to both."""
 
     needs_heading: bool = True
-    """False only for runs whose purpose is to drive without: open loop."""
+    """False only for runs whose purpose is to drive without: open loop. Senses and attitude are not watched then."""
     watches_slip: bool = True
     """False where a chair is meant to skid: random belts, the paper's allocation."""
     watches_motion: bool = True
