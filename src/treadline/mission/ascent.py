@@ -11,11 +11,10 @@ from treadline.angles import DEG
 from treadline.control.allocate import SLID_M, slowest_share
 from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
-from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step
 from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -30,22 +29,11 @@ BACKED_RAD = 0.7 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AscentConfig:
-    """The chair, what its user entered, and the pace."""
+class AscentConfig(TraversalConfig):
+    """Where and how a way up goes."""
 
-    chair: ChairDescription
-    payload_kg: float
-    cruise_m_s: float = 0.2
-    flights: int | None = None
-    """To climb; None goes on as long as another flight is seen from the one before."""
-    look_m: float = 2.5
-    """To drive on over a landing to see the next flight: from far away no more than its first step is in view."""
-    slow_m_s: float = 0.1
-    """Onto the stair and off it."""
     slow_from_m: float = 0.35
     """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
-    gap_m: float = 0.45
-    """Of the front pulley before the nosing below a missing step, where the chair stops for good."""
     idle_rad: float = 6.0 * DEG
     """Of the front section off what is asked of it before the belts touch the stair: no way up begins that could not end over the
     crest."""

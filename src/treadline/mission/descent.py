@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.mechanics.chair import ChairDescription
 from treadline.mission.entry import refusal_of
 from treadline.mission.front_section import ARM_RAD_S
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, beside, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step
 from treadline.mission.whereabouts import NEAR_M
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
 
@@ -23,19 +22,11 @@ RESTS = ("settle", "leave")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DescentConfig:
-    """The chair, what its user entered, and the pace."""
+class DescentConfig(TraversalConfig):
+    """Where and how a way down goes."""
 
-    chair: ChairDescription
-    payload_kg: float
-    cruise_m_s: float = 0.2
-    flights: int | None = None
-    """To go down; None goes on as long as another flight is seen from the one before."""
     lower: float = 0.6
     """Of a rise below the belts: a nosing that is no edge of what the chair stands on."""
-    look_m: float = 2.5
-    """To back on over a landing to see the next flight: from far away its edge hides it."""
-    slow_m_s: float = 0.1
     askew_rad: float = 4.0 * DEG
     """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
     square_rad: float = 1.0 * DEG
@@ -45,8 +36,6 @@ class DescentConfig:
     """Of the arm off its rest, on a chair that has been let down on the landing again …"""
     stow_s: float = 8.0
     """… and how long that may take."""
-    gap_m: float = 0.45
-    """Of the rear pulley before the nosing above a missing step, where the chair stops for good."""
     slow_from_m: float = 0.5
     """Of the rear pulley before the last nosing …"""
     slows_m: float = 0.1

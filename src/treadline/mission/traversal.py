@@ -4,6 +4,7 @@
 """
 
 import math
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from treadline.angles import DEG
@@ -39,6 +40,23 @@ def missing_step(gap: tuple[float, float], pulley: str) -> str:
     """Say that a step is missing, by the nosings before a pulley; negative where the pulley has passed."""
     near_m, far_m = gap
     return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {pulley} pulley"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraversalConfig:
+    """The chair, what its user entered, and the pace."""
+
+    chair: ChairDescription
+    payload_kg: float
+    cruise_m_s: float = 0.2
+    flights: int | None = None
+    """To be driven; None goes on as long as another flight is seen from the one before."""
+    look_m: float = 2.5
+    """To drive on over a landing to see the next flight: from far away its first step alone is in view, or its edge hides it."""
+    slow_m_s: float = 0.1
+    """Onto the stair and off it."""
+    gap_m: float = 0.45
+    """Of the leading pulley before the nosing in front of a missing step, where the chair stops for good."""
 
 
 class Traversal:
