@@ -211,9 +211,9 @@ def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
 
 def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Path) -> None:
     page = page_of(run_folder)
-    assert "One run: held (no command)" in page
-    assert '<td>rms_heading_deg</td><td class="n">1.234</td>' in page
-    assert '<td>settle_s</td><td class="n">–</td>' in page
+    assert "<h1>climb paper-28: held (no command)</h1>" in page
+    assert '<td>RMS over the whole run <code class="key">rms_heading_deg</code></td><td class="n">1.23°</td>' in page
+    assert '<td>within ±2° for good after <code class="key">settle_s</code></td><td class="n">never</td>' in page
     assert "no command for 0.5 s" in page
     assert "slope_deg" in page
     assert page.count("<svg") == 1

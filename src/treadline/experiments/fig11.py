@@ -15,6 +15,7 @@ from treadline.angles import DEG, rms
 from treadline.experiments.plan import turn
 from treadline.experiments.recorded import recorded_run
 from treadline.experiments.scores import settling_time
+from treadline.io.runs import write_result
 from treadline.mission.drivers import ConstantSpeed
 from treadline.scenario import Scenario
 
@@ -54,12 +55,17 @@ def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dic
     steady = pitch[t > min(STEADY_FROM_S, 0.5 * float(t[-1]))]  # a chair that slid off its stair ended early
     settle = settling_time(t, pitch, SETTLED_RAD)
     slope_deg = standing.stair.slope_rad / DEG
-    return {
+    figures = {
         "settle_s": settle,
         "start_deg": float(pitch[0]) / DEG,
         "steady_error_deg": float(np.mean(steady)) / DEG,
         "steady_rms_deg": rms(steady) / DEG,
         "max_error_deg": float(np.abs(pitch[t > (settle or 0.0)]).max()) / DEG,
+    }
+    # A table of its own: the run's own settle_s is the heading's.
+    write_result(folder, run.summary() | {"seat": figures})
+    return {
+        **figures,
         "run": folder.name,
         "seed": seed,
         "conditions": f"{slope_deg:.3g}° stair, chair at rest, settled means within 1°, seed {seed}",

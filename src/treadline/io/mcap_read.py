@@ -43,15 +43,15 @@ BROKEN = (
 )
 
 
-def read_log(path: Path) -> Iterator[Any]:
-    """Yield the signals, events and truth of a run's log in the order they were written.
+def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Iterator[Any]:
+    """Yield the signals, events and truth of a run's log in the order they were written, of the topics wanted.
 
     Raises:
         LogFormatError: If the file is missing, too large, damaged or not a log of treadline.
     """
     decoder = Decoder()
     try:
-        for topic, _, data in mcap_messages(path, lambda _: True, sealed=True):
+        for topic, _, data in mcap_messages(path, wants, sealed=True):
             signal = decoder.signal(topic.name, data)
             if signal is not None:
                 yield signal

@@ -215,28 +215,3 @@ def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
         ax.set_xlabel("time [s]")
         ax.legend()
     return figure
-
-
-@mpl.rc_context(STYLE)
-def single_run(series: Series) -> Figure:
-    """Return one run: heading, belts, place and seat."""
-    figure, axes = _figure(8.0, 5.0, 2, 2)
-    t = series["t_s"]
-    axes[0].plot(t, series["heading_deg"], color=BLUE, label="truth")
-    axes[0].plot(t, series["estimate_deg"], ":", color=ORANGE, label="estimate")
-    axes[0].set_ylabel("heading [°]")
-    axes[0].legend()
-    axes[1].plot(t, series["left_m_s"], color=BLUE, label="left")
-    axes[1].plot(t, series["right_m_s"], color=RED, label="right")
-    axes[1].set_ylabel("belt speed [m/s]")
-    axes[1].legend()
-    axes[2].plot(t, series["y_m"], color=GREEN)
-    axes[2].set_ylabel("across the flight [m]")
-    axes[3].plot(t, series["seat_pitch_deg"], color=BLUE, label="seat pitch")
-    axes[3].plot(t, series["stability_margin_deg"], color=GREY, label="tipping margin")
-    axes[3].set_ylabel("[°]")
-    axes[3].margins(y=0.35)  # room above the curves for the legend
-    axes[3].legend(ncols=2, loc="upper right", fontsize=7)
-    for ax in axes:
-        ax.set_xlabel("time [s]")
-    return figure

@@ -21,7 +21,11 @@ from treadline.io.runs import read_series
 from treadline.models import write_whole
 from treadline.report import figures
 from treadline.report.compare import comparisons
+from treadline.report.headline import headline
+from treadline.report.motion import read_motion
 from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
+from treadline.report.run_figure import single_run
+from treadline.report.run_scores import score_groups
 
 TEMPLATES = Path(__file__).parent / "templates"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -103,12 +107,18 @@ def _single(folder: Path) -> Path:
     manifest = read_part(folder / "manifest.json", Manifest)
     if result.seed is not None and result.seed != manifest.seed:
         raise SettingsError(f"{folder}: result.json is of seed {result.seed}, manifest.json of {manifest.seed}; make the run again")
+    series, (motion, unread) = _series(folder), read_motion(folder)
     return _render(
         folder,
         "run.html.j2",
-        {"run": figures.single_run(_series(folder))},
+        {"run": single_run(series, result, motion)},
         result=result,
         manifest=manifest,
+        headline=headline(result, manifest),
+        groups=score_groups(result),
+        moved=motion is not None,
+        unread=unread,
+        banded=len(result.course) > 1,
         settings=json.dumps(manifest.settings, indent=1),
     )
 

@@ -5,13 +5,15 @@ measured; a part that is there is whole.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from treadline.errors import SettingsError
 from treadline.models import read_json
+from treadline.signals import Phase
 
+PHASES = get_args(Phase)
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")]
 """A folder's bare name: no separator, no leading dot."""
 Numbers = Annotated[list[float], Field(min_length=1)]
@@ -199,6 +201,10 @@ class Results(Part):
     command: str = "treadline"
 
 
+Began = Annotated[tuple[float, str], Field(strict=False)]
+"""When a phase began, and which; JSON has lists for tuples."""
+
+
 class Happening(Part):
     """Something a run's guard told."""
 
@@ -207,8 +213,18 @@ class Happening(Part):
     cause: str
 
 
+class SeatFigures(Part):
+    """What a run of the seat alone came to."""
+
+    settle_s: float | None
+    start_deg: float
+    steady_error_deg: float
+    steady_rms_deg: float
+    max_error_deg: float
+
+
 class RunResult(Part):
-    """``result.json`` of one run; its other numbers are shown as they are."""
+    """``result.json`` of one run; its other numbers are its scores."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -216,16 +232,19 @@ class RunResult(Part):
     cause: str | None = None
     seed: int | None = None
     events: list[Happening] = []
+    phases: list[Began] = []
+    seat: SeatFigures | None = None
 
     @property
-    def figures(self) -> dict[str, float | None]:
-        """All its numbers; None is one that the run did not come to."""
+    def course(self) -> list[tuple[float, str]]:
+        """When each phase began, and which; a replay says it by its events alone."""
+        return self.phases or [(event.t_s, event.name) for event in self.events if event.name in PHASES]
+
+    @property
+    def figures(self) -> dict[str, int | float | None]:
+        """All its numbers, a count as the integer that it is; None is one that the run did not come to."""
         extra = self.model_extra or {}
-        return {
-            name: None if value is None else float(value)
-            for name, value in extra.items()
-            if value is None or type(value) in (int, float)
-        }
+        return {name: value for name, value in extra.items() if value is None or type(value) in (int, float)}
 
 
 class Manifest(Part):
