@@ -6,46 +6,73 @@ from typing import Any
 
 import pytest
 
-from treadline.campaign.page import write_page
+from treadline.campaign.page import COLOURS, OTHER, write_page
 from treadline.campaign.summary import summarise
 
 DRAWN = ["stair.texture", "stair.open_risers", "stair.friction.0", "chair.payload_kg", "start.heading_deg"]
 
 
-def page_of(folder: Path, *runs: dict[str, Any]) -> str:
+def page_of(folder: Path, *runs: dict[str, Any], score: str = "margin") -> str:
     rows = [
         {"index": index, "seed": index, "verdict": "arrived", "cause": None, "margin": 5.0 + index, "stair.slope_deg": 28.0} | run
         for index, run in enumerate(runs)
     ]
-    summary = summarise(rows, DRAWN, [], "margin")
+    summary = summarise(rows, DRAWN, [], score)
     summary["worst"] = []
     return write_page(folder, summary, {"traversals_per_cpu_hour": None}, rows, DRAWN).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
-    ("key", "values", "ends"),
+    ("key", "values", "title", "tick"),
     [
-        ("stair.slope_deg", (20.0, 30.0), ("20°", "30°")),
-        ("start.heading_deg", (-5.0, 5.0), ("-5°", "5°")),
-        ("chair.payload_kg", (0, 80), ("0 kg", "80 kg")),
-        ("stair.friction.0", (0.5, 0.9), ("0.5", "0.9")),
+        ("stair.slope_deg", (20.0, 30.0), "stair.slope_deg [°]", "22"),
+        ("start.heading_deg", (-5.0, 5.0), "start.heading_deg [°]", "-4"),
+        ("chair.payload_kg", (0, 80), "chair.payload_kg [kg]", "40"),
+        ("stair.friction.0", (0.5, 0.9), "stair.friction.0", "0.7"),
     ],
 )
-def test_what_varies_goes_across_with_its_unit(
-    tmp_path: Path, key: str, values: tuple[float, float], ends: tuple[str, str]
+def test_what_varies_goes_across_with_its_unit_and_round_ticks(
+    tmp_path: Path, key: str, values: tuple[float, float], title: str, tick: str
 ) -> None:
     others = {"stair.texture": "wood", "stair.open_risers": True}
     page = page_of(tmp_path, *({key: value} | others for value in values), others)
-    assert f"<h2>margin by {key}</h2>" in page
-    assert f">{ends[0]}</text>" in page
-    assert f">{ends[1]}</text>" in page
+    assert f"<h2>Margin by {key}</h2>" in page
+    assert f">{title}</text>" in page
+    assert f">{tick}</text>" in page
     # Where a value is missing there is no dot.
     assert len(re.findall("<circle", page)) == (3 if key == "stair.slope_deg" else 2)
 
 
+def test_no_dot_lies_on_the_frame(tmp_path: Path) -> None:
+    page = page_of(tmp_path, {"stair.slope_deg": 20.0}, {"stair.slope_deg": 30.0}, {"stair.slope_deg": 25.0})
+    frame = {name: float(value) for name, value in re.findall(r'(x|y|width|height)="([\d.]+)"', page[page.index("<rect") :])[:4]}
+    for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', page):
+        assert frame["x"] + float(r) < float(x) < frame["x"] + frame["width"] - float(r)
+        assert frame["y"] + float(r) < float(y) < frame["y"] + frame["height"] - float(r)
+
+
+def test_a_fall_has_a_colour_of_its_own_and_is_drawn_over_the_others(tmp_path: Path) -> None:
+    page = page_of(tmp_path, {"verdict": "fell", "stair.slope_deg": 20.0}, {"stair.slope_deg": 30.0}, {"verdict": "crashed"})
+    colours = re.findall(r'<circle[^>]* fill="(#\w+)"', page)
+    assert colours[-1] == COLOURS["fell"]
+    assert colours.count(COLOURS["fell"]) == 1
+    assert OTHER in colours
+    assert f'<span style="color: {COLOURS["fell"]}">●</span> fell' in page
+
+
+def test_a_score_is_called_by_words_and_its_unit(tmp_path: Path) -> None:
+    rows = [{"min_stability_margin_deg": 8.0 + k, "rms_heading_deg": 1.0, "stair.slope_deg": 20.0 + k} for k in range(3)]
+    page = page_of(tmp_path, *rows, score="min_stability_margin_deg")
+    assert "<h2>Smallest tipping margin by stair.slope_deg</h2>" in page
+    assert ">smallest tipping margin [°]</text>" in page
+    # A root mean square of margins means nothing, one of root mean squares does.
+    cells = dict(re.findall(r'<code class="key">(\w+)</code></td>(.*?)</tr>', page))
+    assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]
+
+
 def test_the_slope_goes_across_wherever_it_varies(tmp_path: Path) -> None:
     page = page_of(tmp_path, {"chair.payload_kg": 0.0}, {"chair.payload_kg": 80.0, "stair.slope_deg": 30.0})
-    assert "<h2>margin by stair.slope_deg</h2>" in page
+    assert "<h2>Margin by stair.slope_deg</h2>" in page
 
 
 def test_where_no_number_varies_there_is_no_chart(tmp_path: Path) -> None:

@@ -64,6 +64,18 @@ def test_scores_are_those_of_the_runs_that_have_them() -> None:
     assert any("fell" in line for line in lines(summary))
 
 
+def test_people_are_told_a_root_mean_square_only_of_what_is_one() -> None:
+    rows = [
+        {"index": k, "seed": 0, "verdict": "arrived", "cause": None, "duration_s": 40.0 + k, "rms_heading_deg": 3.0}
+        | {"min_stability_margin_deg": 9.0 - k}
+        for k in range(3)
+    ]
+    said = lines(summarise(rows, [], [], "min_stability_margin_deg"))
+    assert "  min_stability_margin_deg: median 8°, worst 7° (run 0002)" in said
+    assert "  duration_s: median 41 s, worst 42 s (run 0002)" in said
+    assert "  rms_heading_deg: RMS 3°, median 3°, worst 3° (run 0000)" in said
+
+
 def test_what_is_shown_is_what_a_traversal_scores() -> None:
     assert set(SHOWN) <= {field.name for field in fields(Scores)}
 

@@ -127,3 +127,15 @@ def test_a_real_traversal_can_be_flown_again_by_the_command_it_names(run: Callab
     again = run(*words[1:], "--json")
     assert again.values["min_stability_margin_deg"] == row["min_stability_margin_deg"]
     assert again.values["verdict"] == row["verdict"]
+
+
+def test_an_interrupted_sweep_names_what_goes_on_with_it(
+    run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("treadline.campaign.sweep.fly_sweep", interrupted)
+    done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
+    assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
+    assert "the same command with --resume goes on with it" in done.err

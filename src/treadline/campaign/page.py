@@ -1,18 +1,27 @@
 """The campaign's page: one HTML file that needs nothing else."""
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from treadline.campaign.run import Row
+from treadline.campaign.summary import has_rms
 from treadline.models import write_whole
 from treadline.report.channels import channel, suffix
+from treadline.report.run_scores import WORDS, score_name
 
 TEMPLATES = (Path(__file__).parent / "templates", Path(__file__).parents[1] / "report" / "templates")
 """Ours, and the base page of all reports."""
-COLOURS = {"arrived": "#009e73", "held": "#e69f00", "refused": "#56b4e9", "time_up": "#777777"}
-OTHER = "#d55e00"
-WIDTH, HEIGHT, EDGE = 640.0, 300.0, 46.0
+COLOURS = {"arrived": "#009e73", "held": "#e69f00", "refused": "#56b4e9", "time_up": "#999999", "fell": "#e4002b"}
+OTHER = "#8a4fa0"
+WIDTH, HEIGHT = 640.0, 320.0
+LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 48.0
+"""Margins of the chart: ticks and titles of the axes."""
+DOT, FELL_DOT = 3.0, 6.0
+"""Radii: a fall is what is looked for, and is drawn last."""
+TICKS_MOST = 7
 FIRST_CHOICE = "stair.slope_deg"
 """Goes across wherever it varies: what most decides whether a chair arrives."""
 
@@ -25,7 +34,13 @@ def write_page(
 
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
     page = environment.get_template("sweep.html.j2").render(
-        summary=summary, times=times, chart=_chart(rows, drawn, summary["score"]), colours=COLOURS | {"other": OTHER}
+        summary=summary,
+        times=times,
+        chart=_chart(rows, drawn, summary["score"]),
+        colours=COLOURS | {"other": OTHER},
+        up=score_name(summary["score"]),
+        up_with_unit=_with_unit(score_name(summary["score"]), _unit(summary["score"])),
+        scores=[_score_row(name, score) for name, score in summary["scores"].items()],
     )
     write_whole(folder / "report.html", page)
     return folder / "report.html"
@@ -38,19 +53,62 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
     if key is None:
         return None
     found = [row for row in scored if _is_number(row.get(key))]
-    x, y, unit = _numbers(found, key), _numbers(found, score), _unit(key)
-    dots = [
+    x, y = _numbers(found, key), _numbers(found, score)
+    across, up = _Axis.of(x), _Axis.of(y)
+    inner = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
+    dots: list[dict[str, Any]] = [
         {
-            "x": EDGE + (WIDTH - 2 * EDGE) * _share(across, x),
-            "y": HEIGHT - EDGE - (HEIGHT - 2 * EDGE) * _share(up, y),
+            "x": LEFT + inner[0] * across.share(at),
+            "y": TOP + inner[1] * (1.0 - up.share(reached)),
+            "r": FELL_DOT if row["verdict"] == "fell" else DOT,
             "colour": COLOURS.get(row["verdict"], OTHER),
-            "name": f"{row['index']:04d} {row['verdict']}: {up:.3g} at {across:.3g}{unit}",
+            "name": f"{row['index']:04d} {row['verdict']}: {reached:.3g}{suffix(_unit(score))} at {at:.3g}{suffix(_unit(key))}",
         }
-        for row, across, up in zip(found, x, y, strict=True)
+        for row, at, reached in zip(found, x, y, strict=True)
     ]
-    ends = {"x": (min(x), max(x)), "y": (min(y), max(y))}
-    axes = {"across": key, "up": score, "unit": unit}
-    return {"dots": dots, "ends": ends, "width": WIDTH, "height": HEIGHT, "edge": EDGE} | axes
+    dots.sort(key=lambda dot: dot["r"])
+    return {
+        "dots": dots,
+        "frame": {"x": LEFT, "y": TOP, "width": inner[0], "height": inner[1]},
+        "size": (WIDTH, HEIGHT),
+        "across": [(LEFT + inner[0] * across.share(tick), f"{tick:g}") for tick in across.ticks],
+        "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
+        "key": key,
+        "titles": (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score))),
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Axis:
+    """A span with room around what it shows, and round numbers along it."""
+
+    low: float
+    high: float
+    ticks: list[float]
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "_Axis":
+        least, most = min(values), max(values)
+        room = 0.05 * (most - least) or max(0.05 * abs(most), 0.5)
+        low, high = least - room, most + room
+        rough = (high - low) / TICKS_MOST
+        decade = 10.0 ** math.floor(math.log10(rough))
+        step = next(decade * times for times in (1, 2, 5, 10) if decade * times >= rough)
+        return cls(
+            low=low, high=high, ticks=[round(k * step, 12) for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
+        )
+
+    def share(self, value: float) -> float:
+        return (value - self.low) / (self.high - self.low)
+
+
+def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of the table of scores: a name for people, and no root mean square where it means nothing."""
+    words = ("rms", "p5", "median", "p95", "worst")
+    figures = ["–" if word == "rms" and not has_rms(name) else f"{score[word]:.3g}" for word in words]
+    return {"name": score_name(name), "key": name, "unit": _unit(name), "figures": figures} | {
+        word: score[word] for word in ("count", "worst_run")
+    }
 
 
 def _numbers(rows: Sequence[Row], key: str) -> list[float]:
@@ -62,10 +120,10 @@ def _is_number(value: object) -> bool:
 
 
 def _unit(key: str) -> str:
-    """Return the unit that a key's name ends in, as it follows a number; a list's items have the list's."""
-    return suffix(channel(key.rstrip(".0123456789")).unit or "")
+    """Return the unit that a key's name ends in; a list's items have the list's."""
+    word = WORDS.get(key)
+    return (channel(key.rstrip(".0123456789")).unit or "") if word is None else word.unit
 
 
-def _share(value: float, values: Sequence[float]) -> float:
-    low, high = min(values), max(values)
-    return (value - low) / (high - low) if high > low else 0.5
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit else name

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from treadline.campaign.run import Row
+from treadline.report.channels import channel, suffix
 
 CONFIDENCE = 0.95
 WORST = 10
@@ -92,9 +93,16 @@ def lines(summary: Mapping[str, Any]) -> list[str]:
         said.append(f"  {name:9s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
     for name in SHOWN:
         if name in summary["scores"]:
-            score = summary["scores"][name]
-            said.append(f"  {name}: RMS {score['rms']:.3g}, median {score['median']:.3g}, worst {score['worst']:.3g}")
+            score, unit = summary["scores"][name], suffix(channel(name).unit or "")
+            words = ("rms", "median", "worst") if has_rms(name) else ("median", "worst")
+            figures = ", ".join(f"{'RMS' if word == 'rms' else word} {score[word]:.3g}{unit}" for word in words)
+            said.append(f"  {name}: {figures} (run {score['worst_run']:04d})")
     return said
+
+
+def has_rms(score: str) -> bool:
+    """Say whether a root mean square over runs means something: of what is one already, not of a time or a margin."""
+    return "rms_" in score
 
 
 def _share(count: int, total: int) -> dict[str, Any]:

@@ -65,8 +65,12 @@ def sweep(
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
     if plan.total < runs:
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search flies whole generations\n")
-    with _Left() as progress:
-        summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+    try:
+        with _Left() as progress:
+            summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+    except KeyboardInterrupt as stopped:
+        stopped.add_note("the same command with --resume goes on with it")
+        raise
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
     worst = summary["worst"][0]
     rate = summary["traversals_per_cpu_hour"]

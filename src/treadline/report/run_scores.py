@@ -57,8 +57,8 @@ GROUPS: dict[str, dict[str, Word]] = {
         "settle_s": Word("within ±2° for good after", "s", "never"),
         "steady_rms_heading_deg": Word("RMS from 20 s on", "°", "ended before 20 s"),
         "aligned_s": Word("square to the stair and off towards it after", "s"),
-        "aligned_rms_heading_deg": Word("RMS from then on", "°"),
-        "aligned_max_heading_deg": Word("largest from then on", "°"),
+        "aligned_rms_heading_deg": Word("RMS from when it was square on", "°"),
+        "aligned_max_heading_deg": Word("largest from when it was square on", "°"),
         "max_abs_heading_deg": Word("largest", "°"),
         "final_heading_deg": Word("at the end", "°"),
     },
@@ -107,9 +107,16 @@ GROUPS: dict[str, dict[str, Word]] = {
     },
 }
 WORDS = {key: word for words in GROUPS.values() for key, word in words.items()}
+OF_HEADING = tuple(next(iter(GROUPS.values())).values())
 OTHERS = "Other figures of result.json"
 OF_NO_SEAT = ("Safety", "Computing")
 """Groups that are also about a run of the seat alone; the others score a chair that stands where it was put."""
+
+
+def score_name(key: str) -> str:
+    """Return what a score is called where its group is not said; its key where it has no words."""
+    word = WORDS.get(key)
+    return key if word is None else f"heading, {word.label}" if word in OF_HEADING else word.label
 
 
 def score_groups(result: RunResult) -> list[Group]:
