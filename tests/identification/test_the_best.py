@@ -35,6 +35,7 @@ def test_what_is_told_are_the_candidates_of_the_report(draw: Draw) -> None:
     told: list[str] = []
     candidates = identify(draw(0, noise=0.1, samples=300), told=told.append).report.candidates
     assert len(told) == len(candidates) > 3
+    assert sum(candidate.chosen for candidate in candidates) == 1
     assert {candidate.method for candidate in candidates} >= {"pbsid"}
 
 

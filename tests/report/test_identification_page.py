@@ -18,6 +18,7 @@ from treadline.identification import identify, validate
 from treadline.identification.era import hankel_svd
 from treadline.identification.stabilisation import stabilisation_of_svd
 from treadline.models import InputOutputRecord, LinearModel
+from treadline.report import model_figures as figures
 from treadline.report import model_runs as runs
 from treadline.report.channels import both_angles, channel, ratio_unit
 from treadline.report.identification import write_identification_page
@@ -263,6 +264,30 @@ def test_what_a_later_report_knows_is_shown(tmp_path: Path, small: Found) -> Non
     assert "50 structures tried" in text
     assert "10 more are not listed" in text
     assert "dashed line" in text
+
+
+def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_first(tmp_path: Path, small: Found) -> None:
+    tried = [{"method": f"m{k}", "error": 0.2 + 0.001 * abs(k - 7), "chosen": k == 45} for k in range(50)]
+    page = page_of(tmp_path, found_with(small.model, LaterReport, candidates=tried))
+    (row,) = re.findall(r'<tr class="chosen">(.*?)</tr>', page)
+    assert re.findall("<td>(.*?)</td>", row) == ["m45", "0.238", "chosen"]
+    text = " ".join(outline_of(page).text.split())
+    assert "50 structures tried" in text
+    assert "9 more are not listed" in text
+    assert "Error: what free runs leave of data held out" in text
+    assert "the smaller order wins" in text
+
+
+def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None:
+    t = 0.25 * np.arange(345)
+    spike, slow = np.exp(-4.0 * t) + 0.01 * np.exp(-0.05 * t), np.exp(-0.05 * t)
+    response = np.stack([slow, spike], axis=1)[:, :, None]
+    figure = figures.impulse(response, None, 0.25, [channel("left_m_s")], [channel("heading_rad"), channel("yaw_rate_rad_s")])
+    ends = [ax.lines[-1].get_xdata()[-1] for ax in figure.axes]
+    assert ends[0] == t[-1]
+    assert ends[1] < 6.0
+    assert runs.answering(np.ones((100, 2))) == 100  # an integrator answers for good
+    assert runs.answering(np.zeros((100, 2))) == runs.STEPS_LEAST
 
 
 def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:

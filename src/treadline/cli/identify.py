@@ -225,7 +225,7 @@ def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answ
         values=report.as_json() | written,
         summary=[
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
-            f"{report.samples} samples, one every {found.model.dt_s:.6g} s",
+            f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
             f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
             "than the mean)",
             f"one step ahead: {ahead} of the variance",
@@ -233,6 +233,13 @@ def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answ
             *(f"warning: {warning}" for warning in report.warnings),
         ],
     )
+
+
+def _counted(found: "Identified") -> str:
+    """Return how much was fitted, as the page says it: of a stream, or of sums gone on with, only the windows are known."""
+    given, report = sum(len(record) for record in found.fitted), found.report
+    windows = f"{report.samples} windows fitted, {report.dropped} left out for gaps"
+    return f"{given} samples; {windows}" if report.samples <= given else windows
 
 
 def _delays(text: str | None) -> list[int] | str | None:

@@ -140,6 +140,7 @@ class Identified:
                     step=trial.recipe.step,
                     constants=trial.recipe.constants,
                     error=reports.known(trial.error),
+                    chosen=trial.recipe == found.recipe,
                 )
                 for trial in found.trials
             ],

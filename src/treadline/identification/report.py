@@ -35,6 +35,7 @@ class Candidate:
     constants: bool
     error: float | None
     """None where the model exploded."""
+    chosen: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

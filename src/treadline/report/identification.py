@@ -32,6 +32,8 @@ LAGS = 25
 """Of the residual tests."""
 CANDIDATES_MOST = 40
 """Tried structures listed."""
+CHOSEN = "chosen"
+"""Says of a tried structure that it is the model's."""
 
 
 @runtime_checkable
@@ -164,6 +166,7 @@ class _Page:
         }
         self.values["gap"] = _number(self.said.get("gap"))
         self.values["candidates"], self.values["candidates_left"] = _table(self.said.get("candidates"))
+        self.values["marked"] = any(chosen for chosen, _ in (self.values["candidates"] or ((), ()))[1])
         mixed = both_angles([*self.inputs, *self.outputs])
         if mixed is not None:
             self.notes.append(
@@ -337,10 +340,11 @@ def _smallest(value: Any) -> float | None:
     return min(found, default=None)
 
 
-def _table(candidates: Any) -> tuple[tuple[list[str], list[list[str]]] | None, int]:
-    """Return heads and rows of a list of tried structures, and how many are left out."""
+def _table(candidates: Any) -> tuple[tuple[list[str], list[tuple[bool, list[str]]]] | None, int]:
+    """Return heads and rows of a list of tried structures, and how many are left out; the chosen one is listed in any case."""
     if not isinstance(candidates, list | tuple) or not all(isinstance(item, Mapping) for item in candidates) or not candidates:
         return None, 0
-    heads = list(dict.fromkeys(str(key) for item in candidates for key in item))
-    rows = [[_words(item.get(head)) for head in heads] for item in candidates[:CANDIDATES_MOST]]
-    return ([head.replace("_", " ") for head in heads], rows), max(len(candidates) - CANDIDATES_MOST, 0)
+    heads = [head for head in dict.fromkeys(str(key) for item in candidates for key in item) if head != CHOSEN]
+    listed = [item for k, item in enumerate(candidates) if k < CANDIDATES_MOST or item.get(CHOSEN) is True]
+    rows = [(item.get(CHOSEN) is True, [_words(item.get(head)) for head in heads]) for item in listed]
+    return ([head.replace("_", " ") for head in heads], rows), len(candidates) - len(listed)

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from treadline.report.channels import UNKNOWN, Channel, ratio_unit
 from treadline.report.figures import BLUE, GREY, ORANGE, RED, STYLE
-from treadline.report.model_runs import decimated
+from treadline.report.model_runs import answering, decimated
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
@@ -145,16 +145,17 @@ def impulse(
     inputs: Sequence[Channel],
     outputs: Sequence[Channel],
 ) -> Figure:
-    """Return impulse responses, one panel per pair."""
+    """Return impulse responses, one panel per pair; each output as long as it answers: one may last a second, another stay."""
     figure, panels = _grid(len(outputs), len(inputs), 1.35)
-    t = np.arange(len(response)) * dt_s
-    marks = "o-" if len(t) <= 60 else "-"
     for i, row in enumerate(panels):
+        shown = answering(response[:, i])
+        t = np.arange(shown) * dt_s
+        marks = "o-" if shown <= 60 else "-"
         for j, ax in enumerate(row):
-            values = response[:, i, j]
+            values = response[:shown, i, j]
             low = high = values
             if deviation is not None:
-                half = BAND * np.nan_to_num(deviation[:, i, j], posinf=0.0)
+                half = BAND * np.nan_to_num(deviation[:shown, i, j], posinf=0.0)
                 low, high = values - half, values + half
                 ax.fill_between(t, low, high, color=ORANGE, alpha=0.45, linewidth=0.0)
             ax.axhline(0.0, color=GREY, linewidth=0.8)

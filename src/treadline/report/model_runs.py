@@ -21,6 +21,8 @@ STEPS_LEAST, STEPS_MOST = 20, 400
 """Of an impulse response: below, a panel looks empty; above, single steps cannot be seen."""
 TAIL = 1e-4
 """Share of its energy that an impulse response may have left where the drawing ends: one per cent in amplitude."""
+ANSWERED = 0.05
+"""Share of its peak below which an output no longer answers, to the eye."""
 DECADES = 4.0
 """Of a frequency axis at most."""
 
@@ -97,6 +99,13 @@ def _died_out(response: Float[np.ndarray, "steps p m"]) -> int:
     """Return the step from which on each pair has only ``TAIL`` of its energy left."""
     left = np.cumsum(response[::-1] ** 2, axis=0)[::-1]
     return int(np.count_nonzero((left > TAIL * left[0]).any(axis=(1, 2))))
+
+
+def answering(response: Float[np.ndarray, "steps m"]) -> int:
+    """Return how many steps of one output's responses show it answer: half as many again as until little is left."""
+    size = np.abs(response)
+    lasts = int(np.flatnonzero((size > ANSWERED * size.max(axis=0)).any(axis=1)).max(initial=0))
+    return min(len(response), max(STEPS_LEAST, lasts + lasts // 2))
 
 
 def _markov(model: LinearModel) -> Iterator[Float[np.ndarray, "p m"]]:
