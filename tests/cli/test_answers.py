@@ -1,12 +1,14 @@
 """What a verb answers: one JSON object with --json, and the contract's keys."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from treadline.cli import doctor
 from treadline.experiments.literal import paper_model
 
 
@@ -39,6 +41,19 @@ def test_check_refuses_what_friction_forbids_and_exits_1(run, tmp_path: Path) ->
     assert any("0.5" in reason for reason in outcome.values["reasons"])
 
 
+def test_check_prints_the_friction_that_it_refuses_by(run, tmp_path: Path) -> None:
+    path = tmp_path / "nearly.toml"
+    path.write_text("[stair]\nfriction = [0.54, 0.5]\n")
+    outcome = run("check", path)
+    assert outcome.code == 1
+    # tan β of the default stair is 0.16 / 0.30; 1.05 times that is what is asked.
+    assert "friction needed 0.56 (0.53 to stand, and a reserve for jolts), available 0.54" in outcome.out
+    assert "friction 0.54 is below 1.05 × tan β = 0.56" in outcome.out
+    values = run("check", path, "--json").values
+    assert values["friction_needed"] == pytest.approx(0.16 / 0.30)
+    assert values["friction_needed_with_reserve"] == pytest.approx(1.05 * 0.16 / 0.30)
+
+
 def test_tune_writes_a_controller_with_a_stable_loop(run, tmp_path: Path) -> None:
     model, controller = tmp_path / "model.json", tmp_path / "controller.json"
     paper_model(0.2).save(model)
@@ -54,6 +69,27 @@ def test_doctor_finds_what_the_tests_run_with(run) -> None:
     outcome = run("doctor", "--json")
     assert outcome.code == 0
     assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco", "numba", "mcap"}
+
+
+def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = doctor.util.find_spec
+
+    def without(*names: str) -> None:
+        monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in names else find(name))
+
+    without("pyarrow")
+    done = run("doctor")
+    assert done.code == 0
+    lines = done.out.splitlines()
+    assert re.fullmatch(r"all required parts are there; \d+ optional ones? (is|are) missing", lines[-1])
+    row = next(k for k, line in enumerate(lines) if line.startswith("  pyarrow"))
+    assert lines[row].split()[1:3] == ["missing", "identify"]  # what it enables; how to get it has a line of its own
+    assert lines[row + 1].split(":", 1) == [f"{'':27}to get it", "   pip install '.[parquet]'"]
+    required = {part["name"]: part["required"] for part in run("doctor", "--json").values["parts"]}
+    assert (required["mujoco"], required["pyarrow"], required["rospy"], required["Gazebo"]) == (True, False, False, False)
+    without("scipy")
+    done = run("doctor")
+    assert (done.code, done.out.splitlines()[-1].split(";")[0]) == (1, "1 required part is missing")
 
 
 def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:

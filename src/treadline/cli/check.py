@@ -22,7 +22,8 @@ def check(scenario: str, /) -> Answer:
         values=asdict(report),
         summary=[
             f"{report.verdict}: track {report.track_length_margin_m:+.3f} m over 2√(h²+w²); friction needed "
-            f"{report.friction_needed:.2f}, available {report.friction_available:.2f}; tipping margins {margins}",
+            f"{report.friction_needed_with_reserve:.2f} ({report.friction_needed:.2f} to stand, and a reserve for jolts), "
+            f"available {report.friction_available:.2f}; tipping margins {margins}",
             *report.reasons,
         ],
         code=0 if report.verdict == "go" else 1,

@@ -27,14 +27,15 @@ EXTRAS = (
 
 def doctor() -> Answer:
     """Say what is installed, what is missing, what each missing part would enable and how to get it."""
-    parts = [_part(*row) for row in PARTS]
-    missing = [part for part in parts if not part["installed"]]
-    parts += [*(_part(*row) for row in EXTRAS), _rospy(), _gazebo()]
+    parts = [_part(*row, required=True) for row in PARTS]
+    parts += [*(_part(*row, required=False) for row in EXTRAS), _rospy(), _gazebo()]
     lines = [f"treadline {__version__} on Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
     for part in parts:
-        state = part["version"] if part["installed"] else f"missing; {part['remedy']}"
-        lines.append(f"  {part['name']:24} {state:12} {part['enables']}")
-    lines.append("all parts are there" if not missing else f"{len(missing)} parts are missing")
+        lines.append(f"  {part['name']:24} {part['version'] or 'missing':12} {part['enables']}")
+        if not part["installed"]:
+            lines.append(f"  {'':24} to get it:   {part['remedy']}")
+    missing, optional = (sum(not part["installed"] for part in parts if part["required"] is kind) for kind in (True, False))
+    lines.append(_there(missing, optional))
     return Answer(
         values={"parts": parts, "treadline": __version__, "python": sys.version.split()[0]},
         summary=lines,
@@ -42,9 +43,19 @@ def doctor() -> Answer:
     )
 
 
-def _part(name: str, module: str, enables: str, remedy: str) -> dict[str, object]:
+def _there(missing: int, optional: int) -> str:
+    """Return the last line: the required parts, and the optional ones, which nobody need have."""
+    required = "all required parts are there" if not missing else f"{missing} required {_are(missing)} missing"
+    return required + (f"; {optional} optional {_are(optional, 'one')} missing" if optional else "")
+
+
+def _are(count: int, what: str = "part") -> str:
+    return f"{what} is" if count == 1 else f"{what}s are"
+
+
+def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:
     installed = util.find_spec(module) is not None
-    return _told(name, metadata.version(name) if installed else None, enables, remedy)
+    return _told(name, metadata.version(name) if installed else None, enables, remedy, required=required)
 
 
 def _rospy() -> dict[str, object]:
@@ -73,9 +84,10 @@ def _gazebo() -> dict[str, object]:
     return _told("Gazebo", version, "a second simulator: --plant gazebo", remedy)
 
 
-def _told(name: str, version: str | None, enables: str, remedy: str) -> dict[str, object]:
+def _told(name: str, version: str | None, enables: str, remedy: str, *, required: bool = False) -> dict[str, object]:
     return {
         "name": name,
+        "required": required,
         "installed": version is not None,
         "version": version,
         "enables": enables,

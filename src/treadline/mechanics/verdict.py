@@ -37,6 +37,9 @@ class CheckReport:
     reasons: list[str]
     track_length_margin_m: float
     friction_needed: float
+    """To stand: tan β."""
+    friction_needed_with_reserve: float
+    """To be let onto the stair."""
     friction_available: float
     friction_use_at_start: float
     """Share of the friction ellipse at the start heading; 1 slides."""
@@ -75,6 +78,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         reasons=[reason for reason in reasons if reason],
         track_length_margin_m=chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m),
         friction_needed=math.tan(slope),
+        friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
         friction_available=stair.friction[0],
         friction_use_at_start=friction_use(slope, heading, stair.friction),
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
