@@ -5,7 +5,7 @@ import pytest
 
 from treadline.perception import StairDetector
 from treadline.perception import overlay as drawn
-from treadline.perception.overlay import BAND_PX, WIDTH_PX, overlay
+from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
 from treadline.perception.planes import Surface
 from treadline.sim.camera.recipe import Recipe
 from treadline.sim.camera.views import View, draw_view
@@ -31,6 +31,23 @@ def test_a_stair_is_tinted_where_its_surfaces_are() -> None:
     assert (
         np.mean([blueness(tread) for tread in sight.parts.treads]) > np.mean([blueness(riser) for riser in sight.parts.risers]) + 50
     )
+
+
+def test_nosings_are_drawn_no_further_than_they_are_seen() -> None:
+    # Two nosings whose first guess of a direction is five degrees off: lines along it ran a third of the image past the steps.
+    view = draw_view(np.random.default_rng([0, 3]), Recipe())
+    sight = StairDetector().look(view.frame, view.gravity_C)
+    assert sight.parts is not None
+    assert sight.axes is not None
+    assert sight.box_px is not None
+    camera = view.frame.camera
+    for nosing in sight.parts.flight:
+        ends = ends_of(nosing, sight.axes.edge_C, sight.parts.aside)
+        np.testing.assert_allclose(ends @ sight.parts.aside, nosing.sides_m)
+        np.testing.assert_allclose(np.cross(ends - nosing.point, sight.axes.edge_C), 0.0, atol=1e-12)
+        u = camera.fx_px * ends[:, 0] / ends[:, 2] + camera.cx_px
+        # The box holds the middles of blocks, and a riser leans in the image.
+        assert sight.box_px[0] - 12.0 < u.min() < u.max() < sight.box_px[2] + 12.0
 
 
 def test_a_refused_frame_says_why() -> None:

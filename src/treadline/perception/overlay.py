@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
+from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 from treadline.perception.sight import Sight
 from treadline.signals import PinholeCamera, RgbdFrame
@@ -36,10 +37,8 @@ def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
                 _tint(picture, surface, colour)
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     if sight.parts is not None and sight.axes is not None:
-        right = np.copysign(1.0, sight.axes.edge_C[0]) * sight.axes.edge_C  # as the camera sees it, wherever the chair's is
         for nosing in sight.parts.flight:
-            ends = [nosing.point + (side - float(nosing.point @ right)) * right for side in nosing.sides_m]
-            _line(picture, frame.camera, np.array(ends), scale)
+            _line(picture, frame.camera, ends_of(nosing, sight.axes.edge_C, sight.parts.aside), scale)
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture
     for number, (line, colour) in enumerate(_words(sight)):
@@ -47,6 +46,16 @@ def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
     if sight.heading_rad is not None and sight.sigma_rad is not None:
         _dial(canvas, (WIDTH_PX - DIAL_HALF_PX - 8, picture.shape[0] - 20), sight.heading_rad, 1.96 * sight.sigma_rad)
     return canvas
+
+
+def ends_of(nosing: Nosing, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
+    """Return where an edge, as its direction was found, is first and last seen.
+
+    Args:
+        aside: Unit vector along which the nosing's sides were measured.
+    """
+    along = (np.array(nosing.sides_m) - float(nosing.point @ aside)) / float(edge @ aside)
+    return np.asarray(nosing.point + along[:, None] * edge)
 
 
 def _words(sight: Sight) -> list[tuple[str, tuple[int, int, int]]]:

@@ -163,7 +163,13 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
         stages=None,
         planes_against_lines_rad=None if apart is None else apart[0],
         axes=directions_of(frame.t_s, seen.nosings, tilted, shape, edge, sigma),
-        parts=Parts(risers=tuple(seen.risers), treads=tuple(seen.treads), flight=tuple(seen.nosings), blocks=blocks),
+        parts=Parts(
+            risers=tuple(seen.risers),
+            treads=tuple(seen.treads),
+            flight=tuple(seen.nosings),
+            aside=cross(down.direction, seen.facing),
+            blocks=blocks,
+        ),
         draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, watch)),
     )
 

@@ -44,6 +44,8 @@ class Parts:
     risers: tuple[Surface, ...]
     treads: tuple[Surface, ...]
     flight: tuple[Nosing, ...]
+    aside: Float[np.ndarray, " 3"]
+    """Unit vector in C along which the nosings' ``sides_m`` count: the edges' direction as first guessed, not as it was found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
