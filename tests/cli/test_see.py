@@ -141,6 +141,33 @@ def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -
     assert seen["heading_deg"] == pytest.approx(HEADING_DEG - 5.0, abs=0.5)
 
 
+@pytest.mark.parametrize("with_gravity", [True, False])
+def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: Path, with_gravity: bool) -> None:
+    known = run("see", *pair(folder), "--json").values
+    assert known["mount_known"] is True
+    assert known["warning"] is None
+    (folder / "camera.toml").write_text(CAMERA.replace("mount_pitch_deg = 40.0\n", ""))
+    told = [f"--gravity={gravity(folder)}"] if with_gravity else []
+    seen = run("see", *pair(folder), *told, "--json").values
+    assert seen["mount_known"] is False
+    assert "treadline mount" in seen["warning"]
+    # tan 12° · cos 40° is that of 9.2° (docs/frames.md): half a degree tells them apart.
+    assert seen["heading_deg"] == pytest.approx(np.arctan(np.tan(HEADING_DEG * DEG) * np.cos(40.0 * DEG)) / DEG, abs=0.5)
+    # The frame was taken on the flight: there the nosings' plane stands in for the mount, and gravity does not.
+    assert seen["heading_on_flight_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
+    assert abs(seen["heading_on_level_deg"] - HEADING_DEG) > 1.5
+    said = run("see", folder).out
+    assert "on the flight" in said
+    assert said.count("warning: ") == 1
+
+
+def test_a_camera_that_is_said_to_look_level_has_a_mount(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA.replace("= 40.0", "= 0.0"))
+    outcome = run("see", *pair(folder), "--json")
+    assert outcome.values["mount_known"] is True
+    assert outcome.values["warning"] is None
+
+
 def test_the_papers_method_answers_or_says_why_not(run, folder: Path) -> None:
     outcome = run("see", *pair(folder), "--method", "paper", "--json")
     seen = outcome.values

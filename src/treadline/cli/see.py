@@ -25,7 +25,8 @@ def see(
     """Find the stair in an RGB-D frame and say the heading.
 
     Give a colour image and a 16-bit depth image with a calibration, or a folder of NAME_rgb.png + NAME_depth.png
-    with camera.toml and, if known, gravity.csv.
+    with camera.toml and, if known, gravity.csv. A calibration without a mount gives a heading about the camera's own axis, and
+    the answer says so.
 
     Args:
         rgb: The colour image, or a folder.
@@ -52,12 +53,12 @@ def see(
         accepted = sum(bool(item["accepted"]) for item in seen)
         return Answer(
             values={"frames": seen},
-            summary=[*(_line(item) for item in seen), f"{accepted} of {len(seen)} frames accepted"],
+            summary=[*(_line(item) for item in seen), f"{accepted} of {len(seen)} frames accepted", *_warnings(seen)],
         )
     if camera is None:
         raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
     (answer,) = see_frames([single_frame(rgb, depth, camera, gravity)], method=chosen, out=out, threshold=rule)
-    return Answer(values=answer, summary=[_line(answer)], code=0 if answer["accepted"] else 1)
+    return Answer(values=answer, summary=[_line(answer), *_warnings([answer])], code=0 if answer["accepted"] else 1)
 
 
 def _told(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]]:
@@ -88,4 +89,15 @@ def _line(seen: dict[str, Any]) -> str:
             f"flight {stair['direction']}, slope {stair['slope_deg']:.1f}°, rise {1e3 * stair['rise_m']:.0f} mm, "
             f"run {1e3 * stair['run_m']:.0f} mm"
         )
+    if not seen["mount_known"]:
+        places = [(seen[f"heading_on_{place}_deg"], place) for place in ("flight", "level")]
+        told = ", ".join(f"{value:+.2f}° on the {place}" for value, place in places if value is not None)
+        words.append("about the camera's own axis: no mount" + (f" (the chair's {told})" if told else ""))
     return ", ".join([*words, f"{seen['ms']:.1f} ms"])
+
+
+def _warnings(seen: list[dict[str, Any]]) -> list[str]:
+    """Return what is wrong with the calibration, once for all frames."""
+    return [
+        f"warning: {warning}" for warning in {item["warning"]: None for item in seen if item["accepted"]} if warning is not None
+    ]

@@ -20,6 +20,7 @@ FIELD_DEG = (10.0, 150.0)
 """Of view, across and upright: below it a telescope, above it a fisheye, which is no pinhole."""
 RIGID = 1e-3
 """How far a rotation may be from one: calibrations are printed with few digits."""
+MOUNT_ANGLES = ("mount_pitch_deg", "mount_roll_deg", "mount_yaw_deg")
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
@@ -88,6 +89,11 @@ class CameraFile(Settings):
                 f"{SQUARE[1]:g}: calibrate the camera again"
             )
         return self
+
+    @property
+    def mount_known(self) -> bool:
+        """Whether the file says how the camera is turned on the chair; if not, it is taken to look level and straight ahead."""
+        return not self.model_fields_set.isdisjoint(MOUNT_ANGLES)
 
     @property
     def camera(self) -> PinholeCamera:

@@ -15,6 +15,7 @@ from treadline.errors import ImageError
 from treadline.perception.camera_file import read_camera
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.edges import ThresholdRule
+from treadline.perception.heading import heading_about
 from treadline.perception.images import read_frame
 from treadline.perception.overlay import overlay
 from treadline.perception.paper import PaperConfig
@@ -24,6 +25,13 @@ from treadline.signals import RgbdFrame, StairMap
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 DEPTH_ENDING = "_depth.png"
+NO_MOUNT = (
+    "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "
+    "own axis; the chair's heading is heading_on_flight_deg where it stands on the flight, heading_on_level_deg on floor or "
+    "landing, if the camera is not turned sideways; learn the mount with treadline mount, or give mount_pitch_deg (0 if it does "
+    "look level)"
+)
+"""What is said where no mount is given. Gravity cannot stand in for it: on a flight, z of the chair is not up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +41,8 @@ class NamedFrame:
     name: str
     frame: RgbdFrame | None
     """None where its images cannot be read."""
+    mount_known: bool
+    """Whether the calibration says how the camera is turned on the chair."""
     gravity_C: Float[np.ndarray, " 3"] | None
     reason: str | None = None
     """Why they cannot."""
@@ -40,7 +50,13 @@ class NamedFrame:
 
 def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> NamedFrame:
     """Return the frame of one pair of images."""
-    return NamedFrame(name=rgb.name, frame=read_frame(rgb, depth, read_camera(camera)), gravity_C=_given(gravity))
+    calibration = read_camera(camera)
+    return NamedFrame(
+        name=rgb.name,
+        frame=read_frame(rgb, depth, calibration),
+        gravity_C=_given(gravity),
+        mount_known=calibration.mount_known,
+    )
 
 
 class FolderOfFrames:
@@ -76,7 +92,13 @@ class FolderOfFrames:
             except ImageError as error:
                 unread.append(error)
                 reason = str(error)
-            yield NamedFrame(name=name, frame=frame, gravity_C=self._gravity.get(name, self._down), reason=reason)
+            yield NamedFrame(
+                name=name,
+                frame=frame,
+                gravity_C=self._gravity.get(name, self._down),
+                mount_known=self._calibration.mount_known,
+                reason=reason,
+            )
         if len(unread) == len(self):
             raise unread[0]
 
@@ -100,7 +122,7 @@ def see_frames(
     loaded = False
     for named in frames:
         if named.frame is None:
-            yield _answer(named.name, refused(named.reason or "no image"), 0.0)
+            yield _answer(named, refused(named.reason or "no image"), 0.0)
             continue
         if not loaded:
             # Loads what is compiled, as far as this frame goes, so that the time told is that of a frame.
@@ -115,13 +137,13 @@ def see_frames(
                 write_stages(shown.stages, out, prefix=Path(named.name).stem)
             if method == "robust":
                 write_picture(overlay(named.frame, sight), out / f"{Path(named.name).stem}-seen.png")
-        yield _answer(named.name, sight, spent_ms)
+        yield _answer(named, sight, spent_ms)
 
 
-def _answer(name: str, sight: Sight, spent_ms: float) -> dict[str, Any]:
+def _answer(named: NamedFrame, sight: Sight, spent_ms: float) -> dict[str, Any]:
     shape = sight.shape
     return {
-        "name": name,
+        "name": named.name,
         "accepted": sight.accepted,
         "reason": sight.reason,
         "heading_deg": None if sight.heading_rad is None else sight.heading_rad / DEG,
@@ -132,6 +154,21 @@ def _answer(name: str, sight: Sight, spent_ms: float) -> dict[str, Any]:
         "planes_against_lines_deg": None if sight.planes_against_lines_rad is None else sight.planes_against_lines_rad / DEG,
         "stair": None if shape is None else _stair(shape, sight.stair_map),
         "ms": spent_ms,
+        "mount_known": named.mount_known,
+        "warning": None if named.mount_known else NO_MOUNT,
+        **({} if named.mount_known else _without_mount(sight)),
+    }
+
+
+def _without_mount(sight: Sight) -> dict[str, float | None]:
+    """Return what the heading is if the camera's yaw is 0, for a chair on the flight and for one on the level."""
+    if sight.axes is None:
+        return {"heading_on_flight_deg": None, "heading_on_level_deg": None}
+    on_flight = heading_about(sight.axes.normal_C, sight.axes.edge_C)
+    on_level = heading_about(-sight.axes.down_C, sight.axes.edge_C)
+    return {
+        "heading_on_flight_deg": None if on_flight is None else on_flight / DEG,
+        "heading_on_level_deg": None if on_level is None else on_level / DEG,
     }
 
 

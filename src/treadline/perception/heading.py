@@ -1,11 +1,14 @@
 """Eq. (1) to (4) as printed, and the form that is right.
 
 Paper: Section III.A, Fig. 6. ``x`` is an image column, ``D`` a depth [m]; a is the paper's adjustment parameter, 1/f for
-a pinhole camera, and 320 its column of the optical axis.
+a pinhole camera, and 320 its column of the optical axis. ``heading_about`` is for a camera whose mount nobody knows.
 """
 
 import numpy as np
 from jaxtyping import Float
+
+LEAST_AHEAD = 0.2
+"""Of the optical axis that must lie across the chair's z to tell where ahead is."""
 
 
 def world_x(x_px: float, depth_m: float, a: float, centre_px: float) -> float:
@@ -49,3 +52,22 @@ def heading_of_edge(delta_d_m: float, delta_x_m: float) -> float:
     Exact for a level camera; positive when the chair is turned anticlockwise.
     """
     return float(np.arctan2(-delta_d_m, delta_x_m))
+
+
+def heading_about(up_C: Float[np.ndarray, " 3"], edge_C: Float[np.ndarray, " 3"]) -> float | None:
+    """Return the heading [rad] of a chair whose z axis is known in C, whatever the camera's pitch and roll; its yaw must be 0.
+
+    The optical axis then lies in the chair's middle plane. On the flight z is the normal of the nosings' plane, on the level up.
+
+    Args:
+        up_C: Unit vector along the chair's z.
+        edge_C: Unit vector along the edges, to the chair's right.
+
+    Returns:
+        None for a camera that looks along z: then ahead is not known.
+    """
+    ahead = np.array([0.0, 0.0, 1.0]) - up_C[2] * up_C
+    if float(np.linalg.norm(ahead)) < LEAST_AHEAD:
+        return None
+    left = np.cross(up_C, ahead)
+    return float(np.arctan2(-edge_C @ ahead, -edge_C @ left))
