@@ -105,6 +105,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     outcome = run("mount", driven, "--camera", told, "--out", told)
     assert outcome.code == 0, outcome.err
     assert outcome.out.startswith("pitch 4")
+    assert f"treadline replay {driven} --camera {told} --out RUN" in outcome.out
     assert "changed by pitch -" in outcome.out
     learned = read_camera(told)
     assert learned.mount_pitch_deg == pytest.approx(MEANT_PITCH_DEG + PITCH_OFF_DEG, abs=0.3)

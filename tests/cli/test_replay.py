@@ -33,6 +33,7 @@ heading_deg = 8
 duration_s = 0.8
 """
 FRAMES = 9
+RUN_FOLDER = ["flown-controller.json", "log.mcap", "manifest.json", "result.json", "series.csv"]
 KEYS = {
     "rms_heading_deg", "steady_rms_heading_deg", "settle_s", "max_abs_heading_deg", "seat_rms_deg", "seat_max_deg",
     "verdict", "cause", "events", "duration_s", "frames", "accepted", "rejected", "refusals", "rms_difference_deg",
@@ -101,7 +102,7 @@ def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_pat
 def test_a_replay_leaves_a_whole_run_folder_that_can_be_reported_and_replayed(run, climbed: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
     assert run("replay", climbed, "--out", out, "--set", "filter.gate=16", "--log-images").code == 0
-    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "result.json", "series.csv"]
+    assert sorted(path.name for path in out.iterdir()) == RUN_FOLDER
     settings = json.loads((out / "manifest.json").read_text())["settings"]
     assert settings["set"] == ["filter.gate=16"]
     assert settings["replay"]["filter"]["gate"] == 16.0
@@ -278,11 +279,37 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
     assert not (out / "result.json").exists()
 
 
-def test_the_controller_that_the_run_named_is_used_again(run, blind: Path, tmp_path: Path) -> None:
+def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
+    from treadline.experiments.shipped import shipped_controller
+
+    shipped = shipped_controller("wheelchair")
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    mine, other = tmp_path / "mine.json", tmp_path / "other.json"
+    replace(shipped, K=0.5 * shipped.K).save(mine)
+    replace(shipped, K=0.8 * shipped.K).save(other)
+    flown = tmp_path / "flown"
+    assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", flown, "--log-images").code == 0
+    assert (flown / "flown-controller.json").read_bytes() == mine.read_bytes()
+    mine.unlink()
+    again = tmp_path / "again"
+    assert run("replay", flown, "--out", again, "--json").values["largest_command_gap_m_s"] == 0.0
+    settings = json.loads((again / "manifest.json").read_text())["settings"]
+    assert settings["replay"]["controller"] == "flown-controller.json"
+    # Another one can be asked for, and a replay of that replay is driven by it, too.
+    changed = tmp_path / "changed"
+    values = run("replay", flown, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values
+    assert values["largest_command_gap_m_s"] > 0.001
+    other.unlink()
+    values = run("replay", changed, "--out", again, "--json").values
+    assert values["largest_command_gap_m_s"] == 0.0
+
+
+def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blind: Path, tmp_path: Path) -> None:
     from treadline.experiments.shipped import shipped_controller
 
     named = tmp_path / "named"
     shutil.copytree(blind, named)
+    (named / "flown-controller.json").unlink()
     manifest = json.loads((named / "manifest.json").read_text())
     manifest["command"] = "treadline climb short.toml --controller mine.json --out run"
     (named / "manifest.json").write_text(json.dumps(manifest))
@@ -297,11 +324,40 @@ def test_the_controller_that_the_run_named_is_used_again(run, blind: Path, tmp_p
 def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, blind: Path, tmp_path: Path) -> None:
     paper = tmp_path / "paper"
     shutil.copytree(blind, paper / "runs" / "turn-28")
+    (paper / "runs" / "turn-28" / "flown-controller.json").unlink()
     manifest = json.loads((blind / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
     (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
     (paper / "controller.json").write_text("{}")
     outcome = run("replay", paper / "runs" / "turn-28", "--out", tmp_path / "again")
     assert_one_line(outcome, "controller.json")
+
+
+CAMERA = "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\n"
+
+
+def test_a_calibration_counts_instead_of_the_logs_and_a_key_before_it(run, climbed: Path, tmp_path: Path) -> None:
+    told = tmp_path / "mounted.toml"
+    told.write_text(CAMERA + "mount_pitch_deg = 41.5\nmount_m = [0.4, 0.1, 0.8]\n")
+    keys = ["--set", "camera.mount_pitch_deg=41.5", "--set", "camera.mount_m=[0.4, 0.1, 0.8]"]
+    by_file = run("replay", climbed, "--camera", told, "--out", tmp_path / "file", "--log-images", "--json").values
+    by_keys = run("replay", climbed, *keys, "--out", tmp_path / "keys", "--log-images", "--json").values
+    assert by_file["rms_error_deg"] == by_keys["rms_error_deg"] > by_keys["recorded_rms_error_deg"]
+    assert (tmp_path / "file" / "log.mcap").read_bytes() == (tmp_path / "keys" / "log.mcap").read_bytes()
+    over = tmp_path / "over"
+    right = ["--set", "camera.mount_pitch_deg=40", "--set", "camera.mount_m=[0.4, 0.0, 0.8]"]
+    assert run("replay", climbed, "--camera", told, *right, "--out", over, "--json").values["largest_command_gap_m_s"] == 0.0
+    # The run's folder says what the file said, which may be another one tomorrow.
+    told.unlink()
+    again = run("replay", tmp_path / "file", "--out", tmp_path / "again", "--json").values
+    assert again["largest_command_gap_m_s"] == 0.0
+
+
+def test_a_calibration_for_images_of_another_size_is_one_line(run, climbed: Path, tmp_path: Path) -> None:
+    told = tmp_path / "large.toml"
+    told.write_text("width = 640\nheight = 480\nfx_px = 575\nfy_px = 575\ncx_px = 319.5\ncy_px = 239.5\n")
+    outcome = run("replay", climbed, "--camera", told, "--out", tmp_path / "out")
+    assert outcome.code == 2
+    assert "sizes differ" in outcome.err.splitlines()[-1]
 
 
 def test_the_keys_are_listed(run, blind: Path) -> None:

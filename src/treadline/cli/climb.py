@@ -21,7 +21,7 @@ def climb(
 
     Args:
         scenario: A scenario file, or the name of a shipped one.
-        out: The run folder: log.mcap, series.csv, result.json, manifest.json.
+        out: The run folder: log.mcap, series.csv, result.json, manifest.json, flown-controller.json.
         controller: A file that treadline tune wrote; the shipped one when left out.
         seed: Of everything that chance decides; the same seed gives the same bytes.
         log_images: Keep every frame in the log (about 5 MB a second).

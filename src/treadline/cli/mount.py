@@ -58,13 +58,12 @@ def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:
     """Return the summary for people."""
     told = ", ".join(_angle(name, values) for name in ("pitch", "roll", "yaw"))
     change = ", ".join(f"{name} {value:+.2f}°" for name, value in values["change_deg"].items() if value is not None)
-    keys = " ".join(f"--set camera.mount_{name}_deg={values[f'{name}_deg']:.3f}" for name in ("pitch", "roll"))
     return [
         told,
         f"changed by {change}; {values['counted']} of {values['frames']} frames count",
         *(f"  left out {count}: {why}" for why, count in values["left_out"].items()),
         *(f"  dropped {count}: {why}" for why, count in values["dropped"].items()),
-        f"calibration: {path}; the drive again with it: treadline replay {log} {keys} --out RUN",
+        f"calibration: {path}; the drive again with it: treadline replay {log} --camera {path} --out RUN",
     ]
 
 

@@ -16,6 +16,7 @@ def replay(
     /,
     *,
     out: Path | None = None,
+    camera: Path | None = None,
     changes: Annotated[list[str] | None, Parameter(name="--set")] = None,
     topics: str | None = None,
     keys: bool = False,
@@ -31,7 +32,8 @@ def replay(
 
     Args:
         log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
-        out: The run folder to write: manifest.json, log.mcap, series.csv, result.json.
+        out: The run folder to write: manifest.json, log.mcap, series.csv, result.json, flown-controller.json.
+        camera: Calibration and mount that count instead of the log's, as treadline mount writes them; --set goes before it.
         changes: key=value over what a replay may change; any number of times. --keys lists them.
         topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
         keys: List the keys of --set with their defaults, of the log's run if a log is given, and end.
@@ -44,13 +46,16 @@ def replay(
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
+    from treadline.experiments.replay_settings import camera_items
     from treadline.experiments.replayed import replayed_run
+    from treadline.perception.camera_file import read_camera
 
+    told = () if camera is None else camera_items(read_camera(camera))
     with _Played() as progress:
         run = replayed_run(
             out,
             log,
-            changes=changes or (),
+            changes=(*told, *(changes or ())),
             topics=parse_topics(topics),
             log_images=log_images,
             begun=progress.begin,

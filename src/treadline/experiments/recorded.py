@@ -54,7 +54,7 @@ def recorded_run(
     driver = driver or heading_driver(config)
     # A seat that is shifted before the start is part of what is replayed.
     driven = ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario
-    begin_run(folder, driven.model_dump(mode="json"), seed)
+    begin_run(folder, driven.model_dump(mode="json"), seed, controller)
     run: Traverse = _logged(
         folder,
         lambda sink: traverse(

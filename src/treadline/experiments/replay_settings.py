@@ -5,6 +5,7 @@ at once. Angles are in degrees, as everywhere a person types.
 """
 
 import difflib
+import json
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -26,17 +27,19 @@ from treadline.mission.loop import Blocks
 from treadline.mission.planner import Cruise
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
+from treadline.perception.camera_file import CameraFile, Pixels
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
 
 Positive = Annotated[float, Field(gt=0.0)]
 Turn = Annotated[float, Field(ge=-180.0, le=180.0)]
 CONTROL_RATE_PERIOD_S = 0.25
+SIZE = {"width": "width_px", "height": "height_px"}
 INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
 UNSET = {
     "": "as logged, or as the chair's file says",
     "estimator": "kalman with robust vision, offset with the paper's",
-    "controller": "of the log's run if it named one, else the one shipped for the chair",
+    "controller": "the one that drove the log's run, else the one shipped for the chair",
     "control.reconstruct": "as the controller's file says",
 }
 """What stands in for a key that is not set and has no default."""
@@ -46,6 +49,9 @@ MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
 class CameraKeys(Settings):
     """The camera, where the log is silent or wrong; None leaves it as logged, or as the chair's file says."""
 
+    width: Pixels | None = None
+    height: Pixels | None = None
+    """Of the images, in pixels: those of another size are refused."""
     fx_px: Positive | None = None
     fy_px: Positive | None = None
     cx_px: float | None = None
@@ -55,6 +61,8 @@ class CameraKeys(Settings):
     mount_pitch_deg: Turn | None = None
     mount_roll_deg: Turn | None = None
     mount_yaw_deg: Turn | None = None
+    mount_m: tuple[float, float, float] | None = None
+    """Position of the camera on the chair."""
 
 
 class ImuKeys(Settings):
@@ -123,7 +131,8 @@ class ReplaySettings:
             if len(given) < len(INTRINSICS):
                 return None
             logged = PinholeCamera(width_px=size[0], height_px=size[1], **given)
-        return self._mounted(replace(logged, **given))
+        sizes = {field: value for key, field in SIZE.items() if (value := getattr(values.camera, key)) is not None}
+        return self._mounted(replace(logged, **given, **sizes))
 
     def _mounted(self, camera: PinholeCamera) -> PinholeCamera:
         values: Any = self.values
@@ -132,7 +141,7 @@ class ReplaySettings:
         for name in MOUNT:
             degrees = getattr(values.camera, name + "_deg")
             angles[name + "_rad"] = getattr(mount, name + "_rad") if degrees is None else degrees * DEG
-        return replace(camera, mount_m=mount.mount_m, **angles)
+        return replace(camera, mount_m=mount.mount_m if values.camera.mount_m is None else values.camera.mount_m, **angles)
 
 
 def resolved(base: MissionConfig, items: Sequence[str], controller: str | None = None) -> ReplaySettings:
@@ -148,8 +157,9 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
     """
     model = keys_of(base)
     values: Any = settings_of(_tables(items, _flat(model())), model, where="--set")
-    name = values.controller or controller
-    design = shipped_controller(base.chair.name) if name is None else ControllerDesign.load(Path(name))
+    path = values.controller or controller
+    design = shipped_controller(base.chair.name) if path is None else ControllerDesign.load(Path(path))
+    name = values.controller or (f"shipped for {base.chair.name}" if path is None else Path(path).name)
     mission = replace(
         base,
         controller=design,
@@ -159,7 +169,14 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
         allocation=values.control.allocation,
         reconstruct=values.control.reconstruct,
     )
-    return ReplaySettings(values=values, mission=mission, controller_name=name or f"shipped for {base.chair.name}")
+    return ReplaySettings(values=values, mission=mission, controller_name=name)
+
+
+def camera_items(camera: CameraFile) -> tuple[str, ...]:
+    """Return what a calibration says, as ``key=value``; what it leaves out stays as logged, or as the chair's file says."""
+    said = [name for name in CameraKeys.model_fields if name in camera.model_fields_set]
+    # JSON's numbers and lists are TOML's, too.
+    return tuple(f"camera.{name}={json.dumps(getattr(camera, name))}" for name in said)
 
 
 def _detector(base: MissionConfig) -> DetectorConfig:

@@ -7,7 +7,7 @@ from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
 from treadline.experiments.traverse import mission_config
-from treadline.io.runs import LOG, MANIFEST
+from treadline.io.runs import FLOWN, LOG, MANIFEST
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
@@ -31,6 +31,7 @@ class Source:
     changed: tuple[str, ...] = ()
     """Keys that the run had changed, where it was itself a replay."""
     controller: str | None = None
+    """The file of the one that drove; None where nothing tells."""
 
 
 def source_of(log: Path) -> Source:
@@ -55,6 +56,9 @@ def source_of(log: Path) -> Source:
     base = MissionConfig(chair=read_chair(CHAIR))
     if "replay" in settings:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
+    flown = folder / FLOWN
+    if flown.is_file():  # what a key named then, may be another one now
+        changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:
         base = mission_config(settings_of(scenario, Scenario, where=f"{where}: settings"), None)
     return Source(
@@ -64,12 +68,12 @@ def source_of(log: Path) -> Source:
         seed=seed,
         scenario=scenario,
         changed=changed,
-        controller=_controller(where, str(command)) if "replay" not in settings else None,
+        controller=str(flown) if flown.is_file() else None if "replay" in settings else _controller(where, str(command)),
     )
 
 
 def _controller(where: Path, command: str) -> str | None:
-    """Return the controller that drove the run, as its command tells; another one would not repeat what it did."""
+    """Return the controller that drove a run whose folder does not hold it, as its command tells."""
     words = _words(command)
     if words[1:2] == ["reproduce"]:
         made = where.resolve().parent.parent.parent / "controller.json"  # beside runs/, in which the run's folder lies

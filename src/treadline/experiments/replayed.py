@@ -84,7 +84,8 @@ def replayed_run(
         raise LogFormatError(f"{source.log}: the paper's vision needs colour images, and there are none: --set vision=robust")
     if begun is not None:
         begun(recording.duration_s)
-    begin_run(out, _manifest(source, settings, recording, (*source.changed, *changes)), source.seed)
+    manifest = _manifest(source, settings, recording, (*source.changed, *changes))
+    begin_run(out, manifest, source.seed, settings.mission.controller)
     scores = ReplayScores()
     detector = _Watched(settings.detector)
     try:

@@ -1,4 +1,6 @@
-"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap, record.csv)."""
+"""A run folder: what was asked (manifest.json) and what drove (flown-controller.json), what came out (result.json), how it went
+(series.csv, log.mcap, record.csv).
+"""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,21 +13,29 @@ from jaxtyping import Float
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
 from treadline.io.records import RECORD
-from treadline.models import write_whole
+from treadline.models import ControllerDesign, write_whole
 
 LOG = "log.mcap"
 MANIFEST = "manifest.json"
-WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, "report.html", "figures/run.svg")
+FLOWN = "flown-controller.json"
+"""The controller that drove. Not ``controller.json``: ``treadline tune`` makes that, of a run too, and no run removes it."""
+WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, FLOWN, "report.html", "figures/run.svg")
 """All that a run and its report write beside the manifest."""
 SERIES_EVERY = 10
 """Every tenth sample of 100 Hz: enough to draw."""
 
 
-def begin_run(folder: Path, settings: Mapping[str, Any], seed: int) -> None:
-    """Make a run's folder and say first what is run: a run that is interrupted can then be told apart, and repeated."""
+def begin_run(folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None) -> None:
+    """Make a run's folder and say first what is run: a run that is interrupted can then be told apart, and repeated.
+
+    Args:
+        controller: What drives, if one does; its own file may be tuned anew meanwhile.
+    """
     clear_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_manifest(folder, settings, seed)
+    if controller is not None:
+        controller.save(folder / FLOWN)
 
 
 def clear_run(folder: Path) -> None:
