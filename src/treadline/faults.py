@@ -91,9 +91,13 @@ class Fault(Settings):
     """One fault: from ``at_s``, for ``for_s`` seconds, of size ``value`` (its unit depends on the kind)."""
 
     kind: FaultKind
+    """What breaks."""
     at_s: Annotated[float, Field(ge=0.0)] = 10.0
+    """When it begins."""
     for_s: Annotated[float, Field(gt=0.0)] = 3.0
+    """How long it lasts."""
     value: float = 0.0
+    """Its size: for each kind another thing, with a default of its own for 0."""
 
     @model_validator(mode="after")
     def _value_means_something(self) -> "Fault":

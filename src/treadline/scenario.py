@@ -29,8 +29,11 @@ class Stair(Settings):
     """
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
+    """Height of a step."""
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
+    """Depth of a step, from nosing to nosing."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
+    """In place of ``rise_m``."""
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
     """Of each flight; the uppermost is its landing."""
     flights: Annotated[int, Field(ge=1, le=20)] = 1
@@ -38,19 +41,26 @@ class Stair(Settings):
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
+    """Depth of the landing above the last flight."""
     open_risers: bool = False
+    """Whether one can look through between the treads."""
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
     rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    """Standard deviation of a step's height."""
     nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Standard deviation by which a nosing is turned about the vertical."""
     friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (
         0.62,
         0.5,
     )
+    """Along the belt and across it."""
     missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
     """Counted from the floor over all flights, from 0."""
     texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
+    """What it is made of, as the camera sees it."""
     walls: Literal["none", "left", "right", "both"] = "left"
     light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
+    """Gain of the light: 1 as usual, less is darker."""
 
     @model_validator(mode="before")
     @classmethod
@@ -104,10 +114,15 @@ class Chair(Settings):
     """Which chair, and what sits in it."""
 
     model: str = "wheelchair"
+    """The name of a shipped chair, or the path of a chair's TOML file."""
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
+    """What the passenger weighs."""
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
+    """Of the passenger's centre of mass from its place in the seat: forward, left, up."""
     seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
+    """Of the seat along the chair, uphill positive; ``treadline check`` proposes one."""
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
+    """By which share the right belt is faster than asked."""
 
 
 class Start(Settings):
@@ -117,7 +132,9 @@ class Start(Settings):
     step: Annotated[int, Field(ge=0)] = 4
     """Nosing under the front pulley, when on the flight."""
     heading_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    """Zero square to the nosings, facing up; positive anticlockwise, seen from above."""
     lateral_m: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+    """Left of the flight's middle."""
     seat: Literal["level", "chassis"] = "level"
     """The seat at t = 0: level, or parallel to the chassis (Fig. 11)."""
 
@@ -129,26 +146,34 @@ class Drive(Settings):
     check: bool = True
     """Whether ``treadline check`` is asked before anything moves; without it the chair finds out by itself what it can."""
     speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
+    """Of the belts on the flight."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
+    """A limit; a traversal also ends on arrival."""
 
 
 class Control(Settings):
     """How the loop is closed."""
 
     loop: Literal["closed", "open"] = "closed"
+    """Open drives both belts alike, whatever the heading."""
     vision: Literal["robust", "paper", "truth"] = "robust"
+    """What tells the heading: the estimator that drives, Algorithm 1 as printed, or the simulator's truth of what is in view."""
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
+    """How a turn is shared between the belts: so that the chair does not slide down meanwhile, or as printed."""
     reconstruct: Reconstruct | None = None
-    """None leaves it to the controller's file, which says observer unless it was tuned otherwise."""
+    """How the model's state is told from readings; unset leaves it to the controller's file, which says observer unless it was
+    tuned otherwise."""
 
 
 class Sensors(Settings):
     """Which error models the sensors follow."""
 
     camera: Literal["kinect1", "kinect2", "ideal", "statistical"] = "kinect1"
+    """Rendered with that noise, or statistical: heading and map with fitted errors, without images."""
     image_height_px: Literal[240, 480] = 240
     """320×240 or 640×480."""
     imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
+    """Whose noise and bias it has."""
     gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
     """Constant tilt of the IMU's idea of down, in a direction drawn from the seed."""
 
@@ -202,7 +227,7 @@ def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scen
     Raises:
         SettingsError: With ``where``, if they say something they must not, or there is no such chair.
     """
-    scenario = settings_of(tables, Scenario, where=where)
+    scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
     try:
         found = chair_file(scenario.chair.model, path.parent)
     except SettingsError as error:

@@ -1,10 +1,13 @@
-"""Strict settings from TOML: unknown keys, wrong types and values out of range are errors with file, key and remedy.
+"""Strict settings from TOML: unknown keys, wrong types and values out of range are errors with file, line, key and remedy.
 
 Strict means that nothing is guessed: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not a count. A whole number may
 stand for a real one, and TOML's lists for tuples.
 """
 
+import difflib
+import re
 import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -36,15 +39,17 @@ MANY_OF = {"number": "numbers", "integer": "whole numbers"}
 COUNTS = ("no", "one", "two", "three", "four")
 LONGEST_SHOWN = 60
 """Characters of a wrong value that a message repeats."""
+_TABLE = re.compile(r"\s*(\[{1,2})\s*([\w.-]+)\s*\]{1,2}\s*(#.*)?$")
+_KEY = re.compile(r"\s*([\w-]+(?:\.[\w-]+)*)\s*=")
 
 
 def read_toml(path: Path, model: type[S]) -> S:
     """Return the settings in a TOML file, checked.
 
     Raises:
-        SettingsError: If the file cannot be read or says something it must not; one line with file, key, value.
+        SettingsError: If the file cannot be read or says something it must not; one line with file, line, key, value.
     """
-    return settings_of(parse_toml(path), model, where=str(path))
+    return settings_of(parse_toml(path), model, where=str(path), file=path)
 
 
 def parse_toml(path: Path) -> dict[str, object]:
@@ -82,8 +87,11 @@ def text_of(path: Path, kind: str) -> str:
         raise SettingsError(f"{path}: {error.strerror}") from None
 
 
-def settings_of(tables: Mapping[str, object], model: type[S], *, where: str) -> S:
+def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, file: Path | None = None) -> S:
     """Return checked settings from tables already parsed.
+
+    Args:
+        file: Which the tables were read from as they stand: a message then names the line as well.
 
     Raises:
         SettingsError: With ``where``, the key, its value and what is allowed.
@@ -91,7 +99,32 @@ def settings_of(tables: Mapping[str, object], model: type[S], *, where: str) -> 
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        raise SettingsError(f"{where}: {_first_problem(error, model)}") from None
+        line = None if file is None else line_of(text_of(file, "a settings file"), _place(error.errors(include_url=False)[0]))
+        raise SettingsError(f"{where}{'' if line is None else f':{line}'}: {_first_problem(error, model)}") from None
+
+
+def line_of(text: str, place: Place) -> int | None:
+    """Return the line of a TOML text in which a value stands, or its table begins; None where that is not plain to see."""
+    here: Place = ()
+    begun: Counter[str] = Counter()
+    table_line = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if (table := _TABLE.match(line)) is not None:
+            here = tuple(table[2].split("."))
+            if table[1] == "[[":
+                here = (*here, begun[table[2]])
+                begun[table[2]] += 1
+            table_line = number if here == place[: len(here)] or here[: len(place)] == place else table_line
+        elif (key := _KEY.match(line)) is not None:
+            path = (*here, *key[1].split("."))
+            if path == place[: len(path)]:
+                return number
+    return table_line
+
+
+def allowed_at(model: type[Settings], place: Place) -> str:
+    """Return what a key may be, in words: ``a number from 0.05 to 0.3``."""
+    return _wanted(_schema_at(model, place), ".".join(str(part) for part in place))
 
 
 def _as_tuple(value: object) -> object:
@@ -119,12 +152,18 @@ def _what_is_wrong(problem: ErrorDetails, key: str, model: type[Settings]) -> st
     if problem["type"] == "value_error":
         return problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return "unknown key; remove it or correct its spelling"
+        return f"unknown key; {_instead(str(problem['loc'][-1]), list(_schema_at(model, problem['loc'][:-1])['properties']))}"
     place = _place(problem)
     wanted = _wanted(_schema_at(model, place), key)
     if problem["type"] == "missing" and place == problem["loc"]:
         return f"missing; give {wanted}"
     return f"must be {wanted} (got {_shown(problem['input'])})"
+
+
+def _instead(key: str, known: list[str]) -> str:
+    """Return the key that was meant, or all there are: ``rise`` is rise_m without its unit."""
+    meant = [name for name in known if name.startswith(f"{key}_")][:1] or difflib.get_close_matches(key, known, 1)
+    return f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
 
 
 def _schema_at(model: type[Settings], place: Place) -> JsonSchema:

@@ -34,8 +34,9 @@ def refusal(path: Path) -> str:
         read_spec(path)
     message = str(caught.value)
     assert "\n" not in message
-    assert message.startswith(f"{path}: ")
-    return message.removeprefix(f"{path}: ")
+    found = re.match(rf"{re.escape(str(path))}(:\d+)?: ", message)
+    assert found, message
+    return message[found.end() :]
 
 
 @given(shares)

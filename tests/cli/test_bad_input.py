@@ -11,7 +11,7 @@ from treadline.experiments.literal import paper_model
 from treadline.io.mcap_log import RunLog
 
 SCENARIOS = {
-    "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m"),
+    "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m: unknown key; did you mean rise_m?"),
     "wrong type": ('[stair]\nrise_m = "high"\n', "stair.rise_m"),
     "out of range": ("[stair]\nrise_m = 0.9\n", "stair.rise_m"),
     "not a number": ("[stair]\nrise_m = nan\n", "stair.rise_m"),

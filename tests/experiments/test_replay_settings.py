@@ -9,7 +9,7 @@ import pytest
 from treadline.angles import DEG
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
-from treadline.experiments.replay_settings import applied, key_lines, resolved, table_of
+from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
 from treadline.experiments.shipped import shipped_controller
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
@@ -98,12 +98,20 @@ def test_a_table_checks_types_and_signs(tables: dict[str, Any], word: str) -> No
 
 
 def test_the_blocks_own_settings_are_keys() -> None:
-    lines = key_lines(BASE)
-    assert not [line for line in lines if "_rad" in line]
-    for config, table in ((FilterConfig(), "filter"), (guard_config(BASE, 0.25), "guard")):
+    table = key_table(BASE)
+    assert not [key for key in table if "_rad" in key]
+    for config, block in ((FilterConfig(), "filter"), (guard_config(BASE, 0.25), "guard")):
         for name in (item.name for item in fields(config) if item.name != "needs_heading"):
-            assert any(line.startswith(f"{table}.{name.replace('_rad', '_deg')}") for line in lines), name
+            assert any(key.startswith(f"{block}.{name.replace('_rad', '_deg')}") for key in table), name
     assert applied(FilterConfig(), values_of("filter.gate=16").filter) == replace(FilterConfig(), gate=16.0)
+
+
+def test_a_key_means_what_the_field_it_sets_says() -> None:
+    table = key_table(BASE)
+    assert table["filter.gate"] == ("9.0", "χ² of one measurement beyond which it is not believed: three sigma.")
+    assert table["camera.depth_unit_m"][1] == "One count of a depth image of 16 bits."
+    assert "Algorithm 1" in table["vision"][1]  # as a scenario's
+    assert table["filter.stuck.for_s"][1] == ""
 
 
 def test_the_estimator_follows_vision_unless_it_is_named() -> None:

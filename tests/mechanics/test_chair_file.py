@@ -1,6 +1,7 @@
 """Chair files: what a maker must say, and what cannot be."""
 
 import math
+import re
 import shutil
 from pathlib import Path
 
@@ -36,14 +37,14 @@ def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
         ("flat_run_m = 0.95", "flat_run_m = 1e9", "tracks.flat_run_m: must be a number > 0 and ≤ 10 (got 1000000000.0)"),
         ("chassis_kg = 23.4", "chassis_kg = 23400", "masses.chassis_kg: must be a number > 0 and ≤ 1000 (got 23400)"),
         ("max_speed_m_s = 1.0", "max_speed_m_s = 60", "drives.max_speed_m_s: must be a number > 0 and ≤ 10 (got 60)"),
-        ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; remove it or correct its spelling"),
+        ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; known here: "),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = changed_file(tmp_path, old, new)
     with pytest.raises(SettingsError) as refused:
         read_chair(path)
-    assert str(refused.value) == f"{path}: {message}"
+    assert re.fullmatch(rf"{re.escape(str(path))}:\d+: {re.escape(message)}.*", str(refused.value))
 
 
 def test_the_masses_and_speeds_are_those_of_table_1() -> None:

@@ -3,18 +3,27 @@
 from treadline.cli.answer import Answer
 
 
-def check(scenario: str, /) -> Answer:
+def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
     """Say whether physics allows a scenario: track length, traction, stability, seat stroke.
+
+    treadline check --keys > mine.toml
 
     Args:
         scenario: A scenario file, or the name of a shipped one.
+        keys: List the names of shipped scenarios, and all keys of a scenario with type, range, default and meaning, as a file
+            that says what is the default anyway; and end.
     """
     from dataclasses import asdict
 
+    from treadline.errors import SettingsError
     from treadline.mechanics.chair import read_chair
     from treadline.mechanics.verdict import check as judge
     from treadline.scenario import read_scenario
 
+    if keys:
+        return _keys()
+    if scenario is None:
+        raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
     settings = read_scenario(scenario)
     report = judge(settings, read_chair(settings.chair.model))
     margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in report.stability_margin_deg.items())
@@ -28,3 +37,28 @@ def check(scenario: str, /) -> Answer:
         ],
         code=0 if report.verdict == "go" else 1,
     )
+
+
+def _keys() -> Answer:
+    """Return all that a scenario can say: lines that are themselves one, of defaults."""
+    from pydantic_core import PydanticUndefined
+
+    from treadline.faults import EXTENTS
+    from treadline.keys import tables_of
+    from treadline.scenario import Scenario, shipped_scenarios
+
+    tables = tables_of(Scenario)
+    shipped = sorted(shipped_scenarios())
+    lines = [f"# Shipped scenarios: {', '.join(shipped)}"]
+    values = {}
+    for head, (purpose, keys) in tables.items():
+        several = head.startswith("[[")
+        lines += ["", f"# {purpose}", f"# {head}, any number of times" if several else head]
+        # An item of a list is none of the defaults: it stands as a comment.
+        lines += [f"# {key.line.removeprefix('# ')}" if several else key.line for key in keys]
+        for key in keys:
+            name = ".".join(str(part) for part in key.place if part != 0)
+            default = None if key.default is PydanticUndefined else key.default
+            values[name] = {"default": default, "allowed": key.allowed, "meaning": key.meaning}
+    lines += [f"#   {kind}: value is {extent.means}" for kind, extent in EXTENTS.items()]
+    return Answer(values={"keys": values, "scenarios": shipped}, summary=lines)

@@ -36,7 +36,7 @@ def replay(
         camera: Calibration and mount that count instead of the log's, as treadline mount writes them; --set goes before it.
         changes: key=value over what a replay may change; any number of times. --keys lists them.
         topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
-        keys: List the keys of --set with their defaults, of the log's run if a log is given, and end.
+        keys: List the keys of --set with their defaults and meanings, of the log's run if a log is given, and end.
         log_images: Keep the frames in the new log, too.
     """
     from treadline.errors import SettingsError
@@ -66,13 +66,19 @@ def replay(
 
 
 def _keys(log: Path | None) -> Answer:
-    from treadline.experiments.replay_settings import key_lines
+    from treadline.experiments.replay_settings import key_table
     from treadline.experiments.replay_source import CHAIR, source_of
     from treadline.mechanics.chair import read_chair
     from treadline.mission.config import MissionConfig
 
-    lines = key_lines(MissionConfig(chair=read_chair(CHAIR)) if log is None else source_of(log).base)
-    return Answer(values={"keys": dict(line.split(" = ", 1) for line in lines)}, summary=lines)
+    table = key_table(MissionConfig(chair=read_chair(CHAIR)) if log is None else source_of(log).base)
+    return Answer(
+        values={
+            "keys": {key: default for key, (default, _) in table.items()},
+            "meanings": {key: told for key, (_, told) in table.items()},
+        },
+        summary=[f"{key} = {default}" + (f"  # {told}" if told else "") for key, (default, told) in table.items()],
+    )
 
 
 class _Played:

@@ -21,6 +21,7 @@ from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.experiments.shipped import shipped_controller
+from treadline.keys import meanings
 from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
 from treadline.mission.guard import Guard
 from treadline.mission.loop import Blocks
@@ -28,6 +29,7 @@ from treadline.mission.planner import Cruise
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
 from treadline.perception.camera_file import CameraFile, Pixels
+from treadline.scenario import Control, Drive
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
 
@@ -43,6 +45,8 @@ UNSET = {
     "control.reconstruct": "as the controller's file says",
 }
 """What stands in for a key that is not set and has no default."""
+OPERATORS = ("", "control.", "camera.", "imu.")
+"""Tables whose keys are no block's."""
 MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
 
 
@@ -211,15 +215,32 @@ def keys_of(base: MissionConfig) -> type[Settings]:
     return model
 
 
-def key_lines(base: MissionConfig) -> list[str]:
-    """Return every key with its default and what it may be, for people."""
-    defaults = _flat(keys_of(base)())
-    return [f"{key} = {UNSET.get(key, UNSET['']) if value is None else value}" for key, value in defaults.items()]
+def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
+    """Return every key with its default, in words where that is none, and with its meaning: empty where its name says all."""
+    model = keys_of(base)
+    told = _meanings(model)
+    return {
+        key: (str(UNSET.get(key, UNSET[""]) if value is None else value), told.get(key, ""))
+        for key, value in _flat(model()).items()
+    }
+
+
+def _meanings(model: type[Settings], before: str = "") -> dict[str, str]:
+    """Return what each key means, as the block's own settings, or a scenario's for what a scenario says too, have it."""
+    written = meanings(Control) | meanings(Drive) | meanings(model)
+    told: dict[str, str] = {}
+    for name, field in model.model_fields.items():
+        if isinstance(field.default, Settings):
+            told |= _meanings(type(field.default), f"{before}{name}.")
+        else:
+            told[before + name] = field.description or (written.get(name, "") if before in OPERATORS else "")
+    return told
 
 
 def table_of(name: str, config: Any, leave: tuple[str, ...] = ()) -> type[Settings]:
     """Return the keys of a block's settings: its plain fields, angles in degrees, its parts as tables."""
     hints = get_type_hints(type(config), include_extras=True)
+    told = meanings(type(config))
     entries: dict[str, Any] = {}
     for item in fields(config):
         value = getattr(config, item.name)
@@ -230,7 +251,8 @@ def table_of(name: str, config: Any, leave: tuple[str, ...] = ()) -> type[Settin
             entries[item.name] = (part, part())
         elif _is_plain(hints[item.name]):
             shown = float(f"{value / DEG:.12g}") if "_rad" in item.name else value
-            entries[item.name.replace("_rad", "_deg")] = (_bounded(hints[item.name], value), shown)
+            hint = _bounded(hints[item.name], value)
+            entries[item.name.replace("_rad", "_deg")] = (Annotated[hint, Field(description=told.get(item.name))], shown)
     return create_model(name, __base__=Settings, **entries)
 
 

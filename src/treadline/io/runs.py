@@ -1,5 +1,6 @@
-"""A run folder: what was asked (manifest.json) and what drove (flown-controller.json), what came out (result.json), how it went
-(series.csv, log.mcap, record.csv).
+"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap, record.csv).
+
+The controller that drove lies beside them (flown-controller.json).
 """
 
 import json
