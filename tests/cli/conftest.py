@@ -28,7 +28,9 @@ Run = Callable[..., Outcome]
 
 
 @pytest.fixture
-def run(capsys: pytest.CaptureFixture[str]) -> Run:
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
+    monkeypatch.setattr("treadline.cli.compiling._tell", lambda: None)  # whether this machine has compiled before
+
     def call(*arguments: object) -> Outcome:
         code = main([str(argument) for argument in arguments])
         captured = capsys.readouterr()

@@ -26,6 +26,7 @@ def climb(
         seed: Of everything that chance decides; the same seed gives the same bytes.
         log_images: Keep every frame in the log (about 5 MB a second).
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.experiments.recorded import recorded_run
     from treadline.experiments.shipped import shipped_controller
@@ -34,6 +35,7 @@ def climb(
     from treadline.models import ControllerDesign
     from treadline.scenario import read_scenario
 
+    tell_compiling()
     settings = read_scenario(scenario)
     chair = read_chair(settings.chair.model)
     design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)

@@ -26,11 +26,13 @@ def excite(
         log_images: Keep every frame in the log.
     """
     from treadline.angles import DEG
+    from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.errors import SettingsError
     from treadline.experiments.recorded import recorded_excitation
     from treadline.scenario import read_scenario
 
+    tell_compiling()
     if samples < 20:
         raise SettingsError(f"--samples is {samples}; at least 20 are needed")
     if not 0.01 <= period <= 10.0 or abs(period / 0.01 - round(period / 0.01)) > 1e-9:

@@ -40,6 +40,7 @@ def frames(
         open_risers: Steps without risers.
         recipe: A TOML file with any of the ranges that a view is drawn from; options given here come before it.
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.cli.numbers import numbers, words
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
@@ -48,6 +49,7 @@ def frames(
     from treadline.sim.camera.folder import write_views
     from treadline.sim.camera.recipe import CLUTTER
 
+    tell_compiling()
     if not 1 <= count <= 100_000:
         raise SettingsError(f"--count is {count}; it must be from 1 to 100000")
     if seed < 0:

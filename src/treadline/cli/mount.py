@@ -31,12 +31,14 @@ def mount(
         topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
         out: The calibration to write; camera.toml when left out, unless there is one already.
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import Share
     from treadline.errors import SettingsError
     from treadline.experiments.mount import MountStudy
     from treadline.io.topics import parse_topics
     from treadline.perception.camera_file import read_camera
 
+    tell_compiling()
     path = out or OUT
     if path.is_dir():
         raise SettingsError(f"--out {path}: is a folder; give a file")

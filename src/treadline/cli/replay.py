@@ -39,9 +39,11 @@ def replay(
         keys: List the keys of --set with their defaults and meanings, of the log's run if a log is given, and end.
         log_images: Keep the frames in the new log, too.
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.errors import SettingsError
     from treadline.io.topics import parse_topics
 
+    tell_compiling()
     if keys:
         return _keys(log)
     if log is None or out is None:

@@ -15,9 +15,11 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0) -> Answer:
         out: The run folder: log.mcap, series.csv, result.json, manifest.json.
         seed: Of everything that chance decides.
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.experiments.fig11 import level_seat
     from treadline.scenario import read_scenario
 
+    tell_compiling()
     levelled = level_seat(out, seed, read_scenario(scenario))
     settle = levelled["settle_s"]
     settled = "did not settle" if settle is None else f"within 1° of level after {settle:.1f} s"

@@ -38,11 +38,13 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
             heading as the robust method sees them (NAME-seen.png).
     """
+    from treadline.cli.compiling import tell_compiling
     from treadline.errors import SettingsError
     from treadline.perception.edges import ThresholdRule
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
     from treadline.perception.images import alone
 
+    tell_compiling()
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold, get_args(ThresholdRule))
     if depth is None and not rgb.is_dir():

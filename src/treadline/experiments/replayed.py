@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.compiling import compiling
 from treadline.errors import LogFormatError, SettingsError
 from treadline.experiments.replay_scores import ReplayScores
 from treadline.experiments.replay_settings import ReplaySettings, resolved
@@ -90,9 +91,9 @@ def replayed_run(
     detector = _Watched(settings.detector)
     try:
         with RunLog(out / LOG, image_every=int(log_images)) as sink:
-            started = time.process_time()
+            started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, detector, scores, sink, watch)
-            cpu_s = time.process_time() - started
+            cpu_s = time.process_time() - compiling().spent_s - started
     finally:
         if scores.ticks:
             write_series(out, scores.series())

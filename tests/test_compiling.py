@@ -1,0 +1,69 @@
+"""What a first run compiles: its time is known, and whoever waits is told once."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from numba.core import event
+
+from treadline import compiling as module
+from treadline.compiling import Compiling, compiling
+
+SCENARIO = """
+[stair]
+slope_deg = 28
+steps = 30
+[start]
+place = "flight"
+step = 6
+[drive]
+duration_s = 0.5
+[control]
+vision = "truth"
+[sensors]
+camera = "statistical"
+"""
+
+
+def burn(seconds: float) -> None:
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def test_what_is_compiled_for_another_counts_once_and_is_told_once() -> None:
+    watch, told = Compiling(), []
+    watch.tell_once(lambda: told.append(watch.spent_s))
+    with event.install_listener("numba:compile", watch):
+        for _ in range(4):
+            with event.trigger_event("numba:compile"), event.trigger_event("numba:compile"):
+                burn(0.6 * module.NOTICED_S)
+    # A second of slack would be a quarter: the clock of a busy machine ticks coarsely.
+    assert 2.4 * module.NOTICED_S <= watch.spent_s < 3.0 * module.NOTICED_S
+    assert len(told) == 1
+    assert module.NOTICED_S < told[0] < 1.6 * module.NOTICED_S
+
+
+def test_a_process_has_one_that_listens() -> None:
+    assert compiling() is compiling()
+
+
+def test_a_first_climb_says_why_it_is_silent_and_is_no_slower_for_it(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    first, second = (
+        subprocess.run(
+            [sys.executable, "-m", "treadline", "climb", tmp_path / "short.toml", "--out", tmp_path / name, "--json"],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for name in ("first", "second")
+    )
+    assert first.stderr.count("compiling for this machine") == 1
+    assert "compiling" not in second.stderr
+    cold, warm = (json.loads(done.stdout)["real_time_factor"] for done in (first, second))
+    # Compiling takes tens of seconds, half a second of driving a tenth; loading what was compiled is in neither's way.
+    assert cold > 0.3 * warm
