@@ -166,6 +166,20 @@ def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path
         assert not (tmp_path / "camera.toml").exists()
 
 
+def test_a_drive_that_is_too_short_says_how_much_is_missing(run, driven: Path, tmp_path: Path) -> None:
+    def early(signal: Any) -> Any:
+        return signal if signal.t_s < 15.0 else None
+
+    outcome = run("mount", changed(driven, tmp_path / "log.mcap", early), "--out", tmp_path / "camera.toml", "--json")
+    assert outcome.code == 1
+    values = outcome.values
+    # Five stretches of three seconds are there, eight are needed.
+    assert "5 stretches of 3 s" in values["reason"]
+    assert "drive and record at least 9 s more" in values["reason"]
+    assert f"{values['counted']} of {values['frames']} frames count" in values["reason"]
+    assert 0 < values["counted"] == values["frames"] - sum(values["left_out"].values())
+
+
 def test_a_mount_far_from_the_one_meant_is_said_to_be(run, driven: Path, tmp_path: Path) -> None:
     told = tmp_path / "told.toml"
     told.write_text("width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\nmount_pitch_deg = 20\n")
@@ -214,3 +228,8 @@ def test_a_calibration_at_hand_is_not_written_over_unasked(
     assert outcome.code == 2
     assert "camera.toml: is there already" in outcome.err
     assert (tmp_path / "camera.toml").read_text() == "mine"
+    # What is wrong with the log comes first.
+    outcome = run("mount", tmp_path / "nosuch")
+    assert outcome.code == 2
+    assert "nosuch" in outcome.err
+    assert "is there already" not in outcome.err

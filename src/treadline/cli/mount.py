@@ -39,12 +39,12 @@ def mount(
     from treadline.perception.camera_file import read_camera
 
     tell_compiling()
+    study = MountStudy(log, camera=None if camera is None else read_camera(camera), topics=parse_topics(topics))
     path = out or OUT
     if path.is_dir():
         raise SettingsError(f"--out {path}: is a folder; give a file")
     if out is None and path.exists():
         raise SettingsError(f"{path}: is there already; give --out FILE, the same one to write over it")
-    study = MountStudy(log, camera=None if camera is None else read_camera(camera), topics=parse_topics(topics))
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):
             pass

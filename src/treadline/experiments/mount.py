@@ -30,6 +30,8 @@ from treadline.settings import settings_of
 from treadline.signals import TICK_S, ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
 
 ANGLES = ("pitch", "roll", "yaw")
+GOOD_SHARE = 0.5
+"""Of the frames that must count for more of the same to help."""
 MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")
 TURNED_RAD = 5.0 * DEG
 """Between the tenths of headings furthest left and right. In less, the few frames of a first turn decide the yaw, and one bump
@@ -47,6 +49,8 @@ class Lesson:
     reason: str | None
     """Why there is no estimate."""
     frames: int
+    counted: int
+    """Of them, in the estimate; where there is none, good for one."""
     left_out: dict[str, int]
     """Frames that do not count, by reason."""
     dropped: dict[str, int]
@@ -74,7 +78,7 @@ class Lesson:
             **sigmas,
             "change_deg": change,
             "frames": self.frames,
-            "counted": 0 if self.estimate is None else self.estimate.frame_count,
+            "counted": self.counted,
             "left_out": self.left_out,
             "dropped": self.dropped,
             "topics": self.topics,
@@ -170,7 +174,7 @@ class MountStudy:
             often = "".join(f"; {count} ×: {why}" for why, count in left_out.most_common(2))
             reason = (
                 f"{self._taken} of {self._frames} frames count, in {len(self._blocks)} stretches of {config.block_s:.0f} s of "
-                f"driving on a flight, of {config.least_blocks} needed{often}"
+                f"driving on a flight, of {config.least_blocks} needed{self._remedy(config)}{often}"
             )
         else:
             turned = float(np.ptp(np.quantile(self._headings, (0.1, 0.9))))
@@ -185,10 +189,18 @@ class MountStudy:
             estimate=estimate,
             reason=reason,
             frames=self._frames,
+            counted=self._taken if estimate is None else estimate.frame_count,
             left_out={why: count for why, count in left_out.most_common() if count > 0},
             dropped=dict(self._recording.dropped),
             topics=asdict(self._recording.topics),
         )
+
+    def _remedy(self, config: MountConfig) -> str:
+        """Return what helps a drive that is good but for its length."""
+        more_s = (config.least_blocks - len(self._blocks)) * config.block_s
+        if more_s <= 0.0 or self._taken < GOOD_SHARE * self._frames:
+            return ""
+        return f": drive and record at least {more_s:.0f} s more on the flight"
 
     def _learn(self, reading: Reading) -> None:
         self._t_s = reading.t_s
