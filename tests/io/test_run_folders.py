@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,34 @@ def test_a_command_is_for_a_shell_and_names_no_folder_of_this_machine(monkeypatc
 def test_no_git_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
     assert provenance.provenance()["git_commit"] is None
+
+
+def test_a_tree_with_changes_is_said_to_be_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*arguments: str) -> str:
+        ours = ["-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false"]
+        done = subprocess.run(["git", "-C", tmp_path, *ours, *arguments], capture_output=True, text=True, check=True)
+        return done.stdout.strip()
+
+    source = tmp_path / "source.py"
+    monkeypatch.setattr(provenance, "__file__", str(source))
+    git("init")
+    source.write_text("1")
+    git("add", ".")
+    git("commit", "-m", "one")
+    git("tag", "v1")
+    assert provenance.git_commit() == git("rev-parse", "HEAD")
+    (tmp_path / "run.json").write_text("{}")  # an untracked file is none of what runs
+    assert provenance.git_commit() == git("rev-parse", "HEAD")
+    source.write_text("2")
+    assert provenance.git_commit() == git("rev-parse", "HEAD") + "-dirty"
+
+
+def test_a_git_that_hangs_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hangs(*_: object, **__: object) -> None:
+        raise subprocess.TimeoutExpired("git", provenance.GIT_S)
+
+    monkeypatch.setattr(provenance.subprocess, "run", hangs)
+    assert provenance.git_commit() is None
 
 
 def test_numbers_that_are_not_finite_are_null_in_a_result(tmp_path: Path) -> None:

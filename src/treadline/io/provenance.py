@@ -11,9 +11,12 @@ from typing import Any
 
 PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco", "opencv-python-headless", "matplotlib", "mcap")
 
+GIT_S = 10.0
+"""Longest wait for an answer: on a slow disk a tree takes a while to compare."""
+
 
 def provenance() -> dict[str, Any]:
-    """Return versions, the git commit if there is one, and the command line."""
+    """Return versions, the git commit if there is one (``-dirty`` where it is not quite what ran), and the command line."""
     return {"versions": versions(), "git_commit": git_commit(), "command": command()}
 
 
@@ -29,19 +32,22 @@ def versions() -> dict[str, str]:
 
 
 def git_commit() -> str | None:
-    """Return the commit of the source tree, or None outside one."""
+    """Return the commit of the source tree, with ``-dirty`` where tracked files differ from it; None outside a tree."""
     git = shutil.which("git")
     if git is None:
         return None
-    # The program is git, found on the path; the arguments are constants.
-    done = subprocess.run(  # noqa: S603
-        [git, "rev-parse", "HEAD"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=10,
-    )
+    try:
+        # The program is git, found on the path; the arguments are constants: the whole hash, whatever tags there are.
+        done = subprocess.run(  # noqa: S603
+            [git, "--no-optional-locks", "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=GIT_S,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
     return done.stdout.strip() if done.returncode == 0 else None
 
 
