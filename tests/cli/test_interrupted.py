@@ -92,7 +92,8 @@ def test_an_interrupt_in_the_moment_compiled_code_is_dispatched_is_one(
 
     monkeypatch.setattr(cli, "app", type("App", (), {"meta": cli.app.meta, "__call__": dispatched})())
     assert main(["doctor"]) == code
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("what was finished by then, if anything, is readable")  # a folder need not have been made yet
 
 
 def test_an_interrupt_that_a_callback_swallows_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -204,7 +204,7 @@ def _interrupt_behind(cause: BaseException | None) -> KeyboardInterrupt | None:
 def _ended(by: KeyboardInterrupt, *, debug: bool) -> int:
     said, code = ("asked to end", 143) if isinstance(by, Terminated) else ("interrupted", 130)
     further = getattr(by, "__notes__", [])  # what a verb knows beyond that
-    return _fail("; ".join([said, "what was finished is readable", *further]), code, debug=debug)
+    return _fail("; ".join([said, "what was finished by then, if anything, is readable", *further]), code, debug=debug)
 
 
 def _usage(error: cyclopts.CycloptsError) -> str:

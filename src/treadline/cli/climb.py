@@ -24,7 +24,7 @@ def climb(
         out: The run folder: log.mcap, series.csv, result.json, manifest.json, flown-controller.json.
         controller: A file that treadline tune wrote; the shipped one when left out.
         seed: Of everything that chance decides; the same seed gives the same bytes.
-        log_images: Keep every frame in the log (about 5 MB a second).
+        log_images: Keep every frame in the log (about 1.7 MB a second at 320×240).
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import SimulatedTime

@@ -12,6 +12,9 @@ Item = TypeVar("Item")
 class Progress:
     """Counts finished parts of a long job."""
 
+    LINES = 20
+    """At most, where no person watches."""
+
     def __init__(self, title: str, total: int) -> None:
         self._title = title
         self._total = total
@@ -54,6 +57,8 @@ class Progress:
         self._done += 1
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, description=f"{self._title}: {name}")
+            return
+        if self._done <= self._total and self._done * self.LINES // self._total == (self._done - 1) * self.LINES // self._total:
             return
         spent = time.monotonic() - self._started
         sys.stderr.write(f"[{spent:6.1f} s] {self._done}/{self._total} {name}\n")
