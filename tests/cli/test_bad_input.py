@@ -243,6 +243,18 @@ def test_a_gain_that_nobody_would_feel_is_told(run, tmp_path: Path, model_path: 
     assert "warning" not in usual.out
 
 
+def test_a_gain_that_leaves_the_chair_askew_is_told(run, tmp_path: Path) -> None:
+    model = tmp_path / "model.json"
+    # What identify made of 1000 samples on paper-28 by its best method: in this basis a mean of both belts is cheap.
+    A, B = [[0.16771, -0.2971], [-0.08549, 0.95563]], [[8.6903, -8.68665], [4.65157, -5.26269]]
+    C, D = [[0.00696, -0.02333], [-0.03306, -0.01104]], [[0.0, 0.0], [0.0, 0.0]]
+    model.write_text(json.dumps(broken("dt_s", 0.25) | {"A": A, "B": B, "C": C, "D": D}))
+    outcome = run("tune", model, "--state-weight", "1,1", "--input-weight", "0.05", "--out", tmp_path / "controller.json", "--json")
+    assert outcome.code == 0
+    assert len(outcome.values["warnings"]) == 1, outcome.values
+    assert "to halve are the limit" in outcome.values["warnings"][0]
+
+
 def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None:
     outcome = run("climb", "paper-28", "--controller", model_path, "--out", tmp_path / "run")
     assert_refused(outcome, "not a controller")

@@ -23,7 +23,8 @@ def tune(
 
     Args:
         model: The JSON file that treadline identify wrote.
-        state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1.
+        state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1. It weighs the model's states in the model's own basis, which
+            identify leaves open: for the paper's weights give identify --method okid-era.
         output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); 1,0 where neither is given.
         input_weight: Diagonal of R on the inputs, or one number for all; left out: 0.02.
         period: Control period in seconds; another one than the model's resamples it.
@@ -33,7 +34,7 @@ def tune(
     """
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
-    from treadline.control.tune import doubt
+    from treadline.control.doubt import doubt
     from treadline.errors import SettingsError
     from treadline.models import LinearModel, Reconstruct
 

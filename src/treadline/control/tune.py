@@ -29,8 +29,6 @@ BELT_DISTURBANCE_M_S = 0.02
 """What slip and nosings do to a belt's effect, per period: process noise of the observer."""
 MISMATCH_WALK_M_S = 0.001
 """How fast the constant difference between the belts may change, per period."""
-FELT_RAD = 30.0 * DEG
-"""The paper's largest heading at the start; a loop that answers it with less than a belt's own slip does not steer."""
 SIGMA_Y = (0.15 * DEG, 0.6 * DEG)
 """Noise of heading [rad] and yaw rate [rad/s] as the estimator delivers them."""
 BELT_DIFFERENCE = np.array([-0.5, 0.5])
@@ -88,20 +86,6 @@ def tune(
     if reconstruct == "static":
         static_reconstruction(model.C, model.D, K)  # raises where Eq. (11b) has no answer
     return design
-
-
-def doubt(design: ControllerDesign) -> str | None:
-    """Say where a gain is too small to be felt: over so long a period, or at such a price, it is best to do nothing.
-
-    For models of a chair: belts in m/s, heading in rad.
-    """
-    answer_m_s = FELT_RAD * float(np.abs(design.K @ np.linalg.pinv(design.model.C)).max())
-    if answer_m_s >= BELT_DISTURBANCE_M_S:
-        return None
-    return (
-        f"a heading of {FELT_RAD / DEG:.0f}° is answered with {answer_m_s:.2g} m/s, less than slip does to a belt "
-        f"({BELT_DISTURBANCE_M_S} m/s); give a control period shorter than {design.period_s:g} s, or a lower input weight"
-    )
 
 
 def resampled(model: LinearModel, period_s: float) -> LinearModel:
