@@ -19,11 +19,15 @@ from jaxtyping import Float
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.settings import text_of
+from treadline.signals import TICK_S
 
 Reconstruct = Literal["observer", "static"]
 """Where the state comes from: an observer, or one output alone (Eq. 11b)."""
 Provenance = dict[str, Any]
 """Where a model came from: command, versions, seeds, fit. JSON values only."""
+
+PERIOD_ROUNDING_S = 1e-9
+"""By which two periods that are meant to be one may differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,14 +156,27 @@ class ControllerDesign:
         """Return the controller in a JSON file.
 
         Raises:
-            SettingsError: If it is missing, not JSON, or not a controller.
+            SettingsError: If it is missing, not JSON, not a controller, or of a period that no mission can keep.
         """
         tables = read_json(path)
         if not isinstance(tables.get("model"), dict):
             raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
         model = _from_json(LinearModel, tables["model"], f"{path}: model")
         design: ControllerDesign = _from_json(cls, tables | {"model": model}, str(path))
+        if not on_the_tick(design.period_s):
+            raise SettingsError(
+                f"{path}: period_s is {design.period_s}, no multiple of {TICK_S} s; tune it again with a --period that is one"
+            )
         return design
+
+
+def on_the_tick(period_s: float) -> bool:
+    """Say whether a control period is some whole number of the mission's ticks."""
+    return (
+        isinstance(period_s, Real)
+        and 0.5 * TICK_S < period_s < math.inf
+        and abs(round(period_s / TICK_S) * TICK_S - period_s) <= PERIOD_ROUNDING_S
+    )
 
 
 def write_whole(path: Path, data: str | bytes) -> None:

@@ -260,6 +260,36 @@ def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None
     assert_refused(outcome, "not a controller")
 
 
+@pytest.mark.parametrize("period", ["0.033", "0.001", "0.2500001"])
+def test_tune_refuses_a_period_that_no_mission_keeps(run, tmp_path: Path, model_path: Path, period: str) -> None:
+    out = tmp_path / "controller.json"
+    assert_refused(run("tune", model_path, "--period", period, "--out", out), period, "multiple of 0.01 s: give --period 0.")
+    assert not out.exists()
+
+
+def test_tune_asks_for_a_period_where_the_model_s_own_is_none_that_a_mission_keeps(run, tmp_path: Path) -> None:
+    model, out = tmp_path / "model.json", tmp_path / "controller.json"
+    model.write_text(json.dumps(broken("dt_s", 0.033)))
+    assert_refused(run("tune", model, "--out", out), "the model's period", "0.033", "give --period 0.03")
+    assert not out.exists()
+    assert run("tune", model, "--period", "0.03", "--out", out).code == 0
+
+
+@pytest.mark.parametrize("period_s", [0.033, "fast", None])
+def test_a_controller_of_a_period_that_no_mission_keeps_is_refused_as_it_is_read(
+    run, tmp_path: Path, model_path: Path, period_s: object
+) -> None:
+    controller, out = tmp_path / "controller.json", tmp_path / "run"
+    assert run("tune", model_path, "--out", controller).code == 0
+    tables = json.loads(controller.read_text())
+    tables["period_s"] = period_s
+    controller.write_text(json.dumps(tables))
+    assert_refused(
+        run("climb", "paper-28", "--controller", controller, "--out", out), "controller.json", "period_s", "tune it again"
+    )
+    assert not out.exists()
+
+
 def test_tune_names_what_a_model_of_three_outputs_needs(run, tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     tables = broken("C", np.eye(3, 2).tolist()) | {"D": [[0.0] * 2] * 3, "output_offset": [0.0] * 3}

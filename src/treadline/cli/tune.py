@@ -27,7 +27,7 @@ def tune(
             identify leaves open: for the paper's weights give identify --method okid-era.
         output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); 1,0 where neither is given.
         input_weight: Diagonal of R on the inputs, or one number for all; left out: 0.02.
-        period: Control period in seconds; another one than the model's resamples it.
+        period: Control period in seconds, a multiple of 0.01; another one than the model's resamples it.
         reconstruct: observer, or static for Eq. (11b).
         vehicle: Name of the chair this controller is for; another chair refuses it.
         out: Where the controller is written.

@@ -16,7 +16,8 @@ from treadline.control.lqr import closed_loop_poles, lqr_gain
 from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
 from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
-from treadline.models import ControllerDesign, LinearModel, Reconstruct
+from treadline.models import ControllerDesign, LinearModel, Reconstruct, on_the_tick
+from treadline.signals import TICK_S
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Price of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
@@ -51,16 +52,17 @@ def tune(
         state_weight: Diagonal of Q on the states, as in Eq. (13).
         output_weight: Diagonal of Q on the outputs instead: heading, yaw rate.
         input_weight: Diagonal of R, or one number for all inputs.
-        period_s: Control period; another one than the model's resamples it.
+        period_s: Control period, a multiple of the mission's tick of 0.01 s; another one than the model's resamples it.
 
     Raises:
         ModelError: If the model cannot be stabilised or observed, or a weight is not definite.
-        SettingsError: If weights are given twice.
+        SettingsError: If weights are given twice, or the period, given or the model's own, is no multiple of the tick.
     """
     if state_weight is not None and output_weight is not None:
         raise SettingsError("give a state weight or an output weight, not both")
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
+    _check_period(model, period_s)
     model = model if period_s is None or abs(period_s - model.dt_s) < 1e-9 else resampled(model, period_s)
     # Square is zero by definition; the mean heading of the day the data were taken is not where to go.
     model = replace(model, output_offset=np.zeros(model.C.shape[0]))
@@ -116,6 +118,15 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
         output_names=model.output_names,
         provenance={**model.provenance, "resampled_from_s": model.dt_s},
     )
+
+
+def _check_period(model: LinearModel, period_s: float | None) -> None:
+    wanted = model.dt_s if period_s is None else period_s
+    if on_the_tick(wanted):
+        return
+    nearest = max(1, round(wanted / TICK_S)) * TICK_S
+    what = "the model's period, which is the controller's where none is given," if period_s is None else "the control period"
+    raise SettingsError(f"{what} is {wanted:.9g} s; it must be a multiple of {TICK_S} s: give --period {nearest:.6g}")
 
 
 def _state_price(model: LinearModel, state: Sequence[float] | None, output: Sequence[float] | None) -> Float[np.ndarray, "n n"]:
