@@ -26,6 +26,10 @@ Reconstruct = Literal["observer", "static"]
 Provenance = dict[str, Any]
 """Where a model came from: command, versions, seeds, fit. JSON values only."""
 
+RUN_VALUES = 10
+"""Output values for each state that is estimated, from which a free run is judged: a tenth of them goes into the estimate."""
+TEST_VALUES = 100
+"""From which residuals are tested: what states estimated from fewer take out of white residuals colours them."""
 PERIOD_ROUNDING_S = 1e-9
 """By which two periods that are meant to be one may differ."""
 
@@ -59,6 +63,23 @@ class InputOutputRecord:
 
     def __len__(self) -> int:
         return int(self.u.shape[0])
+
+    def stretches(self, values: int) -> list[slice]:
+        """Return the samples on which a model is judged: all, or those between missing inputs.
+
+        What an unknown input did to the state is unknown, and a slow model remembers it for long: behind one, the state is
+        estimated anew. Stretches too short for that are left out, unless there are only such; then it is the longest.
+
+        Args:
+            values: Of the outputs, that a stretch must hold: ``RUN_VALUES`` or ``TEST_VALUES`` for each state.
+        """
+        edges = np.flatnonzero(np.diff(np.isfinite(self.u).all(axis=1).astype(int), prepend=0, append=0))
+        spans = [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+        if len(spans) <= 1:
+            return spans
+        held = [int(np.isfinite(self.y[span]).all(axis=1).sum()) * self.y.shape[1] for span in spans]
+        long = [span for span, count in zip(spans, held, strict=True) if count >= values]
+        return long or [spans[int(np.argmax(held))]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

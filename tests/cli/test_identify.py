@@ -35,6 +35,40 @@ def real_poles(values: dict[str, object]) -> np.ndarray:
     return np.sort([real for real, _ in values["poles"]])
 
 
+def three_outputs(path: Path, *, rows: int = 800) -> Path:
+    """Write two inputs and three outputs of a slow third-order plant, 3 % noise on each output."""
+    rng = np.random.default_rng(11)
+    A = np.array([[0.92, 0.15, 0.0], [-0.15, 0.92, 0.05], [0.0, 0.0, 0.7]])
+    B, C = rng.standard_normal((3, 2)), rng.standard_normal((3, 3))
+    u, x, y = rng.standard_normal((rows, 2)), np.zeros(3), np.empty((rows, 3))
+    for k in range(rows):
+        y[k], x = C @ x, A @ x + B @ u[k]
+    y += 0.03 * y.std(axis=0) * rng.standard_normal(y.shape)
+    table = np.column_stack([0.02 * np.arange(rows), u, y])
+    path.write_text("t_s,u1,u2,y1,y2,y3\n" + "\n".join(",".join(f"{value:.17g}" for value in row) for row in table) + "\n")
+    return path
+
+
+THREE = ["--inputs", "u1,u2", "--outputs", "y1,y2,y3", "--order", "3", "--no-page", "--json"]
+
+
+def test_blank_inputs_do_not_spoil_what_is_said_of_the_model(run, tmp_path: Path) -> None:
+    log, rng = three_outputs(tmp_path / "log.csv"), np.random.default_rng(12)
+    clean = run("identify", log, *THREE, "--out", tmp_path / "clean.json").values
+    lines = log.read_text().splitlines()
+    for row in rng.choice(800, 30, replace=False).tolist():
+        cells = lines[1 + row].split(",")
+        cells[1 + row % 2] = ""
+        lines[1 + row] = ",".join(cells)
+    log.write_text("\n".join(lines) + "\n")
+    outcome = run("identify", log, *THREE, "--allow-gaps", "--out", tmp_path / "gapped.json")
+    assert outcome.code == 0, outcome.err
+    for name, fit in outcome.values["fit_percent"].items():
+        assert fit == pytest.approx(clean["fit_percent"][name], abs=1.0)
+        assert fit > 96.0
+    assert not [warning for warning in outcome.values["warnings"] if "white" in warning]
+
+
 def test_the_default_finds_the_plant_and_writes_model_and_page(run, tmp_path: Path) -> None:
     log, out = write_log(tmp_path / "log.csv"), tmp_path / "out" / "model.json"
     outcome = run("identify", log, *CHANNELS, "--validate", "0.5", "--out", out, "--json")

@@ -138,17 +138,44 @@ def test_a_gap_in_the_outputs_is_bridged_by_the_model(innovations: LinearModel) 
     np.testing.assert_allclose(residuals[600:], e[600:], atol=1e-10)
 
 
-def test_a_gap_in_the_inputs_is_taken_for_the_operating_point(innovations: LinearModel) -> None:
-    record, _ = driven(innovations, 300, seed=6)
+def with_inputs_missing(record: InputOutputRecord, rows: list[int]) -> InputOutputRecord:
     u = record.u.copy()
-    u[150] = innovations.input_offset
-    expected = one_step_residuals(innovations, InputOutputRecord(u=u, y=record.y, dt_s=1.0))
-    u[150] = np.nan
-    gap = InputOutputRecord(u=u, y=record.y, dt_s=1.0)
-    residuals = one_step_residuals(innovations, gap)
+    u[rows, np.arange(len(rows)) % 2] = np.nan
+    return InputOutputRecord(u=u, y=record.y, dt_s=record.dt_s)
+
+
+def test_behind_a_missing_input_the_state_is_estimated_anew(innovations: LinearModel) -> None:
+    record, e = driven(innovations, 400, seed=6)
+    residuals = one_step_residuals(innovations, with_inputs_missing(record, [150]))
     assert np.isnan(residuals[150]).all()
-    np.testing.assert_allclose(np.delete(residuals, 150, axis=0), np.delete(expected, 150, axis=0), atol=1e-12)
-    assert np.isfinite(fit_percent(innovations, gap)).all()
+    behind = InputOutputRecord(u=record.u[151:], y=record.y[151:], dt_s=1.0)
+    np.testing.assert_allclose(residuals[151:], one_step_residuals(innovations, behind), atol=1e-12)
+    np.testing.assert_allclose(residuals[300:], e[300:], atol=1e-10)
+
+
+def test_missing_inputs_cost_the_true_model_neither_fit_nor_whiteness(innovations: LinearModel) -> None:
+    # The innovations are small, and each gap hides an input as large as any.
+    values = []
+    for seed in range(20):
+        record, _ = driven(innovations, 2000, seed=seed, size=0.005)
+        rows = sorted(np.random.default_rng(100 + seed).choice(2000, 100, replace=False).tolist())
+        gapped = with_inputs_missing(record, rows)
+        np.testing.assert_allclose(fit_percent(innovations, gapped), fit_percent(innovations, record), atol=1.5)
+        values.append(whiteness_p(one_step_residuals(innovations, gapped)))
+    # p is uniform: one of 20 below 5 %.
+    assert sum(value < 0.05 for value in values) <= 4
+
+
+def test_stretches_too_short_to_tell_the_state_are_not_judged(innovations: LinearModel) -> None:
+    record, _ = driven(innovations, 300, seed=6)
+    # Two outputs: 20 values are ten samples. Where there are only shorter ones, the longest is taken.
+    assert with_inputs_missing(record, [100, 110]).stretches(20) == [slice(0, 100), slice(111, 300)]
+    assert with_inputs_missing(record, [100, 111]).stretches(20) == [slice(0, 100), slice(101, 111), slice(112, 300)]
+    assert with_inputs_missing(record, [100, 111]).stretches(2000) == [slice(112, 300)]
+    assert record.stretches(2000) == [slice(0, 300)]
+    residuals = one_step_residuals(innovations, with_inputs_missing(record, [100, 110]))
+    assert np.isnan(residuals[100:111]).all()
+    assert np.isfinite(np.delete(residuals, slice(100, 111), axis=0)).all()
 
 
 def test_white_residuals_pass_for_white_as_often_as_they_should() -> None:

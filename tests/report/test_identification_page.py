@@ -400,6 +400,14 @@ def test_runs_are_those_that_identification_judges_by(calm: Found) -> None:
     start = validate.initial_state(calm.model, validate.head(record, runs.HEAD))
     ahead = runs.run(calm.model, record.u, start, record.y)
     np.testing.assert_allclose(record.y - ahead, validate.one_step_residuals(calm.model, record), atol=1e-9)
+    # Behind a missing input both begin anew.
+    record.u[120] = np.nan
+    ahead = runs.one_step_ahead(calm.model, record)
+    np.testing.assert_allclose(record.y - ahead, validate.one_step_residuals(calm.model, record), atol=1e-9)
+    free = runs.free_run(calm.model, record)
+    assert np.isnan(free[120]).all()
+    assert np.isfinite(np.delete(free, 120, axis=0)).all()
+    assert not runs.cut(free, record.y)[1].any()
 
 
 def test_responses_are_those_of_the_model(calm: Found) -> None:

@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
@@ -25,6 +23,7 @@ from treadline.identification.gram import Gram, Units
 from treadline.identification.identified import Found, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.reduction import stabilised
+from treadline.identification.report import whole_samples
 from treadline.identification.structure import choose_structure
 from treadline.identification.threads import one_thread
 from treadline.models import InputOutputRecord
@@ -165,7 +164,7 @@ def _split(
 
 
 def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
-    fewest = min(int(np.isfinite(record.y).all(axis=1).sum()) for record in judged)
+    fewest = min(whole_samples(record) for record in judged)
     if fewest < JUDGED_LEAST:
         raise PoorExcitation(f"a validation part has {fewest} whole samples; at least {JUDGED_LEAST} are needed: keep more for it")
 

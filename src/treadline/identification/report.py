@@ -95,7 +95,7 @@ def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
 
     Records too short to test do not count.
     """
-    judged = [record for record in judged if len(record) >= LONG_ENOUGH] or [max(judged, key=len)]
+    judged = [record for record in judged if whole_samples(record) >= LONG_ENOUGH] or [max(judged, key=whole_samples)]
     with np.errstate(over="ignore", invalid="ignore"):
         residuals = [validate.one_step_residuals(model, record) for record in judged]
         vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
@@ -111,6 +111,11 @@ def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
         if exact
         else known(smallest([validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)])),
     )
+
+
+def whole_samples(record: InputOutputRecord) -> int:
+    """Return the number of samples of which nothing is missing."""
+    return int((np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1)).sum())
 
 
 def doubts(

@@ -1,4 +1,7 @@
-"""How good a model is: on data it has not seen, one step ahead, some steps ahead, and running free."""
+"""How good a model is: on data it has not seen, one step ahead, some steps ahead, and running free.
+
+Behind a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
+"""
 
 from dataclasses import replace
 
@@ -8,7 +11,7 @@ from scipy.stats import chi2
 
 from treadline.errors import PoorExcitation
 from treadline.identification.kernels import free_run, observability, observer_run
-from treadline.models import InputOutputRecord, LinearModel
+from treadline.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 
 WHITENESS_LAGS = 10
 CROSS_LAGS = 10
@@ -40,16 +43,11 @@ def writeable(array: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     return np.require(array, np.float64, ["C", "W"])
 
 
-def bridged(model: LinearModel, u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "T m"]:
-    """Return the inputs with the operating point in place of what is missing."""
-    return np.where(np.isnan(u), model.input_offset, u)
-
-
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
-    """Return the state at the record's start that explains its outputs best in a free run."""
+    """Return the state at the record's start that explains its outputs best in a free run; no input may be missing."""
     n = model.order
     response = observability(writeable(model.A), writeable(model.C), len(record))
-    misfit = record.y - simulate(model, bridged(model, record.u), np.zeros(n))
+    misfit = record.y - simulate(model, record.u, np.zeros(n))
     whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
     # Each output counts by its own spread: units must not decide.
     weight = 1.0 / np.maximum(np.std(record.y[whole], axis=0), 1e-300) if whole.any() else np.ones(misfit.shape[1])
@@ -60,19 +58,32 @@ def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.nda
 def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
     """Return 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) of a free run per output, initial state estimated.
 
+    Of a record with missing inputs it is that of the runs between them together.
     For an integrator it means little: its free run drifts with the smallest disturbance.
     """
-    predicted = simulate(model, bridged(model, record.u), initial_state(model, record))
-    error = np.sqrt(np.nansum((record.y - predicted) ** 2, axis=0))
-    spread = np.sqrt(np.nansum((record.y - np.nanmean(record.y, axis=0)) ** 2, axis=0))
+    runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
+    y = np.vstack([run.y for run in runs])
+    predicted = np.vstack([simulate(model, run.u, initial_state(model, run)) for run in runs])
+    error = np.sqrt(np.nansum((y - predicted) ** 2, axis=0))
+    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
     return np.asarray(100.0 * (1.0 - error / np.maximum(spread, 1e-300)))
 
 
 def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
-    """Return the state of the model's observer before each sample; a missing sample is bridged by the model."""
+    """Return the state of the model's observer before each sample; a missing output is bridged by the model.
+
+    NaN where an input is missing, and between two that follow each other too closely.
+    """
+    states = np.full((len(record), model.order), np.nan)
+    for span in record.stretches(TEST_VALUES * model.order):
+        states[span] = _observed(model, part(record, span.start, span.stop))
+    return states
+
+
+def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
     x0 = initial_state(model, head(record, 50))
-    v = bridged(model, record.u) - model.input_offset
+    v = record.u - model.input_offset
     # x⁺ = (A - KC) x + (B - KD) v + K y: a sample with a NaN corrects nothing.
     whole = np.isfinite(record.y).all(axis=1)
     correction = np.where(whole[:, None], record.y - model.output_offset - v @ model.D.T, 0.0) @ gain.T

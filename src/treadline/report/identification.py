@@ -211,11 +211,10 @@ class _Page:
     def _fit(self) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:
         place = int(np.argmax([len(record) for record in self.judged]))
         whole = self.judged[place]
-        record = _first(whole, SAMPLES_MOST)
+        record = runs.cut_out(whole, slice(0, SAMPLES_MOST))
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
-        free = runs.run(self.model, record.u, runs.initial_state(self.model, record))
-        ahead = runs.run(self.model, record.u, runs.initial_state(self.model, _first(record, runs.HEAD)), record.y)
+        free, ahead = runs.free_run(self.model, record), runs.one_step_ahead(self.model, record)
         p = len(self.drawn_out)
         shown, left = runs.cut(free[:, :p], record.y[:, :p])
         ahead_shown, left_ahead = runs.cut(ahead[:, :p], record.y[:, :p])
@@ -265,10 +264,6 @@ class _Page:
         self.values["poles"] = _pole_rows(values, spread, self.model.dt_s)
         self.values["discs"] = spread is not None
         self.values["discs_left"] = sum(r is not None and not r < figures.DISC_MOST for r in spread or [])
-
-
-def _first(record: InputOutputRecord, samples: int) -> InputOutputRecord:
-    return InputOutputRecord(u=record.u[:samples], y=record.y[:samples], dt_s=record.dt_s)
 
 
 def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float | None] | None, dt_s: float) -> list[PoleRow]:

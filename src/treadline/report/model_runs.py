@@ -6,12 +6,13 @@ hold them against those that identification judges by. Models may be unstable: w
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.models import InputOutputRecord, LinearModel
+from treadline.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 
 HEAD = 50
 """Samples from which the state of the one-step predictor starts."""
@@ -32,9 +33,9 @@ def run(
 ) -> Float[np.ndarray, "T p"]:
     """Return the outputs of a free run, or one step ahead where measured outputs correct the state.
 
-    A missing input is the operating point's; a sample of the outputs with a NaN corrects nothing.
+    A sample of the outputs with a NaN corrects nothing.
     """
-    v = np.where(np.isnan(u), 0.0, u - model.input_offset)
+    v = u - model.input_offset
     drive, feed = v @ model.B.T, v @ model.D.T + model.output_offset
     gain = np.zeros((model.order, len(model.C))) if model.observer_gain is None else model.observer_gain
     seen = np.full(feed.shape, np.nan) if measured is None else measured
@@ -47,6 +48,32 @@ def run(
             if correcting[k]:
                 x += gain @ (seen[k] - answers[k])
     return answers
+
+
+def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    """Return a model's free run over a record, begun anew behind each missing input; NaN where it is not judged."""
+    spans = record.stretches(RUN_VALUES * model.order)
+    return _over(spans, record, lambda part: run(model, part.u, initial_state(model, part)))
+
+
+def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    """Return what a model says one step ahead, begun anew behind each missing input; NaN where it is not judged."""
+    spans = record.stretches(TEST_VALUES * model.order)
+    return _over(spans, record, lambda part: run(model, part.u, initial_state(model, cut_out(part, slice(0, HEAD))), part.y))
+
+
+def _over(
+    spans: Iterable[slice], record: InputOutputRecord, answer: Callable[[InputOutputRecord], Float[np.ndarray, "t p"]]
+) -> Float[np.ndarray, "T p"]:
+    answers = np.full(record.y.shape, np.nan)
+    for span in spans:
+        answers[span] = answer(cut_out(record, span))
+    return answers
+
+
+def cut_out(record: InputOutputRecord, span: slice) -> InputOutputRecord:
+    """Return some samples of a record."""
+    return replace(record, u=record.u[span], y=record.y[span])
 
 
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
@@ -205,4 +232,5 @@ def cut(
     low, high = np.fmin.reduce(measured, axis=0), np.fmax.reduce(measured, axis=0)
     middle, reach = 0.5 * (low + high), 3.0 * np.maximum(high - low, 1e-12)
     away = ~(np.abs(values - middle) <= reach) & np.isfinite(middle)
-    return np.where(away, np.nan, values), away.any(axis=0)
+    # A run that overflows is infinite before it is no number; where it is none from the start, it was not judged.
+    return np.where(away, np.nan, values), (away & ~np.isnan(values)).any(axis=0)
