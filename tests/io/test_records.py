@@ -98,6 +98,40 @@ def test_allowed_gaps_stay_as_rows_of_nan_up_to_a_fifth(tmp_path: Path) -> None:
         read_record(written(tmp_path / "b.csv", replaced(3, "0.75,inf,0.2,0.1")), INPUTS, OUTPUTS, allow_gaps=True)
 
 
+def test_rows_that_are_missing_come_back_as_rows_of_nan(tmp_path: Path) -> None:
+    lines = [HEADER, *(row for k, row in enumerate(ROWS) if k not in (4, 7))]
+    path = written(tmp_path / "record.csv", lines)
+    with pytest.raises(
+        PeriodMismatch, match=r"a step of 0\.5 s where the period is 0\.25 s; if rows are missing, pass --allow-gaps"
+    ):
+        read_record(path, INPUTS, OUTPUTS)
+    whole = read_record(written(tmp_path / "whole.csv", [HEADER, *ROWS]), INPUTS, OUTPUTS)
+    record = read_record(path, INPUTS, OUTPUTS, allow_gaps=True)
+    assert np.flatnonzero(np.isnan(record.u).all(axis=1) & np.isnan(record.y).all(axis=1)).tolist() == [4, 7]
+    there = np.isfinite(record.y[:, 0])
+    np.testing.assert_array_equal(record.y[there], whole.y[there])
+    np.testing.assert_array_equal(record.u[there], whole.u[there])
+
+
+def test_missing_rows_count_as_gaps_and_must_leave_the_others_on_the_grid(tmp_path: Path) -> None:
+    few = written(tmp_path / "few.csv", [HEADER, *ROWS[:3], ROWS[-1]])
+    with pytest.raises(NotFinite, match="hold NaN or are missing"):
+        read_record(few, INPUTS, OUTPUTS, allow_gaps=True)
+    off = written(tmp_path / "off.csv", replaced(3, "0.78,0.2,0.2,0.1"))
+    with pytest.raises(PeriodMismatch, match="pass --resample"):
+        read_record(off, INPUTS, OUTPUTS, allow_gaps=True)
+    wild = written(tmp_path / "wild.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
+    with pytest.raises(NotFinite, match="100%"):
+        read_record(wild, INPUTS, OUTPUTS, allow_gaps=True)
+
+
+def test_nobody_is_told_to_take_rows_out(tmp_path: Path) -> None:
+    for line in ("0.75,0.2,0.2,nan", "nan,0.2,0.2,0.1"):
+        with pytest.raises(NotFinite) as caught:
+            read_record(written(tmp_path / "record.csv", replaced(3, line)), INPUTS, OUTPUTS)
+        assert "drop" not in str(caught.value)
+
+
 def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["t_s,left_m_s,heading_rad", "0,1,0.0", "1,2,0.1", "2,3,0.2", "4,4,0.4", "5,5,0.5"])
     record = read_record(path, ("left_m_s",), OUTPUTS, resample=True)

@@ -54,7 +54,7 @@ def identify(
         outputs: Columns that answered.
         period: Sampling period in seconds; read from the time column when left out.
         resample: Bring an irregular time axis to the period (inputs held, outputs interpolated).
-        allow_gaps: Accept NaN in up to 20 % of the rows.
+        allow_gaps: Accept up to 20 % of rows with NaN (an empty cell), or missing where the others keep the period's grid.
         order: Number of states; chosen when left out.
         lags: Observer lags p; chosen from the data when left out.
         method: best (several ways, judged by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution

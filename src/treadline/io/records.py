@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from treadline.errors import LogFormatError
-from treadline.io.resample import period_of, resampled, uneven
+from treadline.io.resample import period_of, resampled, uneven, with_gaps
 from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
 from treadline.models import InputOutputRecord, write_whole
 
@@ -41,7 +41,8 @@ def read_record(
         period_s: Sampling period; read from the clock when left out (``t_s``, ``t``, ``time``, ``t_ns``, ``timestamp_ns``).
         resample: Bring an irregular time axis to the period: inputs are held, outputs interpolated. Channels of a bag, each with
             times of its own, are always brought to one.
-        allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag).
+        allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag), and rows that are missing where
+            all times lie on the grid of the period: those become rows of NaN.
 
     Raises:
         RecordError: With file, line and column.
@@ -65,10 +66,11 @@ def read_record(
     if table.t_s is not None:
         period_s = period_of(table, table.t_s, period_s)
         error = uneven(table, table.t_s, period_s)
-        if error is not None and not resample:
-            raise error
         if error is not None:
-            values = resampled(table, table.t_s, len(inputs), period_s)
+            whole = with_gaps(table, table.t_s, period_s) if allow_gaps and not resample else None
+            if whole is None and not resample:
+                raise error
+            values = resampled(table, table.t_s, len(inputs), period_s) if whole is None else whole
     if period_s is None:
         raise no_clock(table)
     m = len(inputs)

@@ -1,13 +1,14 @@
 """Clocks: whether the rows of a table keep their period, and how rows that do not are brought to one.
 
-Inputs are held, for that is what acted; outputs are interpolated.
+Inputs are held, for that is what acted; outputs are interpolated. Where rows are missing and the others keep the grid, nothing
+need be made up: they come back as rows of NaN.
 """
 
 import numpy as np
 from jaxtyping import Float64
 
 from treadline.errors import PeriodMismatch, RecordError
-from treadline.io.tables import Table
+from treadline.io.tables import MOST_GAPS, Table, check_gaps, gaps_in
 
 Times = Float64[np.ndarray, " n"]
 
@@ -15,6 +16,7 @@ IRREGULAR = 0.05
 """Largest deviation of a sampling interval from the period, as a share of it."""
 MOST_ROWS = 10_000_000
 """Most rows that resampling makes: four weeks at 4 Hz; one wild time stamp asks for more."""
+RESAMPLE = "pass --resample"
 
 
 def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float | None = None) -> float:
@@ -32,7 +34,7 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
 
 
 def uneven(
-    table: Table, t_s: Times, period_s: float, before_s: float | None = None, *, remedy: str = "pass --resample"
+    table: Table, t_s: Times, period_s: float, before_s: float | None = None, *, remedy: str = RESAMPLE
 ) -> PeriodMismatch | None:
     """Return the error for the first step that is not the period, or None."""
     steps = _steps(t_s, before_s)
@@ -40,9 +42,38 @@ def uneven(
     if not off.size:
         return None
     k = int(off[0])
+    places = _places(t_s, period_s)
+    if remedy == RESAMPLE and places is not None and len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0):
+        remedy = "if rows are missing, pass --allow-gaps, else --resample"
     return PeriodMismatch(
         f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
     )
+
+
+def with_gaps(table: Table, t_s: Times, period_s: float) -> Float64[np.ndarray, "k c"] | None:
+    """Return the columns with a row of NaN for each that is missing; None where a step is no multiple of the period.
+
+    Raises:
+        NotFinite: If too many rows are missing or hold NaN.
+    """
+    places = _places(t_s, period_s)
+    if places is None:
+        return None
+    rows = int(places[-1]) + 1
+    check_gaps(table.file, rows - len(table) + gaps_in(table), rows)
+    values = np.full((rows, len(table.names)), np.nan)
+    values[places.astype(int)] = table.values
+    return values
+
+
+def _places(t_s: Times, period_s: float) -> Times | None:
+    """Return the place of each row on the period's grid, or None where a step is no multiple of the period."""
+    steps = np.diff(t_s) / period_s
+    whole = np.rint(steps)
+    # Not "off >": what overflows fails every comparison.
+    if not ((np.abs(steps - whole) <= IRREGULAR) & (whole >= 1.0)).all():
+        return None
+    return np.concatenate([[0.0], np.cumsum(whole)])
 
 
 def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64[np.ndarray, "k c"]:

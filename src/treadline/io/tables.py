@@ -108,7 +108,7 @@ def check_values(table: Table, *, allow_gaps: bool) -> None:
     """Refuse Inf, NaN unless gaps are allowed, and columns in the wrong unit."""
     _check_finite(table, table.names, table.values, allow_gaps=allow_gaps)
     if table.t_s is not None:
-        _check_finite(table, (str(table.clock),), table.t_s[:, None], allow_gaps=False)
+        _check_finite(table, (str(table.clock),), table.t_s[:, None], allow_gaps=False, nan="mend the recording")
     for name, column in zip(table.names, table.values.T, strict=True):
         largest = float(np.nanmax(np.abs(column), initial=0.0))
         # An angle that was unwrapped passes π; only its name tells it from degrees, which move as smoothly.
@@ -129,15 +129,24 @@ def gaps_in(table: Table) -> int:
 def check_gaps(file: Path, gaps: int, rows: int) -> None:
     """Refuse a record that is mostly holes."""
     if gaps > MOST_GAPS * rows:
-        raise NotFinite(f"{file}: {gaps / rows:.0%} of the rows hold NaN; at most {MOST_GAPS:.0%} may: mend the recording")
+        raise NotFinite(
+            f"{file}: {gaps / rows:.0%} of the rows hold NaN or are missing; at most {MOST_GAPS:.0%} may: mend the recording"
+        )
 
 
-def _check_finite(table: Table, names: tuple[str, ...], values: Float[np.ndarray, "n k"], *, allow_gaps: bool) -> None:
+def _check_finite(
+    table: Table,
+    names: tuple[str, ...],
+    values: Float[np.ndarray, "n k"],
+    *,
+    allow_gaps: bool,
+    nan: str = "pass --allow-gaps, which leaves out what looks back on it",
+) -> None:
     if np.isfinite(values).all():
         return
     for test, word, remedy in (
         (np.isinf, "Inf", "mend the recording"),
-        (np.isnan, "NaN", "drop the row or pass --allow-gaps"),
+        (np.isnan, "NaN", nan),
     ):
         bad = np.argwhere(test(values))
         if bad.size and not (word == "NaN" and allow_gaps):
