@@ -9,6 +9,7 @@
     │   ├── ShapeMismatch                arrays do not fit each other
     │   ├── NotFinite                    NaN or Inf where a number must stand
     │   └── PoorExcitation               the inputs do not excite what is asked for
+    │       └── TooFewSamples            the record is too short for it, or its gaps leave too little
     ├── ModelError                       a model cannot serve the purpose
     │   ├── NotStabilisable              no gain makes A - BK stable
     │   ├── NotDetectable                no observer makes A - LC stable
@@ -48,6 +49,10 @@ class NotFinite(RecordError):
 
 class PoorExcitation(RecordError):
     """The inputs do not excite the order that is asked for."""
+
+
+class TooFewSamples(PoorExcitation):
+    """A record is too short for what is asked, or its gaps leave too little of it."""
 
 
 class ModelError(TreadlineError):

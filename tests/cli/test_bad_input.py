@@ -61,7 +61,7 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
     ("verb", "arguments", "word"),
     [
         ("climb", ["paper-28"], "--out"),
-        ("excite", ["paper-28", "--out", "run", "--samples", "3"], "--samples"),
+        ("excite", ["paper-28", "--out", "run", "--samples", "56"], "--samples is 56; treadline identify needs at least 57"),
         ("excite", ["paper-28", "--out", "run", "--period", "0.013"], "--period"),
         ("reproduce", ["--workers", "0"], "--workers"),
         ("identify", ["--method", "magic", "a.csv"], "--method"),
@@ -353,6 +353,20 @@ def test_data_that_cannot_carry_the_order_are_refused(run, tmp_path: Path, optio
     path.write_text("\n".join(record_text(rows)) + "\n")
     assert_refused(run("identify", path, *options, "--out", out), word)
     assert not out.exists()
+
+
+def test_too_short_a_record_is_named_with_what_it_needs_and_what_was_kept_back(run, tmp_path: Path) -> None:
+    path = tmp_path / "short.csv"
+    path.write_text("\n".join(record_text(100)) + "\n")
+    options = ("--out", tmp_path / "model.json")
+    assert_refused(
+        run("identify", path, "--validate", "0.5", *options),
+        "short.csv: 50 samples are too few",
+        "at least 57",
+        "--validate 0.5 keeps",
+    )
+    path.write_text("\n".join(record_text(20)) + "\n")
+    assert_refused(run("identify", path, *options), "short.csv: 20 samples are too few", "need at least 57\n")
 
 
 def test_a_result_that_cannot_be_written_says_where(run, tmp_path: Path, model_path: Path) -> None:

@@ -1,6 +1,8 @@
 """A record that cannot be fitted is refused, with what was seen and what to do."""
 
+import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import jaxtyping
 import numpy as np
@@ -14,9 +16,11 @@ from treadline.errors import (
     RecordError,
     SettingsError,
     ShapeMismatch,
+    TooFewSamples,
     TreadlineError,
 )
 from treadline.identification import identify
+from treadline.identification.windows import carried_lags, fewest_samples
 from treadline.models import InputOutputRecord
 
 Draw = Callable[..., InputOutputRecord]
@@ -78,11 +82,30 @@ def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(draw: Draw)
 
 
 def test_a_short_record_says_how_many_samples_are_needed(draw: Draw) -> None:
-    # One row holds a constant, both inputs now, and two inputs and two outputs of one lag: 7 unknowns, 14 samples.
-    with pytest.raises(PoorExcitation, match=r"12 samples are too few: 2 inputs, 2 outputs .* need more than 14"):
+    # One row holds a constant, both inputs now, and two inputs and two outputs of one lag: 7 unknowns, 8 windows each, and one lag.
+    with pytest.raises(TooFewSamples, match=r"12 samples are too few: 2 inputs, 2 outputs .* need at least 57$"):
         identify(draw(0, samples=12))
-    with pytest.raises(PoorExcitation, match="need more than 2406"):
+    with pytest.raises(TooFewSamples, match="56 samples are too few"):
+        identify(draw(0, samples=56))
+    assert identify(draw(0, samples=57)).model.order >= 1
+    # Lags that are asked for take two windows for each of 1203 unknowns and one more, behind 300 samples.
+    with pytest.raises(TooFewSamples, match=r"need at least 2707$"):
         identify(draw(0), order=2, lags=300)
+
+
+@pytest.mark.parametrize(("lags", "order", "records"), [(3, None, 1), (3, 2, 2), (None, 4, 1), (None, None, 3)])
+def test_as_many_samples_as_are_said_to_be_needed_are_enough(lags: int | None, order: int | None, records: int, draw: Draw) -> None:
+    # Cut into records, whose first samples are targets of no window.
+    fewest = fewest_samples(2, 2, lags=lags, order=order, records=records)
+    for samples in (fewest - 1, fewest):
+        record = draw(0, samples=samples)
+        cuts = np.linspace(0, samples, records + 1).astype(int)
+        parts = [replace(record, u=record.u[a:b], y=record.y[a:b]) for a, b in itertools.pairwise(cuts)]
+        if samples < fewest:
+            with pytest.raises(TooFewSamples, match=rf"at least {fewest}$"):
+                carried_lags(parts, lags, order)
+        else:
+            assert carried_lags(parts, lags, order) >= 1
 
 
 def test_gaps_that_leave_too_few_whole_windows_are_counted(draw: Draw) -> None:
@@ -90,7 +113,7 @@ def test_gaps_that_leave_too_few_whole_windows_are_counted(draw: Draw) -> None:
     y = record.y.copy()
     y[::8] = np.nan
     # Every window of eight lags or more holds a gap.
-    with pytest.raises(PoorExcitation, match=r"300 samples are too few: .* 8 lags need more than 70, and gaps cost 292"):
+    with pytest.raises(PoorExcitation, match=r"300 samples are too few: .* 8 lags need at least 79, and gaps cost 292"):
         identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0), lags=8)
 
 

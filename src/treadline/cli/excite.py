@@ -20,7 +20,7 @@ def excite(
     Args:
         scenario: A scenario file, or the name of a shipped one; its flight is made long enough.
         out: The run folder: record.csv and log.mcap.
-        samples: How many input-output samples.
+        samples: How many input-output samples; at least 57, which treadline identify takes.
         period: Time between samples in seconds, a multiple of 0.01.
         seed: Of everything that chance decides.
         log_images: Keep every frame in the log.
@@ -29,12 +29,15 @@ def excite(
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.errors import SettingsError
+    from treadline.experiments.excite import INPUTS, OUTPUTS
     from treadline.experiments.recorded import recorded_excitation
+    from treadline.identification.windows import fewest_samples
     from treadline.scenario import read_scenario
 
     tell_compiling()
-    if samples < 20:
-        raise SettingsError(f"--samples is {samples}; at least 20 are needed")
+    fewest = fewest_samples(len(INPUTS), len(OUTPUTS))
+    if samples < fewest:
+        raise SettingsError(f"--samples is {samples}; treadline identify needs at least {fewest} of them")
     if not 0.01 <= period <= 10.0 or abs(period / 0.01 - round(period / 0.01)) > 1e-9:
         raise SettingsError(f"--period is {period}; it must be a multiple of 0.01 s between 0.01 and 10")
     settings = read_scenario(scenario)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice, words
-from treadline.errors import SettingsError
+from treadline.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
     from treadline.identification import Identified
@@ -92,7 +92,10 @@ def identify(
         forgetting=forgetting,
     )
     _check(asked, sums)
-    found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
+    try:
+        found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
+    except TooFewSamples as error:
+        raise TooFewSamples(f"{_titled(logs)}: {error}{_share_kept(asked)}") from None
     return _answer(found, asked, _written(found, asked, out, sums, None if no_page else page or out.with_suffix(".html")))
 
 
@@ -242,6 +245,10 @@ def _counted(found: "Identified") -> str:
     return f"{given} samples; {windows}" if report.samples <= given else windows
 
 
+def _share_kept(asked: _Asked) -> str:
+    return "" if asked.validate is None else f"; --validate {asked.validate:g} keeps that share of each record back"
+
+
 def _delays(text: str | None) -> list[int] | str | None:
     if text is None or text == "auto":
         return text
@@ -256,7 +263,10 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
     from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification import write_identification_page
 
-    title = ", ".join(path.name for path in logs[:3]) + (f" and {len(logs) - 3} more" if len(logs) > 3 else "")
     with Status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
-        write_identification_page(path, found, found.fitted, found.judged, title=title, stabilisation=diagram)
+        write_identification_page(path, found, found.fitted, found.judged, title=_titled(logs), stabilisation=diagram)
+
+
+def _titled(logs: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in logs[:3]) + (f" and {len(logs) - 3} more" if len(logs) > 3 else "")

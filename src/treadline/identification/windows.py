@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from treadline.errors import PoorExcitation
+from treadline.errors import TooFewSamples
 from treadline.models import InputOutputRecord
 
 LAGS_MOST = 40
@@ -12,27 +12,41 @@ LAGS_MOST = 40
 WINDOWS_LEAVE = 0.4
 """Share of the samples that must be left where windows look back on gaps, or beyond the start of a short record."""
 ROWS_PER_PARAMETER = 8
-"""Samples wanted per coefficient of one output."""
+"""Windows wanted per coefficient of one output."""
+ROWS_LEAST = 2
+"""Windows per coefficient that must be exceeded where the number of lags is given."""
 
 
 def carried_lags(records: Sequence[InputOutputRecord], lags: int | None, order: int | None) -> int:
     """Return the number of lags wanted, or the most that the data carry.
 
     Raises:
-        PoorExcitation: If the data are too short for them, or for the order.
+        TooFewSamples: If the data are too short for them, or for the order.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     most = lags if lags is not None else _affordable_lags(records)
     needed = max(most, -(-(order or 1) // p), 1)
-    wanted = 2 * (1 + m + needed * (m + p))
     whole, lost = _windows(records, needed)
-    if most < needed or whole <= wanted:
+    if most < needed or whole <= ROWS_LEAST * _unknowns(m, p, needed):
         total = sum(len(record) for record in records)
-        raise PoorExcitation(
-            f"{total} samples are too few: {m} inputs, {p} outputs and order {order or 'auto'} with {needed} lags need more "
-            f"than {wanted}" + (f", and gaps cost {lost}" if lost else "")
+        least = fewest_samples(m, p, lags=lags, order=order, records=len(records))
+        raise TooFewSamples(
+            f"{total} samples are too few: {m} inputs, {p} outputs and order {order or 'auto'} with {needed} lags need at least "
+            f"{least}" + (f", and gaps cost {lost}" if lost else "")
         )
     return most
+
+
+def fewest_samples(inputs: int, outputs: int, *, lags: int | None = None, order: int | None = None, records: int = 1) -> int:
+    """Return how many samples without a gap carry what is asked; the first ``lags`` of each record are targets of no window."""
+    needed = max(lags or 0, -(-(order or 1) // outputs), 1)
+    unknowns = _unknowns(inputs, outputs, needed)
+    return (ROWS_PER_PARAMETER * unknowns if lags is None else ROWS_LEAST * unknowns + 1) + needed * records
+
+
+def _unknowns(m: int, p: int, lags: int) -> int:
+    """Return the coefficients of one output: a constant, the inputs now, and inputs and outputs of each lag."""
+    return 1 + m + lags * (m + p)
 
 
 def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]:
@@ -53,7 +67,7 @@ def _affordable_lags(records: Sequence[InputOutputRecord]) -> int:
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     total = sum(len(record) for record in records)
     for lags in range(LAGS_MOST, 0, -1):
-        wanted = max(ROWS_PER_PARAMETER * (1 + m + lags * (m + p)), WINDOWS_LEAVE * total)
+        wanted = max(ROWS_PER_PARAMETER * _unknowns(m, p, lags), WINDOWS_LEAVE * total)
         if total >= wanted and _windows(records, lags)[0] >= wanted:
             return lags
     return 0
