@@ -1,6 +1,7 @@
 """A recorded run, whole: its folder holds what the run returned, and bad settings leave no folder."""
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from treadline.errors import SettingsError
 from treadline.experiments.excite import INPUTS, OUTPUTS, Excited
 from treadline.experiments.recorded import recorded_excitation
+from treadline.identification.excitation import ExcitationConfig
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
 from treadline.io.runs import read_series
@@ -53,6 +55,13 @@ def test_the_same_seed_gives_the_same_bytes(excited: tuple[Path, Excited]) -> No
     # The result also tells how fast this machine was; all else repeats.
     a, b = (json.loads((folder / name / "result.json").read_text()) for name in "ab")
     assert a | {"real_time_factor": 0} == b | {"real_time_factor": 0}
+
+
+def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excited]) -> None:
+    folder, _ = excited
+    told = json.loads((folder / "a" / "manifest.json").read_text())["excitation"]
+    assert told == asdict(ExcitationConfig(mean_m_s=SCENARIO.drive.speed_m_s))
+    assert told["pull_m_s_per_rad"] > 0.0
 
 
 def test_bad_settings_leave_no_folder(tmp_path: Path) -> None:

@@ -17,6 +17,9 @@ def excite(
 ) -> Answer:
     """Drive with random track speeds on the stair and record what the chair does (Section VI.B).
 
+    The speeds are not random alone: against the heading a pull is added to the belts' difference, so that the chair stays on the
+    flight. What is recorded is the sum, closed-loop data; how strong the pull is stands in manifest.json, under excitation.
+
     Args:
         scenario: A scenario file, or the name of a shipped one; its flight is made long enough.
         out: The run folder: record.csv and log.mcap.

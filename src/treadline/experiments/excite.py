@@ -68,7 +68,7 @@ def excite(
 ) -> Excited:
     """Return ``samples`` of random driving on a flight made long enough for them."""
     driver = ExcitationDriver(
-        Excitation(ExcitationConfig(mean_m_s=scenario.drive.speed_m_s), np.random.default_rng([seed, 5])),
+        Excitation(excitation_of(scenario), np.random.default_rng([seed, 5])),
         period_s,
     )
     whole = long_enough(scenario, (samples + 1) * period_s)
@@ -82,6 +82,11 @@ def excite(
         output_names=OUTPUTS,
     )
     return Excited(record=record, first_t_s=driver.t_s[0] if driver.t_s else 0.0, run=run)
+
+
+def excitation_of(scenario: Scenario) -> ExcitationConfig:
+    """Return the size of the random speeds about a scenario's pace, and of the pull that keeps the chair on the flight."""
+    return ExcitationConfig(mean_m_s=scenario.drive.speed_m_s)
 
 
 def long_enough(scenario: Scenario, duration_s: float, spare_m: float = 3.0) -> Scenario:

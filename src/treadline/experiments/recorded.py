@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.experiments.excite import Excited, excite, long_enough
+from treadline.experiments.excite import Excited, excitation_of, excite, long_enough
 from treadline.experiments.scores import Trace
 from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, ready, traverse
 from treadline.io.mcap_log import RunLog
@@ -81,7 +82,8 @@ def recorded_excitation(
 ) -> Excited:
     """Excite a scenario and write its run folder, ``record.csv`` included."""
     mission_config(scenario, None)
-    begin_run(folder, long_enough(scenario, (samples + 1) * period_s).model_dump(mode="json"), seed)
+    settings = long_enough(scenario, (samples + 1) * period_s).model_dump(mode="json")
+    begin_run(folder, settings, seed, excitation=asdict(excitation_of(scenario)))
     excited: Excited = _logged(
         folder,
         lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch, open_plant=open_plant),

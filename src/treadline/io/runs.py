@@ -26,15 +26,18 @@ SERIES_EVERY = 10
 """Every tenth sample of 100 Hz: enough to draw."""
 
 
-def begin_run(folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None) -> None:
+def begin_run(
+    folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None, **more: Mapping[str, Any]
+) -> None:
     """Make a run's folder and say first what is run: a run that is interrupted can then be told apart, and repeated.
 
     Args:
         controller: What drives, if one does; its own file may be tuned anew meanwhile.
+        more: What else the manifest says, by its key.
     """
     clear_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_manifest(folder, settings, seed)
+    write_manifest(folder, settings, seed, **more)
     if controller is not None:
         controller.save(folder / FLOWN)
 
@@ -54,9 +57,9 @@ def remove(folder: Path, names: Sequence[str]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int) -> None:
-    """Write what is needed to repeat a run."""
-    _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **provenance()})
+def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> None:
+    """Write what is needed to repeat a run, and ``more`` by its key."""
+    _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **more, **provenance()})
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:
