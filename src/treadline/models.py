@@ -180,6 +180,8 @@ class ControllerDesign:
             SettingsError: If it is missing, not JSON, not a controller, or of a period that no mission can keep.
         """
         tables = read_json(path)
+        if {"A", "B", "C", "D"} <= set(tables):
+            raise SettingsError(f"{path}: a model, not a controller: treadline tune {path.name} makes one")
         if not isinstance(tables.get("model"), dict):
             raise SettingsError(f"{path}: not a controller: no 'model'; make one with treadline tune")
         model = _from_json(LinearModel, tables["model"], f"{path}: model")
@@ -232,6 +234,8 @@ def read_json(path: Path) -> dict[str, Any]:
         SettingsError: If it is missing, a folder, not UTF-8, not JSON or not an object.
     """
     text = text_of(path, "a JSON file")
+    if not text.strip():
+        raise SettingsError(f"{path}: empty; wanted JSON, as treadline writes it")
     try:
         value = json.loads(text)
     except json.JSONDecodeError as error:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from treadline import paper
+from treadline.chair_files import CHAIRS
 from treadline.experiments.literal import paper_model
 from treadline.io.mcap_log import RunLog
 
@@ -216,7 +217,7 @@ def broken(key: str, value: object) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("text", "word"),
     [
-        ("", "not JSON"),
+        ("", "empty; wanted JSON"),
         pytest.param('{"A": ' + "1" * 5000 + "}", "not JSON", id="a number of 5000 digits"),
         pytest.param("[" * 100_000, "not JSON", id="100000 brackets"),
         ("[]", "not an object"),
@@ -257,7 +258,28 @@ def test_a_gain_that_leaves_the_chair_askew_is_told(run, tmp_path: Path) -> None
 
 def test_a_model_is_no_controller(run, tmp_path: Path, model_path: Path) -> None:
     outcome = run("climb", "paper-28", "--controller", model_path, "--out", tmp_path / "run")
-    assert_refused(outcome, "not a controller")
+    assert_refused(outcome, "a model, not a controller: treadline tune model.json makes one")
+    exported = run("export", model_path, "--to", "c", "--out", tmp_path / "c")
+    assert_refused(exported, "a model, not a controller: treadline tune model.json makes one")
+    assert not (tmp_path / "run").exists()
+
+
+def test_an_empty_file_is_called_empty(run, tmp_path: Path) -> None:
+    for name in ("empty.json", "empty.csv"):
+        (tmp_path / name).write_text("\n")
+        assert_refused(run("tune", tmp_path / name, "--out", tmp_path / "controller.json"), f"{name}: empty")
+
+
+def test_tune_is_for_a_chair_that_there_is(run, tmp_path: Path, model_path: Path) -> None:
+    out = tmp_path / "controller.json"
+    assert_refused(
+        run("tune", model_path, "--vehicle", "foo", "--out", out), "--vehicle", "'foo'", "wheelchair", "a path to a .toml"
+    )
+    assert not out.exists()
+    own = tmp_path / "own.toml"
+    own.write_text((CHAIRS / "wheelchair.toml").read_text().replace('name = "wheelchair"', 'name = "ours"'))
+    assert run("tune", model_path, "--vehicle", own, "--out", out).code == 0
+    assert json.loads(out.read_text())["vehicle"] == "ours"
 
 
 @pytest.mark.parametrize("period", ["0.033", "0.001", "0.2500001"])

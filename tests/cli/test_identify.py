@@ -69,6 +69,13 @@ def test_blank_inputs_do_not_spoil_what_is_said_of_the_model(run, tmp_path: Path
     assert not [warning for warning in outcome.values["warnings"] if "white" in warning]
 
 
+def test_the_time_is_no_channel(run, tmp_path: Path) -> None:
+    log = write_log(tmp_path / "log.csv")
+    outcome = run("identify", log, "--inputs", "left_m_s", "--outputs", "t_s")
+    assert outcome.code == 2
+    assert "column 't_s' is the time: leave it out of --inputs and --outputs" in outcome.err
+
+
 def test_the_default_finds_the_plant_and_writes_model_and_page(run, tmp_path: Path) -> None:
     log, out = write_log(tmp_path / "log.csv"), tmp_path / "out" / "model.json"
     outcome = run("identify", log, *CHANNELS, "--validate", "0.5", "--out", out, "--json")
@@ -188,7 +195,8 @@ def test_an_unstable_model_is_mirrored_on_request(run, tmp_path: Path) -> None:
         (["--delays", "soon"], ["--delays", "'soon'"]),
         (["--delays", "1"], ["delays are [1]", "(2)"]),
         (["--solver", "magic"], ["--solver", "gram, qr"]),
-        (["--forgetting", "0.9"], ["prior"]),
+        (["--forgetting", "0.9"], ["--forgetting needs", "--update"]),
+        (["--page", "x.html", "--no-page"], ["--page or --no-page, not both"]),
         (["--update", "none.npz"], ["none.npz", "no such file"]),
         (["--stream", "--stable"], ["--stable", "--no-stream"]),
         (["--stream", "--method", "best"], ["best", "pbsid"]),

@@ -227,6 +227,8 @@ def test_the_thresholds_of_algorithm_1_are_a_choice(run, folder: Path) -> None:
     for rule in ("median", "otsu", "rosin", "mad"):
         assert run("see", *pair(folder), "--method", "paper", "--threshold", rule, "--json").values["ms"] > 0.0
     assert_refused(run("see", *pair(folder), "--threshold", "canny"), "canny", "rosin")
+    assert run("see", *pair(folder), "--threshold", "otsu", "--out", folder / "stages").code == 0
+    assert_refused(run("see", *pair(folder), "--threshold", "otsu"), "--threshold is of Algorithm 1", "--method paper")
 
 
 def test_images_of_another_size_are_named(run, folder: Path) -> None:

@@ -92,6 +92,8 @@ def identify(
         forgetting=forgetting,
     )
     _check(asked, sums)
+    if page is not None and no_page:
+        raise SettingsError("give --page or --no-page, not both")
     try:
         found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
     except TooFewSamples as error:
@@ -133,6 +135,8 @@ def _check(asked: _Asked, sums: Path | None) -> None:
         raise SettingsError("give --validate or --validate-on, not both")
     if asked.delays is not None and (sums or asked.update) is not None:
         raise SettingsError("--delays shifts the inputs before they are summed: sums, saved or updated, cannot know it")
+    if asked.update is None and 0.0 < asked.forgetting < 1.0:
+        raise SettingsError("--forgetting needs earlier sums to forget: give them with --update")
     both = [name for name in asked.inputs if name in asked.outputs]
     if both:
         raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")

@@ -19,7 +19,7 @@ def see(
     camera: Path | None = None,
     gravity: List = None,
     method: str = "robust",
-    threshold: str = "median",
+    threshold: str | None = None,
     out: Path | None = None,
 ) -> Answer:
     """Find the stair in an RGB-D frame and say the heading.
@@ -34,7 +34,8 @@ def see(
         camera: The calibration, a TOML file; of a folder, its camera.toml when left out.
         gravity: Unit vector that points down in the camera's frame: x,y,z; of a folder, for frames that gravity.csv lacks.
         method: robust, or paper for Algorithm 1 as printed.
-        threshold: Rule for Canny's thresholds in Algorithm 1: median (the paper's place), otsu, rosin or mad.
+        threshold: Rule for Canny's thresholds in Algorithm 1: median (the paper's place, where none is given), otsu,
+            rosin or mad; it takes --method paper, or --out, whose six stages are Algorithm 1's.
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
             heading as the robust method sees them (NAME-seen.png).
     """
@@ -46,7 +47,9 @@ def see(
 
     tell_compiling()
     chosen = choice("--method", method, ("robust", "paper"))
-    rule = choice("--threshold", threshold, get_args(ThresholdRule))
+    rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
+    if threshold is not None and chosen != "paper" and out is None:
+        raise SettingsError("--threshold is of Algorithm 1: give --method paper, or --out for pictures of its stages")
     if depth is None and not rgb.is_dir():
         raise alone(rgb)
     if depth is None:

@@ -29,13 +29,14 @@ def tune(
         input_weight: Diagonal of R on the inputs, or one number for all; left out: 0.02.
         period: Control period in seconds, a multiple of 0.01; another one than the model's resamples it.
         reconstruct: observer, or static for Eq. (11b).
-        vehicle: Name of the chair this controller is for; another chair refuses it.
+        vehicle: The chair this controller is for, a shipped one's name or a chair's .toml; another chair refuses it.
         out: Where the controller is written.
     """
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
     from treadline.control.doubt import doubt
     from treadline.errors import SettingsError
+    from treadline.mechanics.chair import read_chair
     from treadline.models import LinearModel, Reconstruct
 
     chosen = choice("--reconstruct", reconstruct, get_args(Reconstruct))
@@ -43,14 +44,19 @@ def tune(
         raise SettingsError("give --state-weight or --output-weight, not both")
     if out.resolve() == model.resolve():
         raise SettingsError(f"--out {out}: is the model itself; a controller would be written over it: give another")
+    loaded = LinearModel.load(model)
+    try:
+        chair = read_chair(vehicle).name
+    except SettingsError as error:
+        raise SettingsError(f"--vehicle: {error}") from None
     controller = design(
-        LinearModel.load(model),
+        loaded,
         state_weight=numbers("--state-weight", state_weight),
         output_weight=numbers("--output-weight", output_weight),
         input_weight=numbers("--input-weight", input_weight),
         period_s=period,
         reconstruct=chosen,
-        vehicle=vehicle,
+        vehicle=chair,
     )
     controller.save(out)
     warning = doubt(controller)

@@ -78,6 +78,11 @@ def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
 
 def no_clock(table: Table) -> PeriodMismatch:
     """Return the error for a table whose rows nothing tells the time of."""
+    given = next((name for name in table.names if name in (*SECONDS, *NANOSECONDS)), None)
+    if given is not None:
+        return PeriodMismatch(
+            f"{table.file}: column '{given}' is the time: leave it out of --inputs and --outputs, or give --period"
+        )
     there = f" (there are: {listed(table.header)})" if table.header else ""
     return PeriodMismatch(
         f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
