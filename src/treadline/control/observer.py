@@ -33,17 +33,17 @@ def kalman_gain(
     Raises:
         NotDetectable: If no gain makes ``A - LC`` stable.
     """
+    # A mode at the stability limit that no output shows: by rounding the equation has a solution, of no use, or none.
+    refusal = NotDetectable(
+        f"no gain makes A - LC stable (spectral radius of A is {spectral_radius(A):.3f}); add an output that shows the slow state"
+    )
     try:
         P = solve_discrete_are(A.T, C.T, process, measurement)
     except (LinAlgError, ValueError) as error:
-        raise NotDetectable(
-            f"no observer follows this model (spectral radius of A is {spectral_radius(A):.3f}); "
-            "add an output that shows the slow state"
-        ) from error
+        raise refusal from error
     L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
-    radius = spectral_radius(A - L @ C)
-    if not radius < 1.0:
-        raise NotDetectable(f"A - LC has spectral radius {radius:.3f}; add an output that shows the slow state")
+    if not spectral_radius(A - L @ C) < 1.0:
+        raise refusal
     return np.asarray(L)
 
 
