@@ -201,7 +201,7 @@ class Ascent(Traversal):
             self._pulses += 1
             return self._stand(t_s)
         self._traction = None
-        slip = f"{test.slip:.0%} of the belts' test pulse slipped"
+        slip = f"{max(test.slip, 0.0):.0%} of the belts' test pulse slipped"
         if test.holds:
             plan = self._begin(t_s, "climb", slip)
             return replace(plan, speed_m_s=min(plan.speed_m_s, self._config.cruise_m_s))
@@ -275,7 +275,7 @@ class Ascent(Traversal):
         if phase != self._phase:
             pitch = self._where.pitch_rad / DEG
             seen = f"{self._end}; " if phase == "crest" else ""
-            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {command.tip_n:.0f} N on the arm's tip")
+            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {max(command.tip_n, 0.0):.0f} N on the arm's tip")
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:

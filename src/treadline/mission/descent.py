@@ -191,7 +191,7 @@ class Descent(Traversal):
     def _note(self, command: EdgeCommand) -> None:
         if self._phase == "approach" and command.stage != "approach":
             self._phase = "edge"
-            self._cause = f"{command.stage}: {command.tip_n:.0f} N on the arm's tip"
+            self._cause = f"{command.stage}: {max(command.tip_n, 0.0):.0f} N on the arm's tip"
 
     def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
