@@ -1,5 +1,7 @@
 """Who asks the belts for what, and when."""
 
+from dataclasses import replace
+
 import pytest
 
 from treadline.mission.proposals import Proposals
@@ -80,3 +82,19 @@ def test_belts_that_are_to_stand_stand(easing_m_s: float) -> None:
     asked = Proposals(Steering()).step(plan(0.0, easing_m_s=easing_m_s), None, held=False, due=True)
     assert asked is not None
     assert (belts(asked), asked.brake) == ((0.0, 0.0), True)
+
+
+def test_a_driver_that_repeats_itself_grows_old_whatever_falls() -> None:
+    """Test: a driver says at 0.5 s what it said at 0.25 s; then the chair falls. Expected result: what is asked stays as old as it
+    is, for the guard to tell a driver that has died."""
+
+    class Dead(Steering):
+        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+            return replace(super().step(estimate, t_s, plan), t_s=min(t_s, 0.25))
+
+    proposals = Proposals(Dead())
+    asked = [proposals.step(plan(t_s), KNOWN, held=False, due=True) for t_s in (0.25, 0.5)]
+    assert [command.t_s for command in asked if command is not None] == [0.25, 0.25]
+    falls = proposals.step(plan(0.6, easing_m_s=0.1), KNOWN, held=False, due=False)
+    assert falls is not None
+    assert falls.t_s == pytest.approx(0.35)

@@ -13,6 +13,8 @@ class Proposals:
     def __init__(self, driver: Driver) -> None:
         self._driver = driver
         self._steered: TrackCommand | None = None
+        self._late_s = 0.0
+        """How old what the driver said last already was: of a driver that repeats itself, more and more."""
         self._eased_m_s = 0.0
 
     def step(self, plan: Plan, estimate: HeadingEstimate | None, *, held: bool, due: bool) -> TrackCommand | None:
@@ -34,13 +36,14 @@ class Proposals:
             return TrackCommand(t_s=plan.t_s, left_m_s=speed - plan.turn_m_s, right_m_s=speed + plan.turn_m_s)
         if due:
             self._steered = self._driver.step(None if held else estimate, plan.t_s, plan)
+            self._late_s = 0.0 if self._steered is None else plan.t_s - self._steered.t_s
         elif plan.easing_m_s == eased:
             return None
-        return None if self._steered is None else _eased(self._steered, plan)
+        return None if self._steered is None else _eased(self._steered, plan, plan.t_s - self._late_s)
 
 
-def _eased(command: TrackCommand, plan: Plan) -> TrackCommand:
-    """Return a command with the plan's easing, told now: the end of an easing is news too. Belts that are to stand do."""
+def _eased(command: TrackCommand, plan: Plan, t_s: float) -> TrackCommand:
+    """Return a command with the plan's easing, stamped anew, for its end is news too. Belts that are to stand do."""
     if command.brake:
         return command
-    return TrackCommand(t_s=plan.t_s, left_m_s=command.left_m_s + plan.easing_m_s, right_m_s=command.right_m_s + plan.easing_m_s)
+    return TrackCommand(t_s=t_s, left_m_s=command.left_m_s + plan.easing_m_s, right_m_s=command.right_m_s + plan.easing_m_s)
