@@ -14,9 +14,7 @@ from typing import Any
 from pydantic_core import PydanticUndefined
 
 from treadline.settings import Place, Settings, allowed_at
-
-UNITS = {"m_s": "m/s", "rad_s": "rad/s", "deg_s": "°/s", "m": "m", "deg": "°", "kg": "kg", "s": "s", "px": "px", "hz": "Hz"}
-"""By the end of a name, the longer ends first."""
+from treadline.units import UNITS, unit_ending
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,16 +76,11 @@ def _keys(root: type[Settings], table: type[Settings], place: Place) -> list[Key
         Key(
             place=(*place, name),
             default=field.get_default(),
-            allowed=allowed_at(root, (*place, name)) + unit_of(name),
+            allowed=allowed_at(root, (*place, name)) + (f" [{UNITS[end]}]" if (end := unit_ending(name)) else ""),
             meaning=told.get(name, ""),
         )
         for name, field in table.model_fields.items()
     ]
-
-
-def unit_of(name: str) -> str:
-    """Return the unit that a name ends with, as `` [m]``; nothing where it ends with none."""
-    return next((f" [{unit}]" for end, unit in UNITS.items() if name.endswith(f"_{end}")), "")
 
 
 def _item(hint: Any) -> type[Settings] | None:

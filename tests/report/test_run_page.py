@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.experiments.scores import Scores, Trace, comfort, lasting
+from treadline.experiments.scores import Scores, Trace, comfort
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import read_series
+from treadline.mechanics.comfort import lasting
 from treadline.ports import Truth
 from treadline.report import write_report
 from treadline.report.headline import headline

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.scores import lasting
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import mission_config
+from treadline.mechanics.comfort import lasting
 from treadline.mission.config import build_blocks
 from treadline.mission.loop import Mission, Signal
 from treadline.ports import Truth, TruthPlant

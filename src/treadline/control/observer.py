@@ -34,17 +34,20 @@ def kalman_gain(
         NotDetectable: If no gain makes ``A - LC`` stable.
     """
     # A mode at the stability limit that no output shows: by rounding the equation has a solution, of no use, or none.
-    refusal = NotDetectable(
-        f"no gain makes A - LC stable (spectral radius of A is {spectral_radius(A):.3f}); add an output that shows the slow state"
-    )
     try:
         P = solve_discrete_are(A.T, C.T, process, measurement)
     except (LinAlgError, ValueError) as error:
-        raise refusal from error
+        raise _not_detectable(A) from error
     L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
     if not spectral_radius(A - L @ C) < 1.0:
-        raise refusal
+        raise _not_detectable(A)
     return np.asarray(L)
+
+
+def _not_detectable(A: Float[np.ndarray, "n n"]) -> NotDetectable:
+    return NotDetectable(
+        f"no gain makes A - LC stable (spectral radius of A is {spectral_radius(A):.3f}); add an output that shows the slow state"
+    )
 
 
 def with_disturbance(

@@ -13,8 +13,8 @@ import numpy as np
 from treadline.angles import DEG
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.experiments.scores import COMFORT_TICKS
 from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.comfort import lasting_change
 from treadline.ports import Truth
 from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.seat import Leveller, LevellerConfig
@@ -190,13 +190,12 @@ class _Ride:
         """Return the figures."""
         samples = [moment.truth for moment in self._moments]
         velocity = np.diff([moment.height_m for moment in self._moments]) / TICK_S
-        acceleration = (velocity[COMFORT_TICKS:] - velocity[:-COMFORT_TICKS]) / (COMFORT_TICKS * TICK_S)
         return Crossing(
             is_across=self._is_across(),
             duration_s=samples[-1].t_s,
             pitch_rate_deg_s=max(abs(sample.pitch_rate_rad_s) for sample in samples) / DEG,
             seat_deg=max(abs(sample.seat_pitch_rad) for sample in samples) / DEG,
-            vertical_m_s2=float(np.abs(acceleration).max()),
+            vertical_m_s2=float(np.abs(lasting_change(velocity)).max()),
             moments=tuple(self._moments),
         )
 

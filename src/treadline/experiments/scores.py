@@ -10,12 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rms
+from treadline.mechanics.comfort import COMFORT_TICKS, lasting, lasting_change
 from treadline.ports import Truth
 from treadline.signals import TICK_S
 
 SETTLED_RAD = 2.0 * DEG
-COMFORT_TICKS = 5
-"""Acceleration is a mean over 50 ms: what a body follows (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
 
@@ -143,21 +142,13 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     )
 
 
-def lasting(rate: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:
-    """Return the running mean over 50 ms."""
-    if len(rate) < COMFORT_TICKS:
-        return rate
-    return np.convolve(rate, np.full(COMFORT_TICKS, 1.0 / COMFORT_TICKS), "valid")
-
-
 def comfort(x_m: Float[np.ndarray, " T"], z_m: Float[np.ndarray, " T"]) -> tuple[float, float]:
     """Return a passenger's largest acceleration [m/s²] and the 99th percentile of its change [m/s³], as means over 50 ms."""
     if len(x_m) < 2 * COMFORT_TICKS + 3:
         return 0.0, 0.0
-    window_s = COMFORT_TICKS * TICK_S
     velocity = np.diff(np.stack([x_m, z_m]), axis=1) / TICK_S
-    acceleration = (velocity[:, COMFORT_TICKS:] - velocity[:, :-COMFORT_TICKS]) / window_s
-    jerk = (acceleration[:, COMFORT_TICKS:] - acceleration[:, :-COMFORT_TICKS]) / window_s
+    acceleration = lasting_change(velocity)
+    jerk = lasting_change(acceleration)
     return float(np.hypot(*acceleration).max()), float(np.percentile(np.hypot(*jerk), 99.0))
 
 

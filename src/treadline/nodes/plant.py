@@ -3,6 +3,7 @@
 ``TrackCommand, SeatCommand, ArmCommand -> readings``, each on its channel; the last watchdog is here.
 """
 
+from treadline.mission.guard.latch import Button
 from treadline.mission.rates import seat_now
 from treadline.nodes import channels as on
 from treadline.ports import Plant, Transport, TruthPlant
@@ -63,8 +64,9 @@ class PlantNode:
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         self._arm: ArmCommand | None = None
         self._t_s = self._heard_s = 0.0
-        self._driven = self._lost = self._pressed = False
-        """Whether the chair was ever let go; whether its guard was lost since; whether the button to re-arm is down."""
+        self._button = Button()
+        self._driven = self._lost = False
+        """Whether the chair was ever let go; whether its guard was lost since."""
         self.commanded_s = 0.0
         """Stamp of the newest command: how far the guard has come."""
 
@@ -115,8 +117,7 @@ class PlantNode:
 
     def _obey(self, operator: OperatorInput) -> None:
         """Let go of a brake that stayed on; a button that is stuck is not pressed."""
-        pressed, self._pressed = operator.rearm and not self._pressed, operator.rearm
-        if pressed and not operator.stop and operator.dead_man:
+        if self._button.press(down=operator.rearm) and not operator.stop and operator.dead_man:
             self._lost = False
 
     def _level(self, command: SeatCommand) -> None:

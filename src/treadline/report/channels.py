@@ -3,26 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-UNITS = {
-    "m_s2": "m/s²",
-    "rad_s2": "rad/s²",
-    "deg_s2": "°/s²",
-    "m_s": "m/s",
-    "rad_s": "rad/s",
-    "deg_s": "°/s",
-    "rad": "rad",
-    "deg": "°",
-    "mm": "mm",
-    "cm": "cm",
-    "n_m": "N m",
-    "m": "m",
-    "s": "s",
-    "hz": "Hz",
-    "kg": "kg",
-    "px": "px",
-    "percent": "%",
-}
-"""Endings of names, the longer before those they end in. Single letters other than m and s end too many plain words."""
+from treadline.units import UNITS, unit_ending
+
 UNKNOWN = "own unit"
 """On an axis, where a name says none."""
 LONGEST = 26
@@ -42,10 +24,10 @@ class Channel:
 
 def channel(name: str) -> Channel:
     """Return what a name says."""
-    for ending, unit in UNITS.items():
-        if name.lower().endswith("_" + ending) and len(name) > len(ending) + 1:
-            return Channel(name=name, quantity=_drawable(name[: -len(ending) - 1]), unit=unit)
-    return Channel(name=name, quantity=_drawable(name), unit=None)
+    ending = unit_ending(name)
+    if ending is None:
+        return Channel(name=name, quantity=_drawable(name), unit=None)
+    return Channel(name=name, quantity=_drawable(name[: -len(ending) - 1]), unit=UNITS[ending])
 
 
 def suffix(unit: str) -> str:

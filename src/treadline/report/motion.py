@@ -10,13 +10,12 @@ from treadline.angles import DEG
 from treadline.errors import LogFormatError
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
+from treadline.mechanics.comfort import COMFORT_TICKS, lasting, lasting_change
 from treadline.ports import Truth
 
 TRUTH = "/truth"
 READ_BYTES = 512 * 1024**2
 """Of a log with images, which are unpacked on the way to the truth: more is not read for two curves."""
-LASTING_TICKS = 5
-"""Means over 50 ms, as the scores are (``treadline.experiments.scores``)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,16 +40,14 @@ def read_motion(folder: Path) -> tuple[Motion | None, str | None]:
         truth = [sample for sample in read_log(path, TRUTH.__eq__) if isinstance(sample, Truth)]
     except LogFormatError as error:
         return None, f"{LOG} cannot be read: {str(error).removeprefix(f'{path}: ')}"
-    if len(truth) < 2 * LASTING_TICKS:
+    if len(truth) < 2 * COMFORT_TICKS:
         return None, f"{LOG} holds no truth"
     t, rate, x, z = np.array([[s.t_s, s.pitch_rate_rad_s, s.passenger_x_m, s.passenger_z_m] for s in truth]).T
     velocity = np.diff(np.stack([x, z]), axis=1) / np.diff(t)
-    lasts_s = t[1 + LASTING_TICKS :] - t[1:-LASTING_TICKS]
-    acceleration = (velocity[:, LASTING_TICKS:] - velocity[:, :-LASTING_TICKS]) / lasts_s
-    mean = np.convolve(rate, np.full(LASTING_TICKS, 1.0 / LASTING_TICKS), "valid")
+    lasts_s = t[1 + COMFORT_TICKS :] - t[1:-COMFORT_TICKS]
     return Motion(
-        t_s=t[LASTING_TICKS - 1 :],
-        pitch_rate_deg_s=mean / DEG,
-        accelerated_t_s=t[1 + LASTING_TICKS :],
-        passenger_m_s2=np.hypot(*acceleration),
+        t_s=t[COMFORT_TICKS - 1 :],
+        pitch_rate_deg_s=lasting(rate) / DEG,
+        accelerated_t_s=t[1 + COMFORT_TICKS :],
+        passenger_m_s2=np.hypot(*lasting_change(velocity, lasts_s / COMFORT_TICKS)),
     ), None

@@ -12,7 +12,7 @@ from treadline.mission.guard.belts import BeltWatch, SlipWatch
 from treadline.mission.guard.blind import BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.config import GuardConfig
-from treadline.mission.guard.latch import Latch
+from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import finite, limited, mean_limit, stands
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
@@ -42,7 +42,7 @@ class Guard:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._latch = Latch()
+        self._latch, self._button = Latch(), Button()
         self._stamps = Stamps(config.clock_jump_s)
         self._senses = SenseWatch(config)
         self._sight = SightWatch(config)
@@ -263,7 +263,7 @@ class Guard:
     def _obey(self, operator: OperatorInput) -> bool:
         """Obey the person: stop and a released dead-man hold, however old; re-arm ends a hold."""
         new = self._is_new("operator", operator.t_s)
-        pressed = new and self._latch.press(rearm=operator.rearm)
+        pressed = new and self._button.press(down=operator.rearm)
         if new:
             self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:

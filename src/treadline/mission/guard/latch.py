@@ -3,13 +3,24 @@
 from treadline.signals import Event
 
 
+class Button:
+    """A button to re-arm."""
+
+    def __init__(self) -> None:
+        self._down = False
+
+    def press(self, *, down: bool) -> bool:
+        """Say whether it has just been pressed: one that is stuck is not."""
+        before, self._down = self._down, down
+        return down and not before
+
+
 class Latch:
     """Keeps the first cause, and the events since they were last taken."""
 
     def __init__(self) -> None:
         self.cause: str | None = None
         self._events: list[Event] = []
-        self._pressed = False
         self._slow = ""
 
     def hold(self, t_s: float, cause: str | None) -> None:
@@ -17,11 +28,6 @@ class Latch:
         if cause is not None and self.cause is None:
             self.cause = cause
             self.tell(t_s, "hold", cause)
-
-    def press(self, *, rearm: bool) -> bool:
-        """Say whether the button to re-arm has just been pressed: one that is stuck is not."""
-        before, self._pressed = self._pressed, rearm
-        return rearm and not before
 
     def release(self, t_s: float) -> bool:
         """End a hold; say whether there was one."""
