@@ -15,7 +15,7 @@ from treadline.mission.guard.ahead import GAP_MAPS, AheadWatch, GapWatch, Obstac
 from treadline.mission.guard.belts import BeltWatch, SlipWatch
 from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, BlindTurnWatch, askew
 from treadline.mission.guard.body import SeatWatch, TiltWatch
-from treadline.mission.guard.latch import Latch
+from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.sight import SightWatch
@@ -121,8 +121,8 @@ def test_the_latch_keeps_its_first_cause() -> None:
 
 def test_what_is_pressed_is_a_press_once() -> None:
     """Test: pressed, held, released, pressed. Expected result: two presses."""
-    latch = Latch()
-    assert [latch.press(rearm=rearm) for rearm in (True, True, False, True)] == [True, False, False, True]
+    button = Button()
+    assert [button.press(down=down) for down in (True, True, False, True)] == [True, False, False, True]
 
 
 @pytest.mark.parametrize(
