@@ -170,6 +170,20 @@ def test_a_chair_that_is_held_below_saturation_teaches_no_more_than_a_mismatch_c
     assert abs(headings[-1]) < 0.1
 
 
+@pytest.mark.parametrize("held_deg", [3.0, -6.0])
+def test_what_a_chair_that_does_not_turn_has_taught_is_void_once_it_is_let_alone(held_deg: float) -> None:
+    """Test: its belts skid, so that it does not turn; the plan lets it alone, and steers again. Expected result: the way back of a
+    controller that is new.
+    """
+    driver = controller()
+    for k in range(round(20.0 / PERIOD_S)):
+        driver.step(estimate(held_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
+    alone = Plan(t_s=20.0, phase="climb", speed_m_s=0.2, turn_m_s=0.0)
+    assert driver.step(estimate(held_deg * DEG), 20.0, alone) == TrackCommand.stop(20.0)
+    after, new = (run(steers, Chair(np.array([held_deg * DEG, 0.0])), 30.0) for steers in (driver, controller()))
+    np.testing.assert_array_equal(after, new)
+
+
 def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> None:
     driver, chair = controller(), Chair(np.array([0.0, 0.0]), right_scale=1.05)
     run(driver, chair, 60.0)

@@ -3,6 +3,7 @@
 import pytest
 
 from treadline.angles import DEG
+from treadline.control.allocate import SLID_M
 from treadline.mission.grip import (
     AGAIN_S,
     ALONE_S,
@@ -125,36 +126,38 @@ def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
-    ("off_rad", "rate_rad_s", "steers"),
+    ("off_rad", "rate_rad_s", "slid_m", "steers"),
     [
-        (WITHIN * SQUARE_RAD, 0.0, False),
-        (WITHIN * SQUARE_RAD, -BEYOND * TURNS_RAD_S, False),  # nearly square, it can wait
-        (BEYOND * SQUARE_RAD, 0.0, False),  # it slides, and does not turn
-        (BEYOND * SQUARE_RAD, -WITHIN * TURNS_RAD_S, False),
-        (BEYOND * SQUARE_RAD, -BEYOND * TURNS_RAD_S, True),  # it slides as it turns back
-        (WITHIN * LOST_RAD, 0.0, False),
-        (BEYOND * LOST_RAD, 0.0, True),  # further askew it would not stand
+        (WITHIN * SQUARE_RAD, 0.0, 0.0, False),
+        (WITHIN * SQUARE_RAD, -BEYOND * TURNS_RAD_S, 0.0, False),  # nearly square, it can wait
+        (BEYOND * SQUARE_RAD, 0.0, WITHIN * SLID_M, True),  # all tracks skid that turn
+        (BEYOND * SQUARE_RAD, 0.0, SLID_M, False),  # it slides, and does not turn
+        (BEYOND * SQUARE_RAD, -WITHIN * TURNS_RAD_S, SLID_M, False),
+        (BEYOND * SQUARE_RAD, -BEYOND * TURNS_RAD_S, SLID_M, True),  # it slides as it turns back
+        (WITHIN * LOST_RAD, 0.0, SLID_M, False),
+        (BEYOND * LOST_RAD, 0.0, SLID_M, True),  # further askew it would not stand
     ],
 )
-def test_a_chair_that_slips_and_does_not_turn_is_let_alone(sign: float, off_rad: float, rate_rad_s: float, *, steers: bool) -> None:
+def test_a_chair_that_slips_and_does_not_turn_is_let_alone(
+    sign: float, off_rad: float, rate_rad_s: float, slid_m: float, *, steers: bool
+) -> None:
     """Test: belts 5 cm/s ahead of a chair that is askew and turns back, or not. Expected result: as told, whether square before or
     not; and none of it while the belts grip."""
     for slip_m_s, expected in ((BEYOND * SLIPS_M_S, steers), (WITHIN * SLIPS_M_S, True)):
         grip = SideGrip()
         for k in range(TICKS + 1):
-            on = grip.steers(
-                k * TICK_S, tracks(-sign * 0.4), heading(sign * off_rad, sign * rate_rad_s), 0.0, slip_m_s if k else 0.0
-            )
+            seen = heading(sign * off_rad, sign * rate_rad_s)
+            on = grip.steers(k * TICK_S, tracks(-sign * 0.4), seen, 0.0, slip_m_s if k else 0.0, slid_m)
         assert on is expected
 
 
 def test_it_is_let_alone_until_it_grips_or_is_lost() -> None:
     """Test: let alone for slip, which falls to half and below; again, and pushed beyond 8°. Expected: alone and steered, twice."""
     grip = SideGrip()
-    assert grip.steers(0.0, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S), "one reading tells no turn"
-    assert not grip.steers(0.05, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S)
-    assert not grip.steers(0.1, tracks(0.0), heading(0.05, -1.0), 0.0, BEYOND * GRIPS_M_S)
+    assert grip.steers(0.0, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M), "one reading tells no turn"
+    assert not grip.steers(0.05, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M)
+    assert not grip.steers(0.1, tracks(0.0), heading(0.05, -1.0), 0.0, BEYOND * GRIPS_M_S, SLID_M)
     assert not grip.steers(0.2, tracks(0.0), None)
-    assert grip.steers(0.3, tracks(0.0), heading(0.05), 0.0, WITHIN * GRIPS_M_S)
-    assert not grip.steers(0.4, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S)
-    assert grip.steers(0.5, tracks(0.0), heading(BEYOND * LOST_RAD), 0.0, BEYOND * SLIPS_M_S)
+    assert grip.steers(0.3, tracks(0.0), heading(0.05), 0.0, WITHIN * GRIPS_M_S, SLID_M)
+    assert not grip.steers(0.4, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M)
+    assert grip.steers(0.5, tracks(0.0), heading(BEYOND * LOST_RAD), 0.0, BEYOND * SLIPS_M_S, SLID_M)

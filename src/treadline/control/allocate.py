@@ -14,7 +14,7 @@ from jaxtyping import Float
 SLOWEST_CLIMBING = 0.25
 """Share of the climb speed that the slower belt keeps where nobody sees how far the chair slides: on 30° with friction of 1.07
 times its tangent a chair that turns from 30° askew then rolls back by 0.15 m at most, at a fifth by 0.25 m (decision 0022)."""
-SLOWEST_WITH_GRIP, SLOWEST_SLIDING, SLID_M = -0.3, 0.6, 0.03
+SLOWEST_WITH_GRIP, SLOWEST_SLIDING, SLID_M = -0.25, 0.6, 0.03
 """The share while nothing slides, and that once the chair has come back by so much; in between by the line through both."""
 SLOWEST_BACKING = 0.5
 """The share backing down, where turning runs away."""

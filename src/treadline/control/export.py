@@ -64,8 +64,8 @@ def exported(
 def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
     """Return a drive on the design's own model that passes every branch of the controller.
 
-    From 30° up, a belt 2 % fast, noise; no estimate, estimates and plans that are no numbers, a new heading, standing, backing
-    down.
+    From 30° up, a belt 2 % fast, noise; no estimate, estimates and plans that are no numbers, let alone for a while, a new heading,
+    standing, backing down.
     """
     driver, model = HeadingController(design, config), design.model
     rng = np.random.default_rng(SEED)
@@ -90,6 +90,7 @@ def _rehearsed(share: float, t_s: float, speed_m_s: float) -> Plan:
         t_s=t_s,
         phase="drive",
         speed_m_s=speed,
+        turn_m_s=0.0 if 0.25 < share < 0.28 else None,
         heading_rad=0.1 if 0.3 < share < 0.4 else 0.0,
         slowest_share=None if share < 0.05 else slowest_share(slid_m),
     )
@@ -167,7 +168,7 @@ def _log(log: Sequence[Exchange]) -> str:
             f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
             f"#define HEADING_LOG_LENGTH {len(log)}",
             "static const struct {",
-            "    heading_input input; /* is there an estimate; heading, rate, speed, heading to steer to, share */",
+            "    heading_input input; /* is there an estimate, does it steer; heading, rate, speed, heading to steer to, share */",
             "    heading_command answer;",
             "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
             f"    {rows},",
@@ -181,7 +182,7 @@ def _row(exchange: Exchange) -> str:
     heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
     told = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, share_kept(plan)))
     said = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
-    return f"{{{{{_truth(seen is not None)}, {told}}}, {{{said}, {_truth(answer.brake)}}}}}"
+    return f"{{{{{_truth(seen is not None)}, {_truth(plan.turn_m_s is None)}, {told}}}, {{{said}, {_truth(answer.brake)}}}}}"
 
 
 def _literal(value: float) -> str:
@@ -227,6 +228,7 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
     """Return design, settings and the log in one file."""
     told = [
         {
+            "steers": exchange.plan.turn_m_s is None,
             "heading_rad": _number(exchange.estimate, "heading_rad"),
             "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
             "speed_m_s": _said(exchange.plan.speed_m_s),

@@ -67,7 +67,15 @@ class HeadingController:
         return self._config.period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
-        """Answer one estimate; without one, or with numbers that no chair and no plan can have, stand still."""
+        """Answer one estimate; without one, or with numbers that no chair and no plan can have, stand still.
+
+        Where the plan turns the chair itself, or lets it alone because it does not turn as it steers, it stands still too, and what
+        it has learned of the belts is void.
+        """
+        if plan is not None and plan.turn_m_s is not None:
+            self._last = None
+            self._observer.forget()
+            return TrackCommand.stop(t_s)
         speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
         target, share = 0.0 if plan is None else plan.heading_rad, share_kept(plan)
         # NaN fails every comparison.

@@ -95,6 +95,11 @@ class Observer:
         if not radius < 1.0:
             raise NotDetectable(f"the design's observer has spectral radius {radius:.3f} and never converges; tune it again")
 
+    def forget(self) -> None:
+        """Know nothing, of the disturbance either."""
+        self.state = np.zeros(self._model.order)
+        self.disturbance = 0.0
+
     def start(self, y: Float[np.ndarray, " p"]) -> None:
         """Take the state that explains an output best, at the model's operating point; the disturbance stays as learned."""
         self.state = np.linalg.pinv(self._model.C) @ (y - self._model.output_offset)

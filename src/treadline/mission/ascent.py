@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from treadline.angles import DEG
-from treadline.control.allocate import SLID_M, slowest_share
+from treadline.control.allocate import slowest_share
 from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mission.entry import refusal_of
@@ -240,18 +240,13 @@ class Ascent(Traversal):
         return self._plan(
             t_s,
             self._config.cruise_m_s,
-            turn_m_s=self._steering(t_s, estimate, aim_rad, self._slip_m_s(t_s)),
+            turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
             heading_rad=aim_rad,
             slowest_share=None if slid_m is None else slowest_share(slid_m),
             easing_m_s=self._ease(t_s, estimate, aim_rad),
             arm=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
-
-    def _slip_m_s(self, t_s: float) -> float:
-        """Return the belts' slip that counts: of a chair that has slid back. All tracks skid that turn as they climb."""
-        slid_m = self._where.slid_m(t_s)
-        return 0.0 if slid_m is None or slid_m < SLID_M else self._where.slip_m_s(t_s)
 
     def _has_grip(self, t_s: float) -> bool:
         self._slipped |= self._where.slip_m_s(t_s) > LOSES_GRIP_M_S
@@ -265,7 +260,7 @@ class Ascent(Traversal):
             case "slow":
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
-                turn, easing = self._steering(t_s, estimate, slip_m_s=self._slip_m_s(t_s), blind=True), self._ease(t_s, estimate)
+                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._ease(t_s, estimate)
                 arm = self._lie(t_s, estimate)
                 return self._plan(t_s, command.speed_m_s, turn_m_s=turn, easing_m_s=easing, arm=arm, needs_stair=False)
             case "land" | "done":

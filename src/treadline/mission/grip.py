@@ -9,6 +9,7 @@ import math
 from collections import deque
 
 from treadline.angles import DEG
+from treadline.control.allocate import SLID_M
 from treadline.control.heading import usable
 from treadline.signals import HeadingEstimate, TrackReading
 
@@ -23,9 +24,10 @@ ALONE_S, MOST_ALONE_S = 5.0, 10.0
 AGAIN_S = 5.0
 """… within so long."""
 SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
-"""By which belts outrun a chair that is let alone for it, and up to which it grips again …"""
+"""By which belts outrun a chair that is let alone for it, and up to which it grips again. One that is more than nearly square is
+not, unless it has slid back, …"""
 TURNS_RAD_S = 0.5 * DEG
-"""… unless it is more than nearly square and comes back to its aim as fast as this, or is lost."""
+"""… nor while it comes back to its aim as fast as this, nor if it is lost."""
 
 
 class SideGrip:
@@ -46,6 +48,7 @@ class SideGrip:
         estimate: HeadingEstimate | None,
         square_rad: float = 0.0,
         slip_m_s: float = 0.0,
+        slid_m: float = 0.0,
     ) -> bool:
         """Return whether to steer on.
 
@@ -54,7 +57,8 @@ class SideGrip:
             tracks: What the belts do.
             estimate: Where the chair heads.
             square_rad: The heading that the chair steers to.
-            slip_m_s: By which the belts outrun the chair up the flight.
+            slip_m_s: By which the belts outrun the chair up the flight: those of all tracks do that turn as they climb.
+            slid_m: How far it has come back along the flight.
         """
         if tracks is None or estimate is None or not usable(estimate):
             self._window.clear()
@@ -76,11 +80,12 @@ class SideGrip:
             self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
             self._until_s = t_s + self._alone_s
         returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
-        self._note_slip(slip_m_s, abs(off_rad), returns=returns)
+        self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=slid_m >= SLID_M)
         return t_s >= self._until_s and not self._slips
 
-    def _note_slip(self, slip_m_s: float, off_rad: float, *, returns: bool) -> None:
-        if off_rad > LOST_RAD or slip_m_s < GRIPS_M_S:
+    def _note_slip(self, slip_m_s: float, off_rad: float, *, returns: bool, has_slid: bool) -> None:
+        is_square = off_rad < SQUARE_RAD
+        if off_rad > LOST_RAD or slip_m_s < GRIPS_M_S or not (is_square or has_slid):
             self._slips = False
-        elif slip_m_s > SLIPS_M_S and (off_rad < SQUARE_RAD or not returns):
+        elif slip_m_s > SLIPS_M_S and (is_square or not returns):
             self._slips = True

@@ -30,7 +30,7 @@ class Proposals:
         eased, self._eased_m_s = self._eased_m_s, plan.easing_m_s
         if plan.turn_m_s is not None:
             if due:
-                self._driver.step(None, plan.t_s, plan)  # it does not steer: what it remembers of the belts is void
+                self._driver.step(None, plan.t_s, plan)  # it does not steer: what it has learned of the belts is void
             self._steered = None
             speed = plan.speed_m_s + plan.easing_m_s
             return TrackCommand(t_s=plan.t_s, left_m_s=speed - plan.turn_m_s, right_m_s=speed + plan.turn_m_s)

@@ -215,7 +215,7 @@ class Traversal:
         return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{arm}, the stair in view"
 
     def _steering(
-        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, slip_m_s: float = 0.0, *, blind: bool = False
+        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, climbs: bool = False, blind: bool = False
     ) -> float | None:
         """Return the turn on the flight: None for the controller to steer; 0 where the chair is let alone.
 
@@ -223,11 +223,12 @@ class Traversal:
             t_s: Now.
             estimate: Where the chair heads.
             square_rad: The heading that the chair steers to.
-            slip_m_s: By which the belts outrun the chair.
+            climbs: Whether belts that outrun the chair are made to run alike, so that they grip again.
             blind: Whether no stair is in view.
         """
+        slip_m_s, slid_m = (self._where.slip_m_s(t_s), self._where.slid_m(t_s) or 0.0) if climbs else (0.0, 0.0)
         spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s) and not spared else 0.0
+        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s, slid_m) and not spared else 0.0
 
     def _stuck(self) -> str | None:
         """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""

@@ -133,6 +133,10 @@ heading_command heading_step(heading_state *memory, const heading_input *input) 
     const heading_command stop = {0.0, 0.0, true};
     heading_command command = {0.0, 0.0, false};
     double x[N], y[2], asked[2], given[2];
+    if (!input->steers) {
+        heading_reset(memory);
+        return stop;
+    }
     if (!is_usable(input)) {
         /* The state is seen again in one period; what the belts' difference is took many. */
         memory->is_running = false;

@@ -26,6 +26,7 @@ typedef struct {
 /* What is known now, and what is wanted. */
 typedef struct {
     bool has_estimate; /* false: there is no heading; the chair stands */
+    bool steers;       /* false: something else turns the chair, or it is let alone; what was learned of its belts is void */
     double heading_rad;
     double heading_rate_rad_s;
     double speed_m_s;          /* of both belts, negative backs down */
@@ -42,7 +43,8 @@ typedef struct {
 /* Forget everything, what the belts' difference is as well. */
 void heading_reset(heading_state *memory);
 
-/* Answer one estimate; call it every HEADING_PERIOD_S. Without a usable estimate: zero speed and brake. */
+/* Answer one estimate; call it every HEADING_PERIOD_S. Without a usable estimate, and where something else steers: zero speed
+ * and brake. */
 heading_command heading_step(heading_state *memory, const heading_input *input);
 
 #endif
