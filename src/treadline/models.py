@@ -19,7 +19,7 @@ from jaxtyping import Float
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.settings import text_of
-from treadline.signals import TICK_S
+from treadline.signals import TICK_S, on_the_tick
 
 Reconstruct = Literal["observer", "static"]
 """Where the state comes from: an observer, or one output alone (Eq. 11b)."""
@@ -30,8 +30,6 @@ RUN_VALUES = 10
 """Output values for each state that is estimated, from which a free run is judged: a tenth of them goes into the estimate."""
 TEST_VALUES = 100
 """From which residuals are tested: what states estimated from fewer take out of white residuals colours them."""
-PERIOD_ROUNDING_S = 1e-9
-"""By which two periods that are meant to be one may differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,15 +189,6 @@ class ControllerDesign:
                 f"{path}: period_s is {design.period_s}, no multiple of {TICK_S} s; tune it again with a --period that is one"
             )
         return design
-
-
-def on_the_tick(period_s: float) -> bool:
-    """Say whether a control period is some whole number of the mission's ticks."""
-    return (
-        isinstance(period_s, Real)
-        and 0.5 * TICK_S < period_s < math.inf
-        and abs(round(period_s / TICK_S) * TICK_S - period_s) <= PERIOD_ROUNDING_S
-    )
 
 
 def write_whole(path: Path, data: str | bytes) -> None:

@@ -11,8 +11,10 @@ Heading: rotation of the chair about the nosing plane's normal, zero when square
 flight, positive anticlockwise seen from above.
 """
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
+from numbers import Real
 from typing import Literal
 
 import numpy as np
@@ -24,6 +26,8 @@ from treadline.arrays import shaped
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
 """Base period of mission and plant: the IMU's."""
+PERIOD_ROUNDING_S = 1e-9
+"""By which two periods that are meant to be one may differ."""
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera that looks straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
@@ -32,6 +36,15 @@ CAMERA_AXES_IN_CHAIR.setflags(write=False)
 IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
 IMU_SHAPES = ((4,), (3,), (3,))
 """Of an IMU's sample: a quaternion and two vectors."""
+
+
+def on_the_tick(period_s: float) -> bool:
+    """Say whether a period is some whole number of ticks."""
+    return (
+        isinstance(period_s, Real)
+        and 0.5 * TICK_S < period_s < math.inf
+        and abs(round(period_s / TICK_S) * TICK_S - period_s) <= PERIOD_ROUNDING_S
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from treadline.angles import DEG
 from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.loading import Loading
 from treadline.mechanics.verdict import MARGIN_LIMIT_RAD, CheckReport, check
 from treadline.scenario import SEAT_SHIFT_M, Drive, Scenario, Start, read_scenario, shipped_scenarios
 
@@ -146,6 +147,18 @@ def test_a_seat_that_cannot_reach_level_is_refused() -> None:
     reach = report.seat_range_deg[1]
     assert 20.0 < reach < 28.0
     assert_refused_only_for(report, f"the seat reaches {reach:.0f}°, the stair needs 31°", "lengthen its stroke")
+
+
+def test_a_chair_that_its_brakes_would_not_hold_is_refused_with_the_slope_they_hold() -> None:
+    """Test: brakes of 200 N a belt under chair and 50 kg. Expected result: half the pull down 28°, and half as much again, is more;
+    on the stair named instead it may climb."""
+    weak = with_piece("drives", brake_hold_n=200.0)
+    pull_n = Loading(chair=weak, payload_kg=50.0).weight_n * math.sin(28.0 * DEG)
+    assert 200.0 < 0.5 * 1.5 * pull_n < 1500.0
+    asked = f"each belt's brake holds 200 N and needs {0.75 * pull_n:.0f} N with 50 kg on 28.0°"
+    reason = assert_refused_only_for(judge(weak, stair={"slope_deg": 28}, chair={"payload_kg": 50.0}), asked, "take less payload")
+    below_deg = float(reason.rpartition("below ")[2].rstrip("°"))
+    assert judge(weak, stair={"slope_deg": below_deg - 0.1}, chair={"payload_kg": 50.0}).verdict == "go"
 
 
 LOW_STAIR = {"rise_m": 0.08, "run_m": 0.20, "steps": 20}

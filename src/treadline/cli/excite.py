@@ -4,6 +4,9 @@ from pathlib import Path
 
 from treadline.cli.answer import Answer
 
+LONGEST_S = 10.0
+"""Between two samples: the chair climbs two metres in it."""
+
 
 def excite(
     scenario: str,
@@ -36,13 +39,14 @@ def excite(
     from treadline.experiments.recorded import recorded_excitation
     from treadline.identification.windows import fewest_samples
     from treadline.scenario import read_scenario
+    from treadline.signals import TICK_S, on_the_tick
 
     tell_compiling()
     fewest = fewest_samples(len(INPUTS), len(OUTPUTS))
     if samples < fewest:
         raise SettingsError(f"--samples is {samples}; treadline identify needs at least {fewest} of them")
-    if not 0.01 <= period <= 10.0 or abs(period / 0.01 - round(period / 0.01)) > 1e-9:
-        raise SettingsError(f"--period is {period}; it must be a multiple of 0.01 s between 0.01 and 10")
+    if not on_the_tick(period) or period > LONGEST_S:
+        raise SettingsError(f"--period is {period}; it must be a multiple of {TICK_S} s between {TICK_S} and {LONGEST_S:g}")
     settings = read_scenario(scenario)
     with SimulatedTime("excite", samples * period) as progress:
         excited = recorded_excitation(

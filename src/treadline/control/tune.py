@@ -16,8 +16,8 @@ from treadline.control.lqr import closed_loop_poles, lqr_gain
 from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
 from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
-from treadline.models import ControllerDesign, LinearModel, Reconstruct, on_the_tick
-from treadline.signals import TICK_S
+from treadline.models import ControllerDesign, LinearModel, Reconstruct
+from treadline.signals import TICK_S, on_the_tick
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Price of heading [1/rad²] and yaw rate [1/(rad/s)²]."""

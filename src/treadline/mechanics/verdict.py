@@ -10,6 +10,7 @@ from treadline.angles import DEG
 from treadline.mechanics.bodies import from_edge_m
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.loading import Loading
 from treadline.mechanics.stability import centre_of_mass, static_margins
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
@@ -20,6 +21,9 @@ TRACTION_RESERVE = 1.05
 """Friction wanted over tan β: nosings jolt."""
 SEAT_RESERVE_RAD = 3.0 * DEG
 """Range the seat keeps beyond the slope: the chair rocks over nosings."""
+BRAKE_RESERVE = 1.5
+"""Of a belt's brake over half of what pulls the chair down: a payload aside loads one belt by an eighth more, and a stop from
+cruise speed asks for a sixth."""
 SIDES = ("uphill", "downhill", "left", "right")
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
 LANDING_SPARE_M = 0.60
@@ -65,6 +69,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_short(stair, chair.tracks),
         _too_slippery(stair, heading),
         _too_unstable(margins, loading, shift),
+        _too_heavy_for_the_brakes(chair, loading.payload_kg, slope),
         _too_steep_for_the_seat(seat_range[1], slope),
         _too_wide_a_gap(stair, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
@@ -152,6 +157,19 @@ def _shift_that_helps(
             if static_margins(chair, moved, slope_rad, pitch_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
                 return shift
     return None
+
+
+def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
+    """Say what each belt's brake must hold of a chair that is held on the flight."""
+    holds_n, weight_n = chair.drives.brake_hold_n, Loading(chair=chair, payload_kg=payload_kg).weight_n
+    needed_n = BRAKE_RESERVE * 0.5 * weight_n * math.sin(slope_rad)
+    if holds_n >= needed_n:
+        return None
+    below = math.asin(holds_n / (BRAKE_RESERVE * 0.5 * weight_n)) / DEG
+    return (
+        f"each belt's brake holds {holds_n:.0f} N and needs {needed_n:.0f} N with {payload_kg:g} kg on {slope_rad / DEG:.1f}°; "
+        f"take less payload, or a stair below {below:.1f}°"
+    )
 
 
 def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:

@@ -1,6 +1,6 @@
 """Which blocks run at which tick: 100 Hz base, 4 Hz control (Table I); and for how long a rate asked of the seat counts."""
 
-from treadline.signals import TICK_S, SeatCommand
+from treadline.signals import TICK_S, SeatCommand, on_the_tick
 
 SEAT_S = 0.1
 """For which a seat's rate counts: it answers one reading, and readings come a hundred times a second."""
@@ -11,9 +11,9 @@ class Rate:
     """Says at which ticks a slower block is due; counts ticks, so that no rounding of time can skip one."""
 
     def __init__(self, period_s: float) -> None:
-        self._every = round(period_s / TICK_S)
-        if self._every < 1 or abs(self._every * TICK_S - period_s) > 1e-9:
+        if not on_the_tick(period_s):
             raise ValueError(f"a period of {period_s} s is no multiple of the tick, {TICK_S} s")
+        self._every = round(period_s / TICK_S)
 
     def due(self, tick: int) -> bool:
         """Say whether the block runs at this tick."""
