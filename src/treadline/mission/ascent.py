@@ -14,7 +14,7 @@ from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
 from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -270,7 +270,7 @@ class Ascent(Traversal):
         if phase != self._phase:
             pitch = self._where.pitch_rad / DEG
             seen = f"{self._end}; " if phase == "crest" else ""
-            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {max(command.tip_n, 0.0):.0f} N on the arm's tip")
+            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {on_the_tip(command.tip_n)}")
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:

@@ -11,7 +11,7 @@ from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mission.entry import refusal_of
 from treadline.mission.front_section import ARM_RAD_S
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step
+from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
 from treadline.mission.whereabouts import NEAR_M
 from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
 
@@ -191,7 +191,7 @@ class Descent(Traversal):
     def _note(self, command: EdgeCommand) -> None:
         if self._phase == "approach" and command.stage != "approach":
             self._phase = "edge"
-            self._cause = f"{command.stage}: {max(command.tip_n, 0.0):.0f} N on the arm's tip"
+            self._cause = f"{command.stage}: {on_the_tip(command.tip_n)}"
 
     def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
         if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:

@@ -36,6 +36,11 @@ def beside(before_m: float) -> str:
     return f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m behind"
 
 
+def on_the_tip(load_n: float) -> str:
+    """Say what the arm's tip carries."""
+    return f"{max(load_n, 0.0):.0f} N on the arm's tip"
+
+
 def missing_step(gap: tuple[float, float], pulley: str) -> str:
     """Say that a step is missing, by the nosings before a pulley; negative where the pulley has passed."""
     near_m, far_m = gap
