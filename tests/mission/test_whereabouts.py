@@ -220,6 +220,21 @@ def test_a_false_nosing_seen_once_counts_for_nothing(k: int) -> None:
     assert where.top_ahead_m() == pytest.approx(2.1)
 
 
+def test_a_nosing_missed_for_long_is_known_a_second_after_it_comes_into_view() -> None:
+    """Test: one of four is seen twice and missed by fifty frames of a chair that stands, then seen by all. Expected result: a gap as
+    long as it is missed, and no gap ten frames on, the two first sights among them."""
+    chair = Chair()
+    where = seen(chair, 0, 1, 2, 3)
+    for _ in range(50):
+        chair.feel(where, 0, 1, 3)
+    assert len(where.gaps_ahead_m()) == 1
+    for k in range(10):
+        assert bool(where.gaps_ahead_m()) == (k < 9)
+        chair.feel(where, 0, 1, 2, 3)
+    assert len(where.ahead_m()) == 4
+    assert not where.gaps_ahead_m()
+
+
 def test_the_flights_end_is_known_at_the_second_frame_that_shows_it() -> None:
     chair = Chair()
     where = seen(chair, 0, 1, 2)

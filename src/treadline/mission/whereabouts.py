@@ -30,6 +30,9 @@ NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 """Maps that must have shown the next flight, the time without one after which it is looked at anew, and how near it must be."""
 MISSED_SHARE = 2.0
 """Maps that pass over a nosing, per map that shows it, from which on it was never there."""
+MISSED_MOST = 20
+"""Of those maps that count: one that is missed as long as the chair stands, and seen at each frame as it comes nearer, is known
+again within a second."""
 KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
 NEAR_M = 1.9
@@ -287,7 +290,7 @@ class Whereabouts:
         low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
         for nosing in self._nosings:
             if low < nosing.x_m < high and not any(nosing is other for other in shown):
-                nosing.missed += 1
+                nosing.missed = min(nosing.missed + 1, MISSED_MOST)
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
         """Count the frames that show the flight's end at a nosing; another that is known beyond takes all back."""
