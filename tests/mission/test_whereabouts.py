@@ -221,8 +221,8 @@ def test_a_false_nosing_seen_once_counts_for_nothing(k: int) -> None:
 
 
 def test_a_nosing_missed_for_long_is_known_a_second_after_it_comes_into_view() -> None:
-    """Test: one of four is seen twice and missed by fifty frames of a chair that stands, then seen by all. Expected result: a gap as
-    long as it is missed, and no gap ten frames on, the two first sights among them."""
+    """Test: one of four is seen twice and missed by fifty frames of a chair that stands, then seen by all. Expected result: a gap
+    as long as it is missed, and none ten frames on."""
     chair = Chair()
     where = seen(chair, 0, 1, 2, 3)
     for _ in range(50):
