@@ -493,14 +493,21 @@ def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, 
     assert drive.run(0.2, blind(phase)).guard.holding is None
 
 
-@pytest.mark.parametrize("why", ["seen", "needed", "search", "slowly", "open loop"])
+@pytest.mark.parametrize("why", ["seen", "told", "needed", "search", "slowly", "open loop"])
 def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
-    """Test: the same with a stair in view, or where one should be, on the floor, by 0.45 °/s, or in an open loop. Expected result:
-    no HOLD for 5 s; where a stair should be and is not, its own row answers later."""
+    """Test: the same with a stair in view, of which a map is made or whose camera tells headings by itself, or where one should be, on
+    the floor, by 0.45 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own row answers later."""
     config = GuardConfig(needs_heading=why != "open loop")
     drive = Drive(config, asked=(0.1, 0.12 if why == "slowly" else 0.15))
     drive.silent = set() if why == "seen" else {"stair"}
-    drive.run(5.0, blind("search" if why == "search" else "climb", needs_stair=why == "needed"))
+    plan = blind("search" if why == "search" else "climb", needs_stair=why == "needed")
+
+    def each(drive: Drive) -> None:
+        plan(drive)
+        if why == "told" and drive.tick % FRAME_TICKS == 0:
+            drive.guard.admit(heading(drive.t_s, 0.1 * (drive.tick % 7)))
+
+    drive.run(5.0, each)
     assert drive.guard.holding is None
 
 
@@ -731,6 +738,15 @@ def test_a_plan_that_ends_or_stands_stops_the_belts_at_once(plan: Plan, brake: b
     assert drive.guard.holding is None
 
 
+@pytest.mark.parametrize(("t_s", "stands"), [(0.0, False), (0.5, True)])
+def test_of_two_plans_the_later_counts_and_of_two_at_once_the_last(t_s: float, stands: bool) -> None:
+    """Test: after a plan of 0.5 s to drive, one to stand, older or of the same moment. Expected result: goes on; stands."""
+    drive = Drive().run(1.0)
+    drive.guard.notice(Plan(t_s=0.5, phase="climb", speed_m_s=0.2))
+    drive.guard.notice(Plan(t_s=t_s, phase="crest", speed_m_s=0.0, turn_m_s=0.0))
+    assert (drive.step() == TrackCommand(t_s=1.0, left_m_s=0.0, right_m_s=0.0, brake=False)) is stands
+
+
 def test_a_plan_that_turns_on_the_spot_or_drives_straight_does_not_stand() -> None:
     """Test: a plan of turning alone; of speed without turning. Expected result: commands pass."""
     for plan in (
@@ -852,11 +868,13 @@ class Flight:
             drive.guard.notice(stair(drive.t_s, [self.sign * place for place in places], direction=direction))
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_slip_slows_and_then_holds(sign: float) -> None:
-    """Test: from 3 s on the chair keeps half of its belts' travel, up and down. Expected result: none before; slow within 0.5 s,
-    HOLD within 1.1 s of that, by then less than 0.2 m lost."""
+@pytest.mark.parametrize(("sign", "plan_m_s"), [(1.0, None), (-1.0, None), (1.0, 0.2), (-1.0, -0.2), (1.0, 0.0)])
+def test_slip_slows_and_then_holds(sign: float, plan_m_s: float | None) -> None:
+    """Test: from 3 s on the chair keeps half of its belts' travel, up and down, as planned; or up, while the plan would stand. Expected
+    result: none before; slow within 0.5 s, HOLD within 1.1 s of that, by then less than 0.2 m lost."""
     drive, flight = Drive(asked=(sign * 0.2, sign * 0.2)), Flight(sign)
+    if plan_m_s is not None:
+        drive.guard.notice(Plan(t_s=0.0, phase="climb" if sign > 0.0 else "descend", speed_m_s=plan_m_s))
     drive.run(3.0, flight)
     assert drive.events() == []
     flight.slip = 0.5

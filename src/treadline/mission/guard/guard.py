@@ -182,7 +182,7 @@ class Guard:
         if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
             return False
         self._senses.imu(sample.t_s)
-        self._blind.feel_motion(sample.t_s, orientation, -rates[1])
+        self._blind.feel_motion(sample.t_s, orientation, rates[1])
         if self._config.watches_motion and self._config.needs_heading:
             self._tilt.feel(sample.t_s, orientation, -rates[1])
         return True
