@@ -495,8 +495,9 @@ def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, 
 
 @pytest.mark.parametrize("why", ["seen", "told", "needed", "search", "slowly", "open loop"])
 def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
-    """Test: the same with a stair in view, of which a map is made or whose camera tells headings by itself, or where one should be, on
-    the floor, by 0.45 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own row answers later."""
+    """Test: the same with a stair in view, or with a camera that tells headings by itself, or where a stair should be, on the floor,
+    by 0.45 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own row answers
+    later."""
     config = GuardConfig(needs_heading=why != "open loop")
     drive = Drive(config, asked=(0.1, 0.12 if why == "slowly" else 0.15))
     drive.silent = set() if why == "seen" else {"stair"}
@@ -870,8 +871,8 @@ class Flight:
 
 @pytest.mark.parametrize(("sign", "plan_m_s"), [(1.0, None), (-1.0, None), (1.0, 0.2), (-1.0, -0.2), (1.0, 0.0)])
 def test_slip_slows_and_then_holds(sign: float, plan_m_s: float | None) -> None:
-    """Test: from 3 s on the chair keeps half of its belts' travel, up and down, as planned; or up, while the plan would stand. Expected
-    result: none before; slow within 0.5 s, HOLD within 1.1 s of that, by then less than 0.2 m lost."""
+    """Test: from 3 s on the chair keeps half of its belts' travel, up and down, as planned; or up, while the plan would stand.
+    Expected result: none before; slow within 0.5 s, HOLD within 1.1 s of that, by then less than 0.2 m lost."""
     drive, flight = Drive(asked=(sign * 0.2, sign * 0.2)), Flight(sign)
     if plan_m_s is not None:
         drive.guard.notice(Plan(t_s=0.0, phase="climb" if sign > 0.0 else "descend", speed_m_s=plan_m_s))
