@@ -496,8 +496,8 @@ def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, 
 @pytest.mark.parametrize("why", ["seen", "told", "needed", "search", "slowly", "open loop"])
 def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
     """Test: the same with a stair in view, or with a camera that tells headings by itself, or where a stair should be, on the
-    floor, by 0.45 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own row answers
-    later."""
+    floor, by 0.45 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own row
+    answers later."""
     config = GuardConfig(needs_heading=why != "open loop")
     drive = Drive(config, asked=(0.1, 0.12 if why == "slowly" else 0.15))
     drive.silent = set() if why == "seen" else {"stair"}
