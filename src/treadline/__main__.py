@@ -33,6 +33,9 @@ def main() -> int:
     except KeyboardInterrupt:
         sys.stderr.write("treadline: interrupted\n")
         code = 130
+    # Python notes an interrupt that falls into source text run by a library (the methods of a dataclass), whoever answers it, and
+    # would end a module by the signal. The next source text clears the note.
+    eval("0")  # noqa: S307
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: what comes now has nothing to interrupt
     return code
 

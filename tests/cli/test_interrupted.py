@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -73,6 +74,18 @@ def test_many_interrupts_while_it_is_still_loading_are_one_line(tmp_path: Path) 
     done = interrupted(["check", "paper-28"], tmp_path, after_s=0.12, by=(signal.SIGINT,) * 3)
     assert done.returncode == 130, done.stderr
     assert (done.stdout, len(done.stderr.splitlines())) == ("", 1)
+
+
+def test_an_interrupt_that_falls_into_source_text_is_as_any(tmp_path: Path) -> None:
+    """Test: Ctrl-C while a library runs text of its own, as a dataclass does. Expected result: exit code 130, as ever."""
+    script = """
+    import sys, treadline.__main__, treadline.cli
+    treadline.cli.main = lambda: exec("raise KeyboardInterrupt")
+    sys.exit(treadline.__main__.main())
+    """
+    (tmp_path / "struck.py").write_text(textwrap.dedent(script))
+    done = subprocess.run([sys.executable, "-m", "struck"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "treadline: interrupted\n")
 
 
 @pytest.mark.parametrize("wrapped", [1, 7])
