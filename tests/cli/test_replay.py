@@ -82,7 +82,9 @@ def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_pat
     assert values["sees"] == "images"
     assert values["frames"] == values["accepted"] + sum(values["refusals"].values()) == FRAMES
     assert values["largest_command_gap_m_s"] == values["largest_seat_gap_m_s"] == values["rms_difference_deg"] == 0.0
-    assert values["commands_compared"] >= 4  # 4 Hz from zero on, and whatever the plan has the belts told between
+    told = [command.t_s for command in signals_of(climbed, TrackCommand)]
+    assert {0.0, 0.25, 0.5, 0.75} <= set(told)  # 4 Hz from zero on; where the chair falls, or is let alone, one between
+    assert values["commands_compared"] == len(told)
     assert values["rms_error_deg"] == values["recorded_rms_error_deg"]
     assert 0.0 < values["rms_error_deg"] < 0.5
     # What the chair itself knows agrees with what the simulator knew: a heading within 0.5°, a seat within its sensor's noise.

@@ -18,7 +18,7 @@ from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT
 from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign, Reconstruct
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import PERIOD_ROUNDING_S, HeadingEstimate, Plan, TrackCommand
 
 FASTEST_TURN_RAD_S = 35.0
 """Full scale of the gyro, 2000 °/s: ten times what the tracks can do (Table I: 3.07 rad/s)."""
@@ -132,7 +132,7 @@ def check_design(design: ControllerDesign, period_s: float) -> None:
         NotStabilisable: If the loop it closes is too slow, or unstable.
     """
     model = design.model
-    if abs(design.period_s - period_s) > 1e-9 or abs(model.dt_s - design.period_s) > 1e-9:
+    if abs(design.period_s - period_s) > PERIOD_ROUNDING_S or abs(model.dt_s - design.period_s) > PERIOD_ROUNDING_S:
         raise PeriodMismatch(
             f"the controller runs at {period_s:g} s, its design at {design.period_s:g} s and its model at "
             f"{model.dt_s:g} s; tune it again with --period {period_s:g}"

@@ -96,8 +96,7 @@ class Observer:
             raise NotDetectable(f"the design's observer has spectral radius {radius:.3f} and never converges; tune it again")
 
     def forget(self) -> None:
-        """Know nothing, of the disturbance either."""
-        self.state = np.zeros(self._model.order)
+        """Forget what the disturbance was learned to be; the state is taken anew by ``start``."""
         self.disturbance = 0.0
 
     def start(self, y: Float[np.ndarray, " p"]) -> None:

@@ -17,7 +17,7 @@ from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
 from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.models import ControllerDesign, LinearModel, Reconstruct
-from treadline.signals import TICK_S, on_the_tick
+from treadline.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Price of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
@@ -63,7 +63,7 @@ def tune(
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
     _check_period(model, period_s)
-    model = model if period_s is None or abs(period_s - model.dt_s) < 1e-9 else resampled(model, period_s)
+    model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else resampled(model, period_s)
     # Square is zero by definition; the mean heading of the day the data were taken is not where to go.
     model = replace(model, output_offset=np.zeros(model.C.shape[0]))
     Q = _state_price(model, state_weight, output_weight)

@@ -161,11 +161,12 @@ def _shift_that_helps(
 
 def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
     """Say what each belt's brake must hold of a chair that is held on the flight."""
-    holds_n, weight_n = chair.drives.brake_hold_n, Loading(chair=chair, payload_kg=payload_kg).weight_n
-    needed_n = BRAKE_RESERVE * 0.5 * weight_n * math.sin(slope_rad)
+    holds_n = chair.drives.brake_hold_n
+    upright_n = BRAKE_RESERVE * 0.5 * Loading(chair=chair, payload_kg=payload_kg).weight_n
+    needed_n = upright_n * math.sin(slope_rad)
     if holds_n >= needed_n:
         return None
-    below = math.asin(holds_n / (BRAKE_RESERVE * 0.5 * weight_n)) / DEG
+    below = math.asin(holds_n / upright_n) / DEG
     return (
         f"each belt's brake holds {holds_n:.0f} N and needs {needed_n:.0f} N with {payload_kg:g} kg on {slope_rad / DEG:.1f}°; "
         f"take less payload, or a stair below {below:.1f}°"

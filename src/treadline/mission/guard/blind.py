@@ -38,7 +38,7 @@ class BlindTurnWatch:
         self._window.clear()
 
     def feel_motion(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
-        """Take one IMU sample: the attitude's quaternion (w, x, y, z) and the pitch rate, of either sign."""
+        """Take one IMU sample: the attitude's quaternion (w, x, y, z) and the pitch rate."""
         self._pitch_rad, _ = tilt_of(orientation)
         dt_s = 0.0 if self._imu_s is None else t_s - self._imu_s
         self._imu_s = t_s

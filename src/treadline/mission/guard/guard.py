@@ -182,9 +182,10 @@ class Guard:
         if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
             return False
         self._senses.imu(sample.t_s)
-        self._blind.feel_motion(sample.t_s, orientation, rates[1])
+        pitch_rate = -rates[1]
+        self._blind.feel_motion(sample.t_s, orientation, pitch_rate)
         if self._config.watches_motion and self._config.needs_heading:
-            self._tilt.feel(sample.t_s, orientation, -rates[1])
+            self._tilt.feel(sample.t_s, orientation, pitch_rate)
         return True
 
     def _feel_belts(self, reading: TrackReading) -> bool:
