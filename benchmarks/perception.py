@@ -204,7 +204,7 @@ def stages_of(detector: StairDetector) -> dict[str, float]:
 
 
 HEADING_COLUMNS = (
-    "| | frames | accepted | of those with two nosings in view | RMSE | p95 | max | in declared 95 % | mean NEES | ms (median) |"
+    "| | frames | accepted | of those that show two treads | RMSE | p95 | max | in declared 95 % | mean NEES | ms (median) |"
 )
 
 
@@ -224,7 +224,7 @@ def heading_row(case: Case, seeds: range) -> str:
         return f"| {case.label} | {len(seen)} | 0 % | | | | | | | {spent_ms:.1f} |"
     size, strain = np.abs(errors), np.array(strains)
     # One alone is a doorstep, or the end of a shelf.
-    enough = [look.sight.accepted for look in seen if look.view.stair and np.count_nonzero(look.view.stair.nosing_in_view) >= 2]
+    enough = [look.sight.accepted for look in seen if look.view.stair and look.view.stair.treads_in_view >= 2]
     of_enough = f"{100 * np.mean(enough):.0f} % of {len(enough)}" if enough else ""
     return (
         f"| {case.label} | {len(seen)} | {100 * len(errors) / len(seen):.0f} % | {of_enough} | {np.sqrt(np.mean(size**2)):.3f}° | "

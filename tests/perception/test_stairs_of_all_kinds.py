@@ -76,6 +76,14 @@ def test_intervals_of_irregular_stairs_are_true(scene: str) -> None:
     assert np.mean(np.abs(strains) < 1.96) > 0.88
 
 
+@pytest.mark.parametrize("scene", ["up", "top", "edge"])
+def test_intervals_of_perfect_stairs_are_true(scene: str) -> None:
+    _, strains, _ = errors_and_strains(Recipe(scenes=(scene,)), range(32_100, 32_180))
+    # As long as a perfect stair was thought no likelier than any other, mean squares were 0.1 to 0.4.
+    assert 0.4 < np.mean(strains**2) < 1.5
+    assert np.mean(np.abs(strains) < 1.96) > 0.9
+
+
 @pytest.mark.parametrize(("warp_px", "tilt_deg"), [(0.05, 0.0), (0.05, 0.3), (0.1, 0.0)])
 def test_intervals_are_true_for_a_camera_that_nobody_calibrated_well(warp_px: float, tilt_deg: float) -> None:
     recipe = Recipe(grain_px=1.2, warp_px=warp_px, tread_tilt_deg=tilt_deg, nosing_yaw_jitter_deg=0.5 * tilt_deg)
@@ -114,14 +122,15 @@ def test_most_frames_from_the_floor_and_near_the_foot_are_enough(scene: str, lea
 
 
 @pytest.mark.parametrize("scene", ["foot", "bottom"])
-def test_two_nosings_in_view_are_enough(scene: str) -> None:
+def test_two_treads_in_view_are_enough(scene: str) -> None:
     shown = [
         DETECTOR.look(view.frame, view.gravity_C).accepted
-        for view, truth in views(Recipe(scenes=(scene,)), range(34_700, 34_760))
-        if np.count_nonzero(truth.nosing_in_view) >= 2
+        for view, truth in views(Recipe(scenes=(scene,)), range(34_700, 34_800))
+        if truth.treads_in_view >= 2
     ]
-    assert np.mean(shown) >= 0.95
-    assert len(shown) >= 25
+    # 253 of 264 near the foot and all of 209 before it, of other seeds; of 80, 92 % are two deviations below that.
+    assert np.mean(shown) >= 0.92
+    assert len(shown) >= 60
 
 
 def maps(recipe: Recipe, seeds: range) -> Iterator[tuple[Sight, StairTruth]]:

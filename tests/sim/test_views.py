@@ -91,6 +91,21 @@ def test_nosings_in_view_stand_where_the_picture_shows_an_edge(scene: str) -> No
 
 
 @pytest.mark.parametrize("scene", STAIR_SCENES)
+def test_treads_in_view_are_the_heights_that_fill_the_picture(scene: str) -> None:
+    for seed in range(6):
+        seen = view(seed, scenes=(scene,), walls=("none",), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        up = -seen.true_camera.R_BC @ seen.true_gravity_C
+        floor = np.array([*(kind == "floor" for kind in seen.kinds), True])[seen.exact.face // 6]
+        heights = points_B(seen)[~floor] @ up
+        # Against the nearest nosing: whole rises are treads, to a hair; risers cross a hair in few pixels.
+        steps = (heights - truth.nosings_B[0] @ up) / truth.rise_m
+        _, counts = np.unique(np.round(steps[np.abs(steps - np.round(steps)) < 1e-6]), return_counts=True)
+        assert truth.treads_in_view == np.count_nonzero(counts > 0.01 * floor.size)
+
+
+@pytest.mark.parametrize("scene", STAIR_SCENES)
 def test_nosings_are_a_step_apart(scene: str) -> None:
     seen = view(5, scenes=(scene,), heading_deg=(0.0, 0.0), **IDEAL)
     truth = seen.stair

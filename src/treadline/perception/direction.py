@@ -22,18 +22,20 @@ from treadline.angles import DEG
 from treadline.perception.nosings import Nosing
 from treadline.perception.planes import Surface
 from treadline.perception.unknowns.kernels import integrated_out, strays, variances
+from treadline.perception.unknowns.prior import Prior, prior
 from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
-TURNS = TILTS = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
+ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
 """Irregularities thought possible of steps: about the vertical, and off level."""
-WARPS_PX = np.geomspace(0.0003, 0.1, 4)
+WARPS_PX = np.geomspace(0.0003, 0.1, 7)
 """Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
-ONE_GUESS = slice(4, 5)
-"""Of these, for a first, rough turn."""
-COARSE = tuple(grid[::3].copy() for grid in (TURNS, TILTS, WARPS_PX))
-"""Of these, to tell strays by; copied, as compiled loops are compiled anew for each layout."""
+FINE = prior(ANGLES, ANGLES, WARPS_PX)
+ROUGH = prior(ANGLES[4:5], ANGLES[4:5], WARPS_PX)
+"""For a first turn."""
+COARSE = prior(*(grid[::3].copy() for grid in (ANGLES, ANGLES, WARPS_PX)), as_drawn=0.0, usual_rad=np.inf)
+"""To tell strays by; copied, as compiled loops are compiled anew for each layout."""
 STRAY, CORNER_STRAY = 0.003, 0.03
 """How often a surface or a line is none of the stair's: what lies on a tread tilts it, and begins where a nosing might be."""
 SAME_STEP_M = 0.03
@@ -183,7 +185,7 @@ def fit_edges(
         if last:
             chosen[chosen] = _of_the_stair(_only(rows, chosen))
         rows = _only(rows, chosen)
-        solution = _solved(rows, slice(None) if last else ONE_GUESS)
+        solution = _solved(rows, FINE if last else ROUGH)
         alpha, rho = solution.mean[-2:].tolist()
         edge = axes.edge + alpha * axes.ahead + rho * axes.down
         edge /= np.linalg.norm(edge)
@@ -320,14 +322,14 @@ def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
     kept = np.ones(len(rows.value), dtype=np.bool_)
     with np.errstate(divide="ignore"):
         penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
-    strays(*_equations(rows), *COARSE, penalty, kept)
+    strays(*_equations(rows), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, penalty, kept)
     return kept
 
 
-def _solved(rows: _Rows, grid: slice) -> _Solution:
+def _solved(rows: _Rows, tried: Prior) -> _Solution:
     """Return the warp's terms, α and ρ with what is not known of stair and camera integrated out."""
     covariance = np.empty((TERMS + 2, TERMS + 2))
-    mean, spread = integrated_out(*_equations(rows), TURNS[grid], TILTS[grid], WARPS_PX, covariance)
+    mean, spread = integrated_out(*_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, covariance)
     return _Solution(mean=mean, covariance=np.array([[spread[0], spread[2]], [spread[2], spread[1]]]), likeliest=covariance)
 
 

@@ -2,7 +2,7 @@
 
 Rows ``by · x = value`` with a noise each; x holds the warp's terms first and α and ρ last. All rows of a step turn with it by
 one angle of variance τ² and tilt by another of variance κ², which Woodbury's identity takes out of the covariance; the warp's terms
-have a prior of one size. τ, κ and that size run over grids and count by their evidence, beforehand by a small power of their size.
+have a prior of one size. τ, κ and that size run over grids and count by their evidence and by what ``prior`` says of them.
 """
 
 import math
@@ -13,15 +13,13 @@ from numba import njit
 
 from treadline.products import dot
 
-SCEPTICISM = 0.2
-"""Power of its size by which each irregularity and warp is the likelier beforehand."""
 FLAT = 4.0
 """Prior precision of α and ρ: half a radian, next to nothing."""
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, covariance):
+def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, covariance):
     """Return the mean of x, and the variances and covariance of α and ρ; fill ``covariance`` with x's at the likeliest guess.
 
     Args:
@@ -29,6 +27,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
         turn_by: How a row's value changes with the turn of its step, and ``tilt_by`` with its tilt.
         step: Number of each row's step, below ``steps``; -1 for a row that belongs to none.
         turns: Standard deviations τ, ``tilts`` κ and ``warps`` of the warp's terms that are tried.
+        prior: Logarithm of their likelihood beforehand, a row for each pair of τ and κ.
     """
     n = by.shape[1]
     pairs, size = turns.size * tilts.size, turns.size * tilts.size * warps.size
@@ -41,8 +40,8 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
     for w in range(warps.size):
         _solved(M, warps[w], L, of_warp)
         for pair in range(pairs):
-            at, turn, tilt = pair * warps.size + w, turns[pair // tilts.size], tilts[pair % tilts.size]
-            logs[at] = of_pair[pair] + of_warp[pair] + SCEPTICISM * math.log(turn * tilt * warps[w])
+            at = pair * warps.size + w
+            logs[at] = of_pair[pair] + of_warp[pair] + prior[pair, w]
             means[at] = L[n, :, pair]
             # The last two unknowns' part of the inverse needs the last corner of L alone.
             first, last = 1.0 / L[n - 2, n - 2, pair], 1.0 / L[n - 1, n - 1, pair]
@@ -71,7 +70,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, penalty, kept):
+def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, penalty, kept):
     """Clear ``kept`` of the rows that the evidence says belong to something else, one after the other, the plainest first.
 
     Args:
@@ -90,7 +89,7 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
                 whole[k] = np.inf
             plain[:], turned[:], tilted[:], own[:] = 0.0, 0.0, 0.0, 0.0
             _gather(by, value, whole, turn_by, tilt_by, step, plain, turned, tilted, own)
-            log = _evidence(plain, turned, tilted, own, turns, tilts, warps, room)
+            log = _evidence(plain, turned, tilted, own, turns, tilts, warps, prior, room)
             if k < 0:
                 least = log
                 continue
@@ -117,7 +116,7 @@ def _room(n, pairs):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _evidence(plain, turned, tilted, own, turns, tilts, warps, room):
+def _evidence(plain, turned, tilted, own, turns, tilts, warps, prior, room):
     """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
     M, L, of_pair, of_warp = room
     logs = np.empty(turns.size * tilts.size * warps.size)
@@ -125,10 +124,9 @@ def _evidence(plain, turned, tilted, own, turns, tilts, warps, room):
     for w in range(warps.size):
         _solved(M, warps[w], L, of_warp)
         for pair in range(of_pair.size):
-            prior = SCEPTICISM * math.log(turns[pair // tilts.size] * tilts[pair % tilts.size] * warps[w])
-            logs[pair * warps.size + w] = of_pair[pair] + of_warp[pair] + prior
+            logs[pair * warps.size + w] = of_pair[pair] + of_warp[pair] + prior[pair, w]
     best = logs.max()
-    return best + math.log(np.exp(logs - best).mean())
+    return best + math.log(np.exp(logs - best).sum())
 
 
 @njit(cache=True, error_model="numpy")
@@ -190,11 +188,11 @@ def _take_out(plain, turned, tilted, own, turns, tilts, M, logs):
 def _solved(M, warp, L, logs):
     """Fill ``L`` with Cholesky factors under a prior of the warp's terms, its last row with the solutions; ``logs`` as above."""
     n, pairs = L.shape[1], logs.size
-    prior = 1.0 / (warp * warp)
+    least = 1.0 / (warp * warp)
     for i in range(n + 1):
         # The last row is the right-hand side: its factor is L⁻¹ times it.
         for j in range(min(i, n - 1) + 1):
-            s, add = L[i, j], 0.0 if i > j else prior if i < n - 2 else FLAT
+            s, add = L[i, j], 0.0 if i > j else least if i < n - 2 else FLAT
             for pair in range(pairs):
                 s[pair] = M[i, j, pair] + add
             for k in range(j):
@@ -203,7 +201,7 @@ def _solved(M, warp, L, logs):
             for pair in range(pairs):
                 s[pair] = math.sqrt(s[pair]) if i == j else s[pair] / L[j, j, pair]
     for pair in range(pairs):
-        log, misfit = 0.5 * (n - 2) * math.log(prior), M[n, n, pair]
+        log, misfit = 0.5 * (n - 2) * math.log(least), M[n, n, pair]
         for i in range(n):
             log -= math.log(L[i, i, pair])
             misfit -= L[n, i, pair] * L[n, i, pair]

@@ -21,6 +21,10 @@ GRAIN_M = 0.01
 """Distance between the points of a thing that are asked whether they stand in the way."""
 LEAST_WALL = 0.01
 """Share of the image that a wall or a rail must fill to count as seen."""
+LEAST_TREAD = 0.01
+"""Share of the image that a tread must fill to count as seen."""
+UPPER_SIDE = 5
+"""Of a box's six."""
 HIDDEN_M = 0.03
 """A nosing this far behind what the image shows in its place is hidden."""
 
@@ -46,6 +50,8 @@ class StairTruth:
     would meet it beside the stair. A worn nosing counts as if it were sharp."""
     nosing_in_view: Bool[np.ndarray, " n"]
     """Whether that point is on the stair, in the image and not hidden."""
+    treads_in_view: int
+    """Steps that show their tread, the landing among them. One alone may as well be a doorstep's, before a wall or on a floor."""
     end_in_view: bool
     """Whether the flight's last nosing is in view, where it meets the middle plane or elsewhere."""
     left_wall_m: float | None
@@ -84,6 +90,7 @@ def stair_truth(
         share=float(is_step[np.where(exact.face >= 0, exact.face // 6, len(solids))].mean()),
         nosings_B=nosings,
         nosing_in_view=_in_view(nosings, camera, exact) & on_stair,
+        treads_in_view=_treads_in_view(solids, exact),
         end_in_view=_end_in_view(flight, steps[-1] if direction == "up" else steps[0], pose, camera, exact),
         left_wall_m=left,
         right_wall_m=right,
@@ -110,6 +117,12 @@ def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: E
     shown = exact.depth_m[v[inside].astype(int), u[inside].astype(int)]
     seen[inside] = points[inside, 2] < np.nan_to_num(shown, nan=np.inf) + HIDDEN_M
     return seen
+
+
+def _treads_in_view(solids: list[Solid], exact: ExactView) -> int:
+    step_of = np.array([solid.index if solid.kind in ("step", "landing") else -1 for solid in solids])
+    shown = step_of[exact.face[(exact.face >= 0) & (exact.face % 6 == UPPER_SIDE)] // 6]
+    return int(np.count_nonzero(np.bincount(shown[shown >= 0]) > LEAST_TREAD * exact.face.size))
 
 
 def _end_in_view(flight: Flight, step: Step, pose: Pose, camera: PinholeCamera, exact: ExactView) -> bool:
