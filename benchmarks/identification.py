@@ -26,6 +26,7 @@ import peers
 import real
 import scipy
 import speed
+from score import fits_apart
 from systems import DATA_SETS, DataSet, halves
 from tables import Row, percent, table
 
@@ -62,7 +63,7 @@ def real_part(fits: dict[str, peers.Fit], folder: Path, *, quick: bool) -> None:
     own = list(ours.known())
     table(
         "free run on the second half, fit % (no seeds: nothing is drawn)",
-        ("set", *own, "best peer", "which", "known before"),
+        ("set", *own, "best peer", "which", f"{own[-1]} less best peer: 95 % of records", "known before"),
         summary,
     )
 
@@ -77,7 +78,11 @@ def _one_set(data: DataSet, folder: Path, fits: dict[str, peers.Fit]) -> Row:
     best = max((score for score in scores if score.is_peer), key=lambda score: score.percent, default=None)
     shown = [percent(score.percent) for score in scores if score.method in ours.known()]
     known = "–" if data.known_percent is None else f"{data.known_percent:.1f}"
-    return (data.name, *shown, *(("–", "–") if best is None else (percent(best.percent), best.method)), known)
+    if best is None or best.model is None:
+        return (data.name, *shown, "–", "–", "–", known)
+    model = next((score.model for score in scores if score.method in told), None)
+    low, high = (-np.inf, np.inf) if model is None else fits_apart(model, best.model, halves(data, folder)[1])
+    return (data.name, *shown, percent(best.percent), best.method, f"{low:+.1f} to {high:+.1f}", known)
 
 
 def main() -> None:

@@ -35,6 +35,7 @@ class Score:
     percent: float
     choice: str
     is_peer: bool
+    model: StateSpace | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -55,9 +56,10 @@ def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second
         found = identify(first, **arguments)
     except ours.FAILURES as error:
         return Score(method=name, percent=-np.inf, choice="–", is_peer=False, notes=(str(error),))
-    percent = fit_percent(ours.state_space(found.model), second)
+    model = ours.state_space(found.model)
     choice = f"order {found.report.order}, lags {found.report.lags}"
-    return Score(method=name, percent=percent, choice=choice, is_peer=False, notes=tuple(found.report.warnings))
+    notes = tuple(found.report.warnings)
+    return Score(method=name, percent=fit_percent(model, second), choice=choice, is_peer=False, model=model, notes=notes)
 
 
 def _like_a_peer(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
@@ -75,12 +77,21 @@ def _chosen(name: str, fit: Fit, first: InputOutputRecord, second: InputOutputRe
     trials = {(n, s): _percent(fit, early, late, n, s) for s in BLOCK_ROWS for n in ORDERS}
     order, rows = max(trials, key=lambda choice: trials[choice])
     choice = f"order {order}, block rows {rows}"
-    return Score(method=name, percent=_percent(fit, first, second, order, rows), choice=choice, is_peer=is_peer)
+    model = _model(fit, first, order, rows)
+    return Score(method=name, percent=_percent_of(model, second), choice=choice, is_peer=is_peer, model=model)
 
 
 def _percent(fit: Fit, first: InputOutputRecord, second: InputOutputRecord, order: int, rows: int) -> float:
-    try:
-        percent = fit_percent(fit(first, order, rows), second)
-    except (PeerError, *ours.FAILURES, ValueError):  # peers raise what their libraries raise
-        return -np.inf
+    return _percent_of(_model(fit, first, order, rows), second)
+
+
+def _percent_of(model: StateSpace | None, record: InputOutputRecord) -> float:
+    percent = -np.inf if model is None else fit_percent(model, record)
     return percent if np.isfinite(percent) else -np.inf
+
+
+def _model(fit: Fit, record: InputOutputRecord, order: int, rows: int) -> StateSpace | None:
+    try:
+        return fit(record, order, rows)
+    except (PeerError, *ours.FAILURES, ValueError):  # peers raise what their libraries raise
+        return None

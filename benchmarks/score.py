@@ -6,6 +6,9 @@ from systems import StateSpace
 
 from treadline.models import InputOutputRecord
 
+BLOCKS, DRAWS, BOOTSTRAP_SEED = 20, 500, 1
+"""Of a record that is drawn again; long enough for what lasts in the errors."""
+
 
 def markov(model: StateSpace, steps: int) -> Float[np.ndarray, "steps p m"]:
     """Return D, CB, CAB, …: ``steps`` matrices."""
@@ -46,6 +49,27 @@ def free_run(model: StateSpace, record: InputOutputRecord) -> Float[np.ndarray, 
 
 def fit_percent(model: StateSpace, record: InputOutputRecord) -> float:
     """Return 100 (1 - ‖y - ŷ‖/‖y - ȳ‖) of a free run, averaged over the outputs; -inf where it diverges."""
-    error = np.linalg.norm(record.y - free_run(model, record), axis=0)
-    spread = np.linalg.norm(record.y - record.y.mean(axis=0), axis=0)
-    return float(np.mean(100.0 * (1.0 - error / spread)))
+    return percent_of(record.y - free_run(model, record), record.y - record.y.mean(axis=0))
+
+
+def percent_of(error: Float[np.ndarray, "T p"], spread: Float[np.ndarray, "T p"]) -> float:
+    """Return the fit that errors leave of what there was."""
+    return float(np.mean(100.0 * (1.0 - np.linalg.norm(error, axis=0) / np.linalg.norm(spread, axis=0))))
+
+
+def fits_apart(one: StateSpace, other: StateSpace, record: InputOutputRecord) -> tuple[float, float]:
+    """Return between which differences of two models' fits 95 of 100 records like this one would lie.
+
+    Blocks of the record are drawn again and again with both models' errors in them (Künsch 1989): errors are alike in neighbours,
+    and in both models. What another estimation half would have changed is not in it.
+    """
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    length = max(1, len(record.y) // BLOCKS)
+    spread = record.y - record.y.mean(axis=0)
+    errors = [record.y - free_run(model, record) for model in (one, other)]
+    apart = []
+    for starts in rng.integers(0, len(record.y) - length + 1, (DRAWS, BLOCKS)):
+        rows = (starts[:, None] + np.arange(length)).ravel()
+        apart.append(percent_of(errors[0][rows], spread[rows]) - percent_of(errors[1][rows], spread[rows]))
+    low, high = np.quantile(apart, (0.025, 0.975)).tolist()
+    return low, high
