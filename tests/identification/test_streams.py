@@ -1,12 +1,13 @@
 """A stream of chunks: as one record, from the chunk on in which every channel moves."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from treadline.errors import PeriodMismatch, PoorExcitation, RecordError
-from treadline.identification import identify_chunks, stream
+from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
+from treadline.identification import identify, identify_chunks, stream
 from treadline.identification.validate import impulse_response, part
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -67,3 +68,46 @@ def test_a_later_chunk_of_another_kind_is_refused(draw: Draw, spoil: str) -> Non
         chunks[2] = InputOutputRecord(u=odd.u, y=y, dt_s=odd.dt_s)
     with pytest.raises((RecordError, PeriodMismatch)):
         identify_chunks(chunks, order=2)
+
+
+def with_gaps(record: InputOutputRecord, rows: slice) -> InputOutputRecord:
+    y = record.y.copy()
+    y[rows] = np.nan
+    return replace(record, y=y)
+
+
+def test_several_experiments_are_summed_as_if_read_whole(draw: Draw) -> None:
+    records = [draw(seed) for seed in (0, 1, 2)]
+    whole = identify(records, order=2, lags=6, method="okid-era")
+    streamed = identify_chunks(*(in_chunks(record, 70) for record in records), order=2, lags=6, method="okid-era")
+    # The same windows, none across a border, in other units: equal to rounding.
+    np.testing.assert_allclose(impulse_response(streamed.model, 20), impulse_response(whole.model, 20), atol=1e-9)
+    assert streamed.gram.count == whole.gram.count == sum(len(record) - 6 for record in records)
+
+
+def test_an_experiment_that_stands_still_gives_way_to_the_next(draw: Draw, eq_12: LinearModel) -> None:
+    record = draw(0)
+    still = replace(record, u=np.zeros_like(record.u), y=np.zeros_like(record.y))
+    found = identify_chunks(in_chunks(still, 100), in_chunks(record, 100), order=2)
+    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    assert any(f"the first {len(record)} samples, in which a channel stands still" in text for text in found.report.warnings)
+
+
+def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stream, "KEPT", 250)
+    records = [draw(0), draw(1)]
+    found = identify_chunks(in_chunks(records[0], 90), in_chunks(part(records[1], 0, 100), 90), order=2)
+    assert [len(record) for record in found.judged] == [150, 100]
+    np.testing.assert_array_equal(found.judged[0].y, records[0].y[-150:])
+    np.testing.assert_array_equal(found.judged[1].u, records[1].u[:100])
+
+
+def test_a_chunk_that_is_all_gaps_is_no_fault_of_a_stream_that_is_not(draw: Draw, eq_12: LinearModel) -> None:
+    """Test: a logger pauses for two chunks of twenty, then for six. Expected result: the model; an error that tells the share."""
+    record = draw(0)
+    tenth, third = (slice(100, 100 + len(record) * part_ // 20) for part_ in (2, 6))
+    found = identify_chunks(in_chunks(with_gaps(record, tenth), len(record) // 20), order=2)
+    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    assert found.report.dropped >= len(record) // 10
+    with pytest.raises(NotFinite, match="30 % of the rows hold a NaN"):
+        identify_chunks(in_chunks(with_gaps(record, third), len(record) // 20), order=2)

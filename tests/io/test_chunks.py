@@ -96,6 +96,28 @@ def test_what_came_before_a_fault_has_been_yielded(tmp_path: Path) -> None:
         list(reader)
 
 
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize("rows", [2, 7, 40])
+def test_missing_rows_come_back_as_in_the_record_read_whole(written, record: InputOutputRecord, rows: int) -> None:
+    log = written("csv", record)
+    header, *lines = log.path.read_text().splitlines()
+    missing = (3, 14, 15, 16, 17, 28)  # alone, more than a chunk of two, and where one of seven would begin
+    log.path.write_text("\n".join([header, *(line for k, line in enumerate(lines) if k not in missing)]))
+    whole = read_record(log.path, log.inputs, log.outputs, allow_gaps=True)
+    parts = list(chunks_of(log, rows=rows, allow_gaps=True))
+    assert np.concatenate([part.u for part in parts]).tobytes() == whole.u.tobytes()
+    assert np.concatenate([part.y for part in parts]).tobytes() == whole.y.tobytes()
+    assert max(len(part) for part in parts) <= rows
+    with pytest.raises(PeriodMismatch, match="if rows are missing, pass --allow-gaps, else read it whole"):
+        list(chunks_of(log, rows=40))
+
+
+def test_one_wild_time_stamp_has_nothing_made_for_days(tmp_path: Path) -> None:
+    path = faulty(tmp_path / "log.csv", 29, "1e9,29,29")
+    with pytest.raises(PeriodMismatch, match=r":31: a step of 1e\+09 s"):
+        list(read_chunks(path, ("u",), ("y",), allow_gaps=True))
+
+
 def test_gaps_are_counted_over_the_whole_file(written, record: InputOutputRecord) -> None:
     log = written("csv", replace(record, y=np.where(np.arange(40)[:, None] < 8, np.nan, record.y)))
     assert sum(len(part) for part in chunks_of(log, rows=8, allow_gaps=True)) == 40

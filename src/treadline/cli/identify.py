@@ -67,7 +67,7 @@ def identify(
         validate_on: Another log to validate on.
         update: Sums of earlier data (--sums) to go on from.
         forgetting: Factor on the weight of earlier data for each new sample, for example 0.999; 1 forgets nothing.
-        stream: Read the file in chunks, in bounded memory; by itself above 256 MB.
+        stream: Read CSV or Parquet in chunks, in bounded memory; by itself above 256 MB.
         sums: Where the sums of all data are written, for --update.
         page: Where the page of plots is written; beside the model when left out.
         no_page: Write no page.
@@ -144,7 +144,8 @@ def _check(asked: _Asked, sums: Path | None) -> None:
 
 def _in_chunks(asked: _Asked, stream: bool | None) -> bool:
     """Say whether the log is read in chunks: as asked, else where it is long and nothing needs the whole of it."""
-    long = any(path.suffix.lower() in STREAMED and path.is_file() and path.stat().st_size > STREAMED_BYTES for path in asked.logs)
+    can = all(path.suffix.lower() in STREAMED and path.is_file() for path in asked.logs)
+    long = can and sum(path.stat().st_size for path in asked.logs) > STREAMED_BYTES
     return stream or (stream is None and long and asked.method != "best" and asked.update is None)
 
 
@@ -198,13 +199,21 @@ def _streamed(asked: _Asked) -> "Identified":
     ):
         if is_given:
             raise SettingsError(f"{name} needs the whole record; give --no-stream")
-    if len(asked.logs) > 1:
-        raise SettingsError(f"{len(asked.logs)} logs; a stream is one experiment: give one log, or --no-stream")
-    log = asked.logs[0]
-    reader = read_chunks(log, asked.inputs, asked.outputs, period_s=asked.period, allow_gaps=asked.allow_gaps)
-    with Share(f"reading {log.name}", lambda: reader.fraction) as share:
+    readers = [
+        read_chunks(log, asked.inputs, asked.outputs, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in asked.logs
+    ]
+    sizes = [log.stat().st_size for log in asked.logs]
+
+    def fraction() -> float:
+        return sum(size * reader.fraction for size, reader in zip(sizes, readers, strict=True)) / max(sum(sizes), 1)
+
+    with Share(f"reading {_titled(asked.logs)}", fraction) as share:
         return identify_chunks(
-            share.of(reader), order=asked.order, lags=asked.lags, method=asked.method or "pbsid", solver=asked.solver
+            *(share.of(reader) for reader in readers),
+            order=asked.order,
+            lags=asked.lags,
+            method=asked.method or "pbsid",
+            solver=asked.solver,
         )
 
 

@@ -22,7 +22,7 @@ from treadline.identification.intervals import of_observer
 from treadline.identification.kernels import observability, observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, misfit
 from treadline.identification.structure import ORDER_MOST
-from treadline.identification.validate import part
+from treadline.identification.validate import most_recent, part
 from treadline.models import InputOutputRecord
 
 BLOCKS = 5
@@ -317,7 +317,7 @@ def forecasts(system: Affine, held: Fitting, recipe: Recipe) -> Squares:
 
 def folds_of(whole: Fitting, most: int = BLOCKS) -> list[Fold]:
     """Return the data cut into blocks that judge in turn; each fits with what the others hold."""
-    records = _recent(whole.records)
+    records = most_recent(whole.records, JUDGED_MOST)
     total = sum(len(record) for record in records)
     least = 4 * (whole.data.lags + 1)
     blocks = max(2, min(most, total // least))
@@ -339,17 +339,6 @@ def folds_of(whole: Fitting, most: int = BLOCKS) -> list[Fold]:
 def _fitting(records: Sequence[InputOutputRecord], whole: Fitting) -> Fitting:
     data = whole.data
     return Fitting(data=gram_of(records, data.lags, data.units), records=records, feedthrough=whole.feedthrough)
-
-
-def _recent(records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
-    """Return the last records, cut to what judges."""
-    kept: list[InputOutputRecord] = []
-    left = JUDGED_MOST
-    for record in reversed(records):
-        if left > 0:
-            kept.insert(0, part(record, max(0, len(record) - left), len(record)))
-            left -= len(record)
-    return kept
 
 
 def _on_all(whole: Fitting, recipe: Recipe, rows: Sequence[Recipe]) -> Affine:

@@ -22,16 +22,19 @@ NOTHING_NEW = 1e-9
 """Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
 
 
-def check_records(records: list[InputOutputRecord]) -> Units:
+def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> Units:
     """Check that records are numbers, fit each other and move; return their units, which that takes.
 
     Whether each input moves by itself shows in the sums: ``check_independent``.
+
+    Args:
+        parts: Whether they are parts of longer ones: what share of those may be missing, is asked of the whole.
 
     Raises:
         RecordError: With the record, the column and the number.
         PeriodMismatch: If records have different periods.
     """
-    check_alike(records)
+    check_alike(records, parts=parts)
     return _check_movement(records)
 
 
@@ -47,8 +50,11 @@ def check_whole(**numbers: object) -> None:
             raise SettingsError(f"{name} is {given}; at least 1, a whole number")
 
 
-def check_alike(records: list[InputOutputRecord]) -> None:
+def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> None:
     """Check that records hold numbers and have the same channels and period.
+
+    Args:
+        parts: As above.
 
     Raises:
         RecordError: With the record, the column and the number.
@@ -57,6 +63,19 @@ def check_alike(records: list[InputOutputRecord]) -> None:
     first = records[0]
     if not all(len(record) for record in records):
         raise PoorExcitation("a record holds no samples; give a longer one")
+    _check_channels(first)
+    for index, record in enumerate(records):
+        where = f"record {index + 1}: " if len(records) > 1 else ""
+        if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:
+            raise ShapeMismatch(f"{where}has other channels than the first record")
+        if abs(record.dt_s - first.dt_s) > 1e-9 * first.dt_s:
+            raise PeriodMismatch(f"{where}period {record.dt_s:g} s, the first record has {first.dt_s:g} s; resample it")
+        _check_finite(record, where)
+        if not parts:
+            check_gaps(gaps_in(record), len(record), where)
+
+
+def _check_channels(first: InputOutputRecord) -> None:
     for kind, count, names in (("inputs", first.u.shape[1], first.input_names), ("outputs", first.y.shape[1], first.output_names)):
         if count == 0:
             raise ShapeMismatch(f"the record has no {kind}; give at least one")
@@ -66,13 +85,24 @@ def check_alike(records: list[InputOutputRecord]) -> None:
             raise ShapeMismatch(f"{count} {kind} in {len(first)} samples: is the record transposed?")
     if not math.isfinite(first.dt_s):
         raise PeriodMismatch(f"the record's period is {first.dt_s} s; it must be finite")
-    for index, record in enumerate(records):
-        where = f"record {index + 1}: " if len(records) > 1 else ""
-        if record.u.shape[1:] != first.u.shape[1:] or record.y.shape[1:] != first.y.shape[1:]:
-            raise ShapeMismatch(f"{where}has other channels than the first record")
-        if abs(record.dt_s - first.dt_s) > 1e-9 * first.dt_s:
-            raise PeriodMismatch(f"{where}period {record.dt_s:g} s, the first record has {first.dt_s:g} s; resample it")
-        _check_finite(record, where)
+
+
+def gaps_in(record: InputOutputRecord) -> int:
+    """Return in how many samples a channel is missing."""
+    if np.isfinite(record.u).all() and np.isfinite(record.y).all():
+        return 0
+    return int(np.count_nonzero(~(np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1))))
+
+
+def check_gaps(gaps: int, samples: int, where: str = "") -> None:
+    """Refuse a record that is mostly holes.
+
+    Raises:
+        NotFinite: With the share.
+    """
+    share = gaps / max(samples, 1)
+    if share > GAP_SHARE:
+        raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
 
 
 def _check_finite(record: InputOutputRecord, where: str) -> None:
@@ -85,15 +115,9 @@ def _check_finite(record: InputOutputRecord, where: str) -> None:
                 f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
                 f"meant? convert it; an angle that was unwrapped is called …{UNWRAPPED}"
             )
-    if np.isfinite(record.u).all() and np.isfinite(record.y).all():
-        return
-    z = np.hstack([record.u, record.y])
-    for name, column in zip(names, z.T, strict=True):
+    for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):
         if np.isinf(column).any():
             raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
-    share = float(np.mean(~np.isfinite(z).all(axis=1)))
-    if share > GAP_SHARE:
-        raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
 
 
 def _check_movement(records: list[InputOutputRecord]) -> Units:

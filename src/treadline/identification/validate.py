@@ -3,6 +3,7 @@
 Behind a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -168,6 +169,17 @@ def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
 def joined_in_time(first: InputOutputRecord, second: InputOutputRecord) -> InputOutputRecord:
     """Return one record of two of which the second begins where the first ends."""
     return replace(first, u=np.vstack([first.u, second.u]), y=np.vstack([first.y, second.y]))
+
+
+def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[InputOutputRecord]:
+    """Return the last records, cut to so many samples in all."""
+    kept: list[InputOutputRecord] = []
+    left = samples
+    for record in reversed(records):
+        if left > 0:
+            kept.insert(0, part(record, max(0, len(record) - left), len(record)))
+            left -= len(record)
+    return kept
 
 
 def part(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:

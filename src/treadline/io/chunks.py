@@ -8,10 +8,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from treadline.errors import LogFormatError, SettingsError
 from treadline.io.records import file_of, joined, open_log
-from treadline.io.resample import period_of, uneven
-from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
+from treadline.io.resample import MOST_ROWS, Times, period_of, places_of, spread, uneven
+from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, no_clock
 from treadline.models import InputOutputRecord
 
 ROWS = 262_144
@@ -32,7 +34,8 @@ def read_chunks(
     Args:
         rows: Rows of each chunk but the last.
         period_s: Sampling period; the median step of the first chunk when left out.
-        allow_gaps: Accept rows with NaN.
+        allow_gaps: Accept rows with NaN, and rows that are missing where all times lie on the grid of the period: those become
+            rows of NaN, in chunks of their own where they are many.
 
     Raises:
         RecordError: While it is iterated, with file, line and column.
@@ -72,20 +75,30 @@ class ChunkReader:
         gaps = rows = 0
         for table in _of_length(self._log, self._rows):
             check_values(table, allow_gaps=self._allow_gaps)
+            places = None
             if table.t_s is not None:
                 period_s = period_of(table, table.t_s, period_s, before_s)
-                error = uneven(table, table.t_s, period_s, before_s, remedy="a stream is not resampled: read it whole")
-                if error is not None:
-                    raise error
+                places = self._places(table, table.t_s, period_s, before_s)
                 before_s = float(table.t_s[-1])
             if period_s is None:
                 raise no_clock(table)
-            gaps += gaps_in(table)
-            rows += len(table)
-            u, y = table.values[:, :m], table.values[:, m:]
-            yield InputOutputRecord(u=u, y=y, dt_s=period_s, input_names=inputs, output_names=outputs)
+            for values in [table.values] if places is None else spread(table.values, places, self._rows):
+                gaps += int(np.isnan(values).any(axis=1).sum())
+                rows += len(values)
+                yield InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
         if rows:
             check_gaps(table.file, gaps, rows)
+
+    def _places(self, table: Table, t_s: Times, period_s: float, before_s: float | None) -> Times | None:
+        """Return where the rows belong if some are missing between them, or None where each follows the one before."""
+        error = uneven(table, t_s, period_s, before_s, remedy="read it whole: a stream is not resampled")
+        if error is None:
+            return None
+        places = places_of(t_s, period_s, before_s) if self._allow_gaps else None
+        # One wild time stamp would have nothing made for days.
+        if places is None or places[-1] > MOST_ROWS:
+            raise error
+        return places
 
 
 def _of_length(tables: Iterable[Table], rows: int) -> Iterator[Table]:

@@ -4,6 +4,8 @@ Inputs are held, for that is what acted; outputs are interpolated. Where rows ar
 need be made up: they come back as rows of NaN.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -42,9 +44,9 @@ def uneven(
     if not off.size:
         return None
     k = int(off[0])
-    places = _places(t_s, period_s)
-    if remedy == RESAMPLE and places is not None and len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0):
-        remedy = "if rows are missing, pass --allow-gaps, else --resample"
+    places = places_of(t_s, period_s, before_s)
+    if places is not None and len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0):
+        remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
         f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
     )
@@ -56,24 +58,36 @@ def with_gaps(table: Table, t_s: Times, period_s: float) -> Float64[np.ndarray, 
     Raises:
         NotFinite: If too many rows are missing or hold NaN.
     """
-    places = _places(t_s, period_s)
+    places = places_of(t_s, period_s)
     if places is None:
         return None
     rows = int(places[-1]) + 1
     check_gaps(table.file, rows - len(table) + gaps_in(table), rows)
-    values = np.full((rows, len(table.names)), np.nan)
-    values[places.astype(int)] = table.values
-    return values
+    return next(spread(table.values, places, rows))
 
 
-def _places(t_s: Times, period_s: float) -> Times | None:
-    """Return the place of each row on the period's grid, or None where a step is no multiple of the period."""
-    steps = np.diff(t_s) / period_s
+def spread(values: Float64[np.ndarray, "n c"], places: Times, rows: int) -> Iterator[Float64[np.ndarray, "_ c"]]:
+    """Yield rows at their places and rows of NaN between them, so many at a time; the last may be fewer."""
+    total = int(places[-1]) + 1
+    for start in range(0, total, rows):
+        part = np.full((min(rows, total - start), values.shape[1]), np.nan)
+        first, last = np.searchsorted(places, (start, start + len(part))).tolist()
+        part[places[first:last].astype(int) - start] = values[first:last]
+        yield part
+
+
+def places_of(t_s: Times, period_s: float, before_s: float | None = None) -> Times | None:
+    """Return the place of each row on the period's grid, or None where a step is no multiple of the period.
+
+    Args:
+        before_s: Time of the row before the first, from which places count on; left out, the first row's is 0.
+    """
+    steps = _steps(t_s, before_s) / period_s
     whole = np.rint(steps)
     # Not "off >": what overflows fails every comparison.
     if not ((np.abs(steps - whole) <= IRREGULAR) & (whole >= 1.0)).all():
         return None
-    return np.concatenate([[0.0], np.cumsum(whole)])
+    return np.concatenate([[0.0], np.cumsum(whole)]) if before_s is None else np.cumsum(whole) - 1.0
 
 
 def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64[np.ndarray, "k c"]:
