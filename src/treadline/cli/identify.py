@@ -59,7 +59,8 @@ def identify(
         lags: Observer lags p; chosen from the data when left out.
         method: best (several ways, judged by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
             (Eq. 9c as printed). Left out: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best
-            takes zero for rest unless held-out data speak against it.
+            takes zero for rest, and a left and a right belt that turn a vehicle by their difference, unless the data speak
+            against it.
         delays: Dead time of each input in samples (0,2), or auto to find it.
         solver: gram, or qr: slower, exact on data without noise.
         stable: Mirror poles outside the unit circle.
@@ -242,6 +243,7 @@ def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answ
         summary=[
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
             f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
+            *([f"{' and '.join(found.model.input_names)} act by their difference alone"] if report.mirrored else []),
             f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
             "than the mean)",
             f"one step ahead: {ahead} of the variance",

@@ -17,6 +17,7 @@ from treadline.identification.fitting import Fitting, Recipe
 from treadline.identification.gram import Gram, Units
 from treadline.identification.intervals import MEMORY_PER_LAG, Intervals, of_observer, of_predicting, of_refined
 from treadline.identification.intervals_of_correlations import of_correlations
+from treadline.identification.mirror import Mirror
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.order import OrderChoice
 from treadline.identification.report import Candidate, IdentificationReport
@@ -56,17 +57,16 @@ class Identified:
         judged: Sequence[InputOutputRecord],
         shifts: Sequence[int],
         started: float,
+        gram: Gram,
+        mirror: Mirror | None = None,
     ) -> None:
         self.model = model
         self.fitted = fitted
         self.judged = judged
-        self._found, self._method, self._shifts = found, method, shifts
-        self._seconds = time.perf_counter() - started
-
-    @property
-    def gram(self) -> Gram:
+        self.gram = gram
         """The sums of the data, from which a later identification can go on."""
-        return self._found.fitting.data
+        self._found, self._method, self._shifts, self._mirror = found, method, shifts, mirror
+        self._seconds = time.perf_counter() - started
 
     @property
     def svd(self) -> HankelSvd:
@@ -76,7 +76,11 @@ class Identified:
     @cached_property
     @one_thread()
     def intervals(self) -> Intervals | None:
-        """How sure the model is; None where the data are too short to tell. Dead time counts as known."""
+        """How sure the model is; None where the data are too short to tell. Dead time and a mirror count as known."""
+        told = self._intervals()
+        return told if told is None or self._mirror is None else self._mirror.intervals(told, self.gram.units)
+
+    def _intervals(self) -> Intervals | None:
         found = self._found
         recipe, fitting = found.recipe, found.fitting
         if recipe.method == "deconvolution" or recipe.step == "inputs-again":
@@ -104,7 +108,7 @@ class Identified:
         started = time.perf_counter()
         found, model = self._found, self.model
         judgement = reports.judge(model, self.judged)
-        delays = [d + shift for d, shift in zip(input_delays(found.observer), self._shifts, strict=True)]
+        delays = [d + shift for d, shift in zip(self._delays(), self._shifts, strict=True)]
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning(support)]
         warnings += reports.doubts(judgement, model, self.fitted, self.judged)
@@ -119,6 +123,7 @@ class Identified:
             constants=found.recipe.constants,
             step=found.recipe.step,
             feedthrough=found.fitting.feedthrough,
+            mirrored=self._mirror is not None,
             delays=delays,
             singular_values=[float(value) for value in found.svd.s],
             gap=reports.known(found.choice.gap),
@@ -147,6 +152,10 @@ class Identified:
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
         )
+
+    def _delays(self) -> list[int]:
+        delays = input_delays(self._found.observer)
+        return delays if self._mirror is None else delays * len(self._shifts)
 
     def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:
         late = [

@@ -13,14 +13,16 @@ from treadline.identification.affine import Affine, to_model
 from treadline.identification.checks import (
     channel_names,
     check_alike,
+    check_independent,
     check_records,
     check_whole,
 )
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.fitting import with_inputs_again
 from treadline.identification.from_sums import from_sums, made_by, sums_of
-from treadline.identification.gram import Gram, Units
+from treadline.identification.gram import Gram, Units, units_of
 from treadline.identification.identified import Found, Identified
+from treadline.identification.mirror import Mirror, mirror_of
 from treadline.identification.okid import observer_markov
 from treadline.identification.reduction import stabilised
 from treadline.identification.report import whole_samples
@@ -86,10 +88,12 @@ def identify(
     shifts = _dead_time(fitted, delays, lags, order, feedthrough, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, halves = sums_of(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
+    mirror = _mirror(moved, data, lags, feedthrough) if method == "best" else None
+    taken = moved if mirror is None else mirror.difference(moved)
+    sums = (data, halves) if mirror is None else sums_of(taken, lags, order, solver, units_of(taken))
     found = from_sums(
-        data,
-        halves,
-        moved,
+        *sums,
+        taken,
         order=order,
         lags=lags,
         method=method,
@@ -100,7 +104,9 @@ def identify(
     )
     if stable:
         found = replace(found, system=_stable(found))
-    model = to_model(found.system, found.units, data.dt_s, channel_names(given[0]), made_by(method, found.recipe, shifts))
+    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), made_by(method, found.recipe, shifts))
+    if mirror is not None:
+        model = mirror.model(model, found.recipe.constants * data.units.shift[:2])
     if any(shifts):
         model = with_delays(model, shifts)
     return Identified(
@@ -111,7 +117,14 @@ def identify(
         judged=judged,
         shifts=shifts,
         started=started,
+        gram=data,
+        mirror=mirror,
     )
+
+
+def _mirror(moved: Sequence[InputOutputRecord], data: Gram, lags: int | None, feedthrough: bool | None) -> Mirror | None:
+    check_independent(data, channel_names(moved[0]))
+    return mirror_of(moved, data, lags, feedthrough)
 
 
 def _stable(found: Found) -> Affine:

@@ -8,7 +8,7 @@ between recipes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
@@ -20,7 +20,7 @@ from treadline.identification.factor import inverse
 from treadline.identification.gram import Gram, Units
 from treadline.identification.kernels import observability, tangents, unroll
 from treadline.identification.okid import ObserverMarkov, regression
-from treadline.identification.refine import Directions, Experiment, directions, jacobian
+from treadline.identification.refine import Directions, Experiment, directions, jacobian, mixed
 from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
 
 CONFIDENCE = 0.95
@@ -50,6 +50,15 @@ class Intervals:
     def narrowed(self, share: float) -> "Intervals":
         """Return the intervals of a model made of more data, of which these tell of a share."""
         return Intervals(system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units)
+
+    def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "Intervals":
+        """Return those of a model whose inputs are made of others: u = mixing·v, both in units of deviations.
+
+        Args:
+            units: With the others' for its inputs.
+        """
+        system = replace(self.system, B=mixed(self.system.B, mixing), D=mixed(self.system.D, mixing))
+        return Intervals(system=system, ways=self.ways.through(mixing), units=units)
 
     def pole_radii(self) -> Float[np.ndarray, " n"]:
         """Return the radius of each pole's disc that holds the true one with 95 %.

@@ -73,11 +73,21 @@ class Directions:
         """Return the changes along each column of ``root``."""
         return Directions(A=self.A @ root, B=self.B @ root, C=self.C @ root, D=self.D @ root)
 
+    def through(self, mixing: Float[np.ndarray, "m v"]) -> "Directions":
+        """Return the changes where inputs are made of others: u = mixing·v."""
+        return Directions(A=self.A, B=mixed(self.B, mixing), C=self.C, D=mixed(self.D, mixing))
+
     def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
         """Return the system a step further."""
         return replace(
             system, A=system.A + self.A @ step, B=system.B + self.B @ step, C=system.C + self.C @ step, D=system.D + self.D @ step
         )
+
+
+def mixed(matrix: Float[np.ndarray, "n m1 *d"], mixing: Float[np.ndarray, "m v"]) -> Float[np.ndarray, "n v1 *d"]:
+    """Return what takes v where a matrix takes u = mixing·v; its last column, of the constants, stays."""
+    m = len(mixing)
+    return np.concatenate([np.einsum("nm...,mv->nv...", matrix[:, :m], mixing), matrix[:, m:]], axis=1)
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:

@@ -52,6 +52,8 @@ class IdentificationReport:
     step: str
     """The last step that was taken: ``subspace``, ``inputs-again``, ``output-error`` or ``prediction-error``."""
     feedthrough: bool
+    mirrored: bool
+    """Whether a left and a right input act by their difference alone."""
     delays: list[int]
     """Samples after which each input shows in the outputs; 0 is feedthrough."""
     singular_values: list[float]

@@ -71,6 +71,7 @@ def identify_chunks(
         judged=last,
         shifts=[0] * start.record.u.shape[1],
         started=started,
+        gram=data,
     )
 
 

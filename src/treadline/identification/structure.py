@@ -30,12 +30,23 @@ def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None, *,
     """
     if lags is not None and feedthrough is not None:
         return lags, feedthrough
+    choices, values = _by_schwarz(whole, lags, feedthrough)
+    used, has_d = choices[int(np.argmin(values))]
+    return (_akaike_lags(whole, feedthrough=has_d) if is_model and lags is None else used), has_d
+
+
+def least_schwarz(whole: Gram, lags: int | None, feedthrough: bool | None) -> float:
+    """Return Schwarz's criterion of the lags and the feedthrough that it takes: by it, other inputs to the same outputs compare."""
+    return float(_by_schwarz(whole, lags, feedthrough)[1].min())
+
+
+def _by_schwarz(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple[list[tuple[int, bool]], Float[np.ndarray, " k"]]:
+    """Return all lags and feedthroughs that are open, and the criterion of each."""
     tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
     kinds = (False, True) if feedthrough is None else (feedthrough,)
     left = residuals_by_lags(whole, tried, kinds)
     choices = [(p, has_d) for has_d in kinds for p in tried]
-    used, has_d = choices[int(np.argmin(_schwarz(whole, np.concatenate(left), choices)))]
-    return (_akaike_lags(whole, feedthrough=has_d) if is_model and lags is None else used), has_d
+    return choices, _misfits(whole, np.concatenate(left)) + _coefficients(whole, choices) * np.log(whole.count)
 
 
 def _akaike_lags(whole: Gram, *, feedthrough: bool) -> int:
@@ -49,10 +60,6 @@ def _akaike_lags(whole: Gram, *, feedthrough: bool) -> int:
     count, p = _coefficients(whole, choices), left.shape[1]
     spare = np.maximum(whole.count - count / p - p - 1.0, 1.0)
     return int(np.argmin(_misfits(whole, left) + 2.0 * count * whole.count / spare)) + 1
-
-
-def _schwarz(whole: Gram, squares: Float[np.ndarray, "k p p"], choices: Sequence[tuple[int, bool]]) -> Float[np.ndarray, " k"]:
-    return _misfits(whole, squares) + _coefficients(whole, choices) * np.log(whole.count)
 
 
 def _misfits(whole: Gram, squares: Float[np.ndarray, "k p p"]) -> Float[np.ndarray, " k"]:
