@@ -15,6 +15,7 @@ from treadline.perception import DetectorConfig, Sight, StairDetector
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
 from treadline.sim.camera import Camera
+from treadline.sim.camera.solids import solids_of, upright
 
 ROBUST = StairDetector(DetectorConfig(method="robust"))
 PAPER = StairDetector(DetectorConfig(method="paper"))
@@ -198,3 +199,21 @@ def test_winders_yield_no_heading(turn_deg: float) -> None:
         frame = camera.frame(0.0, R_WC, np.array([-1.0, 0.0, 0.0]) + np.array(chair.mount_m))
         sight = ROBUST.look(frame, R_WC.T @ np.array([0.0, 0.0, -1.0]))
         assert not sight.accepted
+
+
+@pytest.mark.parametrize(("place_m", "alike"), [(1.4, False), (1.5, False), (1.6, True), (1.7, True), (1.8, True), (1.9, True)])
+def test_a_flight_is_refused_where_its_image_is_that_of_a_doorstep_before_a_wall(place_m: float, alike: bool) -> None:
+    stair = build_staircase(Stair(slope_deg=30.0, steps=10, walls="none"), np.random.default_rng(1))
+    first, second = stair.steps[:2]
+    half = 0.5 * stair.width_m
+    doorstep = [solid for solid in solids_of(stair.boxes()) if solid.kind == "floor" or solid.index == 0]
+    door = upright("wall", (second.x_m, -half, 0.0), (second.x_m + 0.1, half, 2.2))
+    p_WC = np.array([first.x_m - place_m, 0.0, 0.0]) + np.array(CAMERA.mount_m)
+    of_flight, of_doorstep = (
+        Camera(scene, CAMERA, rng=np.random.default_rng(2)).frame(0.0, CAMERA.R_BC, p_WC) for scene in (stair, (*doorstep, door))
+    )
+    # Alike to the last bit, noise and all: no rule can take the one and refuse the other. A step nearer the second tread shows.
+    assert np.array_equal(of_flight.depth_m, of_doorstep.depth_m, equal_nan=True) == alike
+    down = CAMERA.R_BC.T @ np.array([0.0, 0.0, -1.0])
+    assert ROBUST.look(of_flight, down).accepted != alike
+    assert_refused(ROBUST.look(of_doorstep, down))
