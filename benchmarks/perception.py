@@ -210,24 +210,24 @@ HEADING_COLUMNS = (
 
 def heading_row(case: Case, seeds: range) -> str:
     """Return one row of the heading table."""
-    seen = list(looks(case, seeds))
-    errors, strains = [], []
-    for look in seen:
+    errors, strains, enough, spent = [], [], [], []
+    for look in looks(case, seeds):  # one at a time: whoever keeps all frames waits for memory, and the clock runs
+        spent.append(look.spent_ms)
+        # One tread alone is a doorstep's, or the end of a shelf.
+        enough += [look.sight.accepted] if look.view.stair is not None and look.view.stair.treads_in_view >= 2 else []
         if look.sight.heading_rad is not None and look.sight.sigma_rad is not None and look.view.stair is not None:
             error = look.sight.heading_rad - case.taken_off_deg * DEG - look.view.stair.heading_rad
             errors.append(error / DEG)
             strains.append(error / look.sight.sigma_rad)
-    if not seen:
+    if not spent:
         return f"| {case.label} | 0 | | | | | | | | |"
-    spent_ms = np.median([look.spent_ms for look in seen])
+    spent_ms = np.median(spent)
     if not errors:
-        return f"| {case.label} | {len(seen)} | 0 % | | | | | | | {spent_ms:.1f} |"
+        return f"| {case.label} | {len(spent)} | 0 % | | | | | | | {spent_ms:.1f} |"
     size, strain = np.abs(errors), np.array(strains)
-    # One alone is a doorstep, or the end of a shelf.
-    enough = [look.sight.accepted for look in seen if look.view.stair and look.view.stair.treads_in_view >= 2]
     of_enough = f"{100 * np.mean(enough):.0f} % of {len(enough)}" if enough else ""
     return (
-        f"| {case.label} | {len(seen)} | {100 * len(errors) / len(seen):.0f} % | {of_enough} | {np.sqrt(np.mean(size**2)):.3f}° | "
+        f"| {case.label} | {len(spent)} | {100 * len(errors) / len(spent):.0f} % | {of_enough} | {np.sqrt(np.mean(size**2)):.3f}° | "
         f"{np.quantile(size, 0.95):.3f}° | {size.max():.3f}° | {100 * np.mean(np.abs(strain) < 1.96):.0f} % | "
         f"{np.mean(strain**2):.2f} | {spent_ms:.1f} |"
     )

@@ -28,7 +28,7 @@ OWN_FOR_DRIFT = 0.35
 """The same where a drift is looked for: errors that frames share wander too.
 
 With a quarter, two of twenty minutes on as-built flights had a drift that was none; so none had, and drifts of 0.5, 1 and 2 °/s
-were found after 1.5, 0.6 and 0.3 s in the median, 0.1 s later at most.
+were found after 1.5, 0.6 and 0.3 s in the median, 0.15 s later at most.
 """
 
 
