@@ -81,8 +81,11 @@ def _one_set(data: DataSet, folder: Path, fits: dict[str, peers.Fit]) -> Row:
     if best is None or best.model is None:
         return (data.name, *shown, "–", "–", "–", known)
     model = next((score.model for score in scores if score.method in told), None)
-    low, high = (-np.inf, np.inf) if model is None else fits_apart(model, best.model, halves(data, folder)[1])
-    return (data.name, *shown, percent(best.percent), best.method, f"{low:+.1f} to {high:+.1f}", known)
+    apart = "–"
+    if model is not None:
+        low, high = fits_apart(model, best.model, halves(data, folder)[1])
+        apart = f"{low:+.1f} to {high:+.1f}"
+    return (data.name, *shown, percent(best.percent), best.method, apart, known)
 
 
 def main() -> None:

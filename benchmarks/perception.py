@@ -211,7 +211,7 @@ HEADING_COLUMNS = (
 def heading_row(case: Case, seeds: range) -> str:
     """Return one row of the heading table."""
     errors, strains, enough, spent = [], [], [], []
-    for look in looks(case, seeds):  # one at a time: whoever keeps all frames waits for memory, and the clock runs
+    for look in looks(case, seeds):  # one at a time: who keeps all frames waits for memory, and the clock runs
         spent.append(look.spent_ms)
         # One tread alone is a doorstep's, or the end of a shelf.
         enough += [look.sight.accepted] if look.view.stair is not None and look.view.stair.treads_in_view >= 2 else []
@@ -226,8 +226,9 @@ def heading_row(case: Case, seeds: range) -> str:
         return f"| {case.label} | {len(spent)} | 0 % | | | | | | | {spent_ms:.1f} |"
     size, strain = np.abs(errors), np.array(strains)
     of_enough = f"{100 * np.mean(enough):.0f} % of {len(enough)}" if enough else ""
+    accepted = f"{len(spent)} | {100 * len(errors) / len(spent):.0f} % | {of_enough}"
     return (
-        f"| {case.label} | {len(spent)} | {100 * len(errors) / len(spent):.0f} % | {of_enough} | {np.sqrt(np.mean(size**2)):.3f}° | "
+        f"| {case.label} | {accepted} | {np.sqrt(np.mean(size**2)):.3f}° | "
         f"{np.quantile(size, 0.95):.3f}° | {size.max():.3f}° | {100 * np.mean(np.abs(strain) < 1.96):.0f} % | "
         f"{np.mean(strain**2):.2f} | {spent_ms:.1f} |"
     )

@@ -70,7 +70,7 @@ def test_a_later_chunk_of_another_kind_is_refused(draw: Draw, spoil: str) -> Non
         identify_chunks(chunks, order=2)
 
 
-def with_gaps(record: InputOutputRecord, rows: slice) -> InputOutputRecord:
+def with_gaps(record: InputOutputRecord, rows: slice | np.ndarray) -> InputOutputRecord:
     y = record.y.copy()
     y[rows] = np.nan
     return replace(record, y=y)
@@ -85,12 +85,45 @@ def test_several_experiments_are_summed_as_if_read_whole(draw: Draw) -> None:
     assert streamed.gram.count == whole.gram.count == sum(len(record) - 6 for record in records)
 
 
-def test_an_experiment_that_stands_still_gives_way_to_the_next(draw: Draw, eq_12: LinearModel) -> None:
+def test_an_experiment_that_stands_still_is_waited_for_too(draw: Draw, eq_12: LinearModel) -> None:
     record = draw(0)
     still = replace(record, u=np.zeros_like(record.u), y=np.zeros_like(record.y))
     found = identify_chunks(in_chunks(still, 100), in_chunks(record, 100), order=2)
     np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
-    assert any(f"the first {len(record)} samples, in which a channel stands still" in text for text in found.report.warnings)
+    assert not any("left out" in warning for warning in found.report.warnings)
+
+
+def test_short_experiments_carry_together_what_none_does_alone(draw: Draw) -> None:
+    record = draw(0, noise=0.1)
+    pieces = in_chunks(record, 30)
+    streamed = identify_chunks(*([piece] for piece in pieces), method="okid-era", order=2)
+    whole = identify(pieces, method="okid-era", order=2)
+    np.testing.assert_allclose(impulse_response(streamed.model, 20), impulse_response(whole.model, 20), atol=1e-8)
+
+
+@pytest.mark.parametrize("rows", [[1000, 60], [60, 1000], [1000], [1000, 12], [500, 500, 60]])
+def test_chunks_of_unequal_length_tell_the_same_order(draw: Draw, rows: list[int]) -> None:
+    """Test: noise that hides the second mode from few windows. Expected result: the order, from halves that are some."""
+    records = [draw(seed, samples=count, noise=0.3) for seed, count in enumerate(rows)]
+    by_chunks = identify_chunks(*([record] for record in records), method="okid-era", lags=8)
+    assert by_chunks.report.order == identify(records, method="okid-era", lags=8).report.order
+
+
+def test_what_comes_before_a_long_pause_judges_where_nothing_comes_after(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stream, "KEPT", 100)
+    record = draw(0)
+    found = identify_chunks(in_chunks(with_gaps(record, slice(850, 1000)), 60), order=2)
+    assert sum(len(part_) for part_ in found.judged) == 100
+    np.testing.assert_array_equal(found.judged[-1].y[-1], record.y[849])
+    assert all(value > 99.0 for value in found.report.fit_percent.values())
+
+
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_stream_that_is_mostly_holes_is_told_so(draw: Draw, share: float) -> None:
+    rows = np.arange(1000)
+    spoilt = with_gaps(draw(0), rows[rows % 2 == 0] if share < 1.0 else rows)
+    with pytest.raises(NotFinite, match=f"{100 * share:.0f} % of the rows hold a NaN"):
+        identify_chunks(in_chunks(spoilt, 100), order=2)
 
 
 def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:

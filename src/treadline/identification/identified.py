@@ -166,8 +166,8 @@ class Identified:
         return [f"dead time: {', '.join(late)}; --delays auto takes it out of the states"] if late else []
 
     def _excitation_warning(self, support: int) -> list[str]:
-        told = reports.together(self.fitted, self.model.input_names)
+        told = reports.together(self.fitted, self.model.input_names, mirrored=self._mirror is not None)
         order = self._found.system.order
-        if support < order and support <= self.gram.lags:
+        if support < order and support <= self._found.fitting.data.lags:
             told.append(f"poor excitation: {too_little(support, order)}; give inputs that move more freely")
         return told

@@ -20,7 +20,7 @@ from treadline.identification.checks import (
 from treadline.identification.delays import input_delays, with_delays, without_delays
 from treadline.identification.fitting import with_inputs_again
 from treadline.identification.from_sums import from_sums, made_by, sums_of
-from treadline.identification.gram import Gram, Units, units_of
+from treadline.identification.gram import Gram, Units
 from treadline.identification.identified import Found, Identified
 from treadline.identification.mirror import Mirror, mirror_of
 from treadline.identification.okid import observer_markov
@@ -90,7 +90,7 @@ def identify(
     data, halves = sums_of(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
     mirror = _mirror(moved, data, lags, feedthrough) if method == "best" else None
     taken = moved if mirror is None else mirror.difference(moved)
-    sums = (data, halves) if mirror is None else sums_of(taken, lags, order, solver, units_of(taken))
+    sums = (data, halves) if mirror is None else sums_of(taken, lags, order, solver, mirror.units(taken, data.units))
     found = from_sums(
         *sums,
         taken,
@@ -117,7 +117,7 @@ def identify(
         judged=judged,
         shifts=shifts,
         started=started,
-        gram=data,
+        gram=found.fitting.data if mirror is None else data,
         mirror=mirror,
     )
 

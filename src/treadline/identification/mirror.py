@@ -40,6 +40,19 @@ class Mirror:
         left = self.names[int(np.argmin(self.signs))]
         return [replace(record, u=record.u @ self.signs.T, input_names=(f"{RIGHT}_less_{left}",)) for record in records]
 
+    def units(self, difference: Sequence[InputOutputRecord], units: Units) -> Units:
+        """Return the difference's units, the outputs' being those of the belts: what is judged must not change with its units.
+
+        Args:
+            units: Of the belts.
+        """
+        of_input = units_of(difference).scale[:1]
+        return Units(
+            shift=np.concatenate([self.signs @ units.shift[:2], units.shift[2:]]),
+            scale=np.concatenate([of_input, units.output_scale]),
+            input_count=1,
+        )
+
     def model(self, model: LinearModel, about: Float[np.ndarray, " 2"]) -> LinearModel:
         """Return the model of both belts.
 
@@ -80,7 +93,7 @@ def mirror_of(records: Sequence[InputOutputRecord], data: Gram, lags: int | None
     if mirror is None:
         return None
     alone = mirror.difference(records)
-    units = units_of(alone)
+    units = mirror.units(alone, data.units)
     if not units.input_scale[0] > STILL * float(data.units.input_scale.min()):
         return None
     by_difference = least_schwarz(gram_of(alone, data.lags, units), lags, feedthrough)

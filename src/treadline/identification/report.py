@@ -151,17 +151,23 @@ def doubts(
     return found
 
 
-def together(records: Sequence[InputOutputRecord], names: Sequence[str]) -> list[str]:
-    """Return a warning where inputs move nearly together: what tells them apart is then known from little."""
+def together(records: Sequence[InputOutputRecord], names: Sequence[str], *, mirrored: bool = False) -> list[str]:
+    """Return a warning where inputs move nearly together: what tells them apart is then known from little.
+
+    Args:
+        mirrored: Whether they act by their difference alone.
+    """
     u = np.vstack([record.u for record in records])
     u = u[np.isfinite(u).all(axis=1)]
     values, V = np.linalg.eigh(np.corrcoef(u.T)) if u.shape[1] > 1 else (np.ones(1), np.eye(1))
     if values[0] > NEARLY_TOGETHER:
         return []
     two = np.argsort(-np.abs(V[:, 0]))[:2]
+    apart = "their difference, by which they act," if mirrored else "what tells the inputs apart"
+    remedy = "turn more" if mirrored else "let each move by itself"
     return [
-        f"poor excitation: '{names[int(two[0])]}' and '{names[int(two[1])]}' move nearly together; what tells the inputs apart "
-        f"has {100.0 * float(values[0]):.0f} % of one input's variance: let each move by itself"
+        f"poor excitation: '{names[int(two[0])]}' and '{names[int(two[1])]}' move nearly together; {apart} has "
+        f"{100.0 * float(values[0]):.0f} % of one input's variance: {remedy}"
     ]
 
 

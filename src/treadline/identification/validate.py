@@ -166,19 +166,21 @@ def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
     return part(record, 0, min(samples, len(record)))
 
 
-def joined_in_time(first: InputOutputRecord, second: InputOutputRecord) -> InputOutputRecord:
-    """Return one record of two of which the second begins where the first ends."""
-    return replace(first, u=np.vstack([first.u, second.u]), y=np.vstack([first.y, second.y]))
+def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:
+    """Return one record of several of which each begins where the one before ends."""
+    return replace(records[0], u=np.vstack([record.u for record in records]), y=np.vstack([record.y for record in records]))
 
 
 def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[InputOutputRecord]:
-    """Return the last records, cut to so many samples in all."""
+    """Return the last records, cut to so many samples in all of which nothing is missing."""
     kept: list[InputOutputRecord] = []
     left = samples
     for record in reversed(records):
-        if left > 0:
-            kept.insert(0, part(record, max(0, len(record) - left), len(record)))
-            left -= len(record)
+        whole = np.flatnonzero(np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1))
+        whole = whole[max(0, whole.size - left) :]
+        if whole.size:
+            kept.insert(0, part(record, int(whole[0]), int(whole[-1]) + 1))
+            left -= whole.size
     return kept
 
 

@@ -32,7 +32,7 @@ def read_chunks(
     """Return an iterator over the chunks of a CSV or Parquet file; its ``fraction`` says how far it has come.
 
     Args:
-        rows: Rows of each chunk but the last.
+        rows: Rows of each chunk at most; where none are missing, of all but the last.
         period_s: Sampling period; the median step of the first chunk when left out.
         allow_gaps: Accept rows with NaN, and rows that are missing where all times lie on the grid of the period: those become
             rows of NaN, in chunks of their own where they are many.

@@ -45,7 +45,8 @@ def uneven(
         return None
     k = int(off[0])
     places = places_of(t_s, period_s, before_s)
-    if places is not None and len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0):
+    # What share of a stream is missing, nobody knows before its end.
+    if places is not None and (before_s is not None or len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
         f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"

@@ -32,7 +32,7 @@ ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
 WARPS_PX = np.geomspace(0.0003, 0.1, 7)
 """Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
 FINE = prior(ANGLES, ANGLES, WARPS_PX)
-ROUGH = prior(ANGLES[4:5], ANGLES[4:5], WARPS_PX)
+ROUGH = prior(ANGLES[4:5], ANGLES[4:5], WARPS_PX, as_drawn=0.0)
 """For a first turn."""
 COARSE = prior(*(grid[::3].copy() for grid in (ANGLES, ANGLES, WARPS_PX)), as_drawn=0.0, usual_rad=np.inf)
 """To tell strays by; copied, as compiled loops are compiled anew for each layout."""

@@ -2,9 +2,9 @@
 
 Two kinds of places are thought possible. One is as drawn, in all three at once: what a simulator renders, and new concrete seen by
 a camera that was calibrated well. In the other each is what it is, whatever the others are; up to what a careful builder leaves,
-each step of a geometric row is nearly as likely as the next, beyond it ever less. That perfection comes in all or not at all is
-what keeps nosings that agree by chance from being taken for it: the treads and the depth would have to agree as well
-(a spike and a slab: Mitchell, Beauchamp 1988).
+a few tenths of a degree, each step of a geometric row is nearly as likely as the next, beyond it ever less. That perfection comes
+in all or not at all is what keeps nosings that agree by chance from being taken for it: the treads and the depth would have to
+agree as well (a spike and a slab: Mitchell, Beauchamp 1988).
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ AS_DRAWN = 0.2
 AS_DRAWN_RAD, AS_DRAWN_PX = 0.0016 * DEG, 0.0003
 """What is left then; the sensor's noise is more."""
 USUAL_RAD = 0.5 * DEG
-"""Irregularity from which on larger ones are less likely: 9.5 mm between the largest and the smallest step, as building codes
-allow, over a metre of width."""
+"""Irregularity that is half as likely as none would let it be, and larger ones ever less: 9.5 mm between the largest and the
+smallest step, as building codes allow, over a metre of width."""
 POWER, WARP_POWER = 0.1, 0.3
-"""Of its size by which an irregularity below that, or a warp, is the likelier."""
+"""Of its size, by which a small irregularity, or a warp, is the likelier the larger it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
