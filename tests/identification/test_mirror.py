@@ -53,6 +53,7 @@ def test_a_vehicle_that_is_its_own_mirror_image_is_fitted_by_the_difference_of_i
         np.testing.assert_allclose(found.model.B[:, 0], -found.model.B[:, 1])
         np.testing.assert_allclose(found.model.D[:, 0], -found.model.D[:, 1])
         assert found.model.input_names == NAMES
+        assert found.model.provenance["inputs"] == "difference"
         assert len(found.report.delays) == 2
         assert found.gram.units.input_count == 2
         by_difference.append(error_of(found.model, plant))

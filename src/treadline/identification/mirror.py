@@ -67,6 +67,7 @@ class Mirror:
             D=model.D @ self.signs,
             input_offset=about + 0.5 * self.signs.T @ apart,
             input_names=self.names,
+            provenance={**model.provenance, "inputs": "difference"},
         )
 
     def intervals(self, intervals: Intervals, units: Units) -> Intervals:

@@ -164,6 +164,8 @@ class _Page:
             for key, label in (("delays", "delays [samples]"), ("excitation_order", "order the inputs excite"))
             if self.said.get(key) is not None
         }
+        if self.said.get("mirrored"):
+            self.values["extra"]["the inputs act by"] = "their difference alone"
         self.values["gap"] = _number(self.said.get("gap"))
         self.values["candidates"], self.values["candidates_left"] = _table(self.said.get("candidates"))
         self.values["marked"] = any(chosen for chosen, _ in (self.values["candidates"] or ((), ()))[1])
