@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
@@ -61,6 +61,13 @@ class InputOutputRecord:
 
     def __len__(self) -> int:
         return int(self.u.shape[0])
+
+    @property
+    def whole(self) -> Bool[np.ndarray, " T"]:
+        """Of which samples no channel is missing."""
+        if np.isfinite(self.u).all() and np.isfinite(self.y).all():  # far faster than row by row
+            return np.ones(len(self), dtype=np.bool_)
+        return np.asarray(np.isfinite(self.u).all(axis=1) & np.isfinite(self.y).all(axis=1))
 
     def stretches(self, values: int) -> list[slice]:
         """Return the samples on which a model is judged: all, or those between missing inputs.

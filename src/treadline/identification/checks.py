@@ -70,9 +70,7 @@ def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> Non
             raise ShapeMismatch(f"{where}has other channels than the first record")
         if abs(record.dt_s - first.dt_s) > 1e-9 * first.dt_s:
             raise PeriodMismatch(f"{where}period {record.dt_s:g} s, the first record has {first.dt_s:g} s; resample it")
-        _check_finite(record, where)
-        if not parts:
-            check_gaps(gaps_in(record), len(record), where)
+        _check_finite(record, where, parts=parts)
 
 
 def _check_channels(first: InputOutputRecord) -> None:
@@ -89,9 +87,7 @@ def _check_channels(first: InputOutputRecord) -> None:
 
 def gaps_in(record: InputOutputRecord) -> int:
     """Return in how many samples a channel is missing."""
-    if np.isfinite(record.u).all() and np.isfinite(record.y).all():
-        return 0
-    return int(np.count_nonzero(~(np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1))))
+    return len(record) - int(np.count_nonzero(record.whole))
 
 
 def check_gaps(gaps: int, samples: int, where: str = "") -> None:
@@ -105,7 +101,7 @@ def check_gaps(gaps: int, samples: int, where: str = "") -> None:
         raise NotFinite(f"{where}{100 * share:.0f} % of the rows hold a NaN, more than {100 * GAP_SHARE:.0f} %")
 
 
-def _check_finite(record: InputOutputRecord, where: str) -> None:
+def _check_finite(record: InputOutputRecord, where: str, *, parts: bool) -> None:
     names = channel_names(record)
     for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):
         if not name.endswith("_rad") or name.endswith(UNWRAPPED):
@@ -115,9 +111,14 @@ def _check_finite(record: InputOutputRecord, where: str) -> None:
                 f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
                 f"meant? convert it; an angle that was unwrapped is called …{UNWRAPPED}"
             )
+    gaps = gaps_in(record)
+    if not gaps:
+        return
     for name, column in zip(names, (*record.u.T, *record.y.T), strict=True):
         if np.isinf(column).any():
             raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
+    if not parts:
+        check_gaps(gaps, len(record), where)
 
 
 def _check_movement(records: list[InputOutputRecord]) -> Units:

@@ -117,7 +117,7 @@ def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
 
 def whole_samples(record: InputOutputRecord) -> int:
     """Return the number of samples of which nothing is missing."""
-    return int((np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1)).sum())
+    return int(record.whole.sum())
 
 
 def doubts(

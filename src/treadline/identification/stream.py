@@ -135,13 +135,13 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _St
             refused = error
         samples = sum(len(item.record) for item in waiting)
         if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= KEPT):
-            return found
+            break
         while samples - len(waiting[0].record) >= KEPT:
             left_out, samples = left_out + len(waiting[0].record), samples - len(waiting[0].record)
             waiting = waiting[1:]
     if found is None:
         raise refused
-    return found
+    return replace(found, chunks=waiting)  # gaps may have let the last of them carry less: they are data all the same
 
 
 def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:

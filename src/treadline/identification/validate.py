@@ -176,7 +176,7 @@ def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[Inpu
     kept: list[InputOutputRecord] = []
     left = samples
     for record in reversed(records):
-        whole = np.flatnonzero(np.isfinite(record.u).all(axis=1) & np.isfinite(record.y).all(axis=1))
+        whole = np.flatnonzero(record.whole)
         whole = whole[max(0, whole.size - left) :]
         if whole.size:
             kept.insert(0, part(record, int(whole[0]), int(whole[-1]) + 1))

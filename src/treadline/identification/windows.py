@@ -55,8 +55,9 @@ def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]
     for record in records:
         count = max(len(record) - lags, 0)
         holed = 0
-        if count and not (np.isfinite(record.u).all() and np.isfinite(record.y).all()):
-            seen = np.cumsum(~np.isfinite(record.y).all(axis=1) | ~np.isfinite(record.u).all(axis=1))
+        there = record.whole
+        if count and not there.all():
+            seen = np.cumsum(~there)
             holed = int(np.count_nonzero(seen[lags:] - np.concatenate([[0], seen[: -lags - 1]])))
         whole, lost = whole + count - holed, lost + holed
     return whole, lost
