@@ -68,8 +68,32 @@ def test_a_realisation_is_balanced() -> None:
 def test_the_matrix_is_what_its_decomposition_says() -> None:
     response = impulse_response(modal([0.8, 0.3], 2), 13)
     svd = hankel_svd(response, 6, 6, np.ones(2), np.ones(2))
-    np.testing.assert_allclose(svd.U * svd.s @ svd.Vt, hankel(response, 6, 6, 0), atol=1e-14)
+    U, s, Vt = svd.leading(2)
+    np.testing.assert_allclose(U * s @ Vt, hankel(response, 6, 6, 0), atol=1e-14)
     np.testing.assert_array_equal(svd.matrix, hankel(response, 6, 6, 0))
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(10, 10), (6, 14), (14, 6)])
+def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, columns: int) -> None:
+    response = impulse_response(modal([0.9, 0.7, -0.4], 2), 21)
+    response += 0.01 * np.random.default_rng(3).standard_normal(response.shape)
+    alone, whole = (hankel_svd(response, rows, columns, np.ones(2), np.ones(2)) for _ in range(2))
+    assert whole.s.size == 2 * min(rows, columns)  # from here on the whole decomposition is at hand
+    (U, s, Vt), (U_whole, s_whole, Vt_whole) = alone.leading(2), whole.leading(2)
+    # Squared, a ratio of a hundred costs four of sixteen digits.
+    np.testing.assert_allclose(s, s_whole, rtol=1e-12)
+    np.testing.assert_allclose(U * s @ Vt, U_whole * s_whole @ Vt_whole, atol=1e-11 * s[0])
+    np.testing.assert_allclose([U.T @ U, Vt @ Vt.T], [np.eye(2)] * 2, atol=1e-11)
+
+
+def test_values_too_small_for_a_square_are_taken_from_the_matrix_itself() -> None:
+    response = impulse_response(modal([0.9], 4), 21) + 1e-9 * impulse_response(modal([-0.3], 5), 21)
+    svd = hankel_svd(response, 10, 10, np.ones(2), np.ones(2))
+    _, s, _ = svd.leading(2)
+    assert 1e-12 < s[1] / s[0] < 1e-8  # of its square less than rounding is left
+    np.testing.assert_allclose(s, np.linalg.svd(svd.matrix, compute_uv=False)[:2], rtol=1e-6)
+    A, _, _, _ = era(response, 2, rows=10)
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(A).real), [-0.3, 0.9], atol=1e-5)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(7, 12), (12, 7), (1, 5)])

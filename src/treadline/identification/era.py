@@ -6,11 +6,12 @@ on Eq. (12)).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg import lapack
 
 from treadline.arrays import shaped
 from treadline.errors import NotFinite, PoorExcitation, ShapeMismatch
@@ -21,29 +22,81 @@ DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""
 RANK_MOST = 30
 """Singular values that a randomised decomposition finds."""
+NO_RANK = 1e-14
+"""Singular value over the largest that is rounding."""
+WELL_APART = 1e-2
+"""The same, above which the square of a matrix tells singular vectors to twelve digits."""
 MISSED = 1e-12
 """Share of a matrix's square that random directions may miss before they are turned towards it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class HankelSvd:
-    """H = U diag(s) V', and the Markov parameters that H and the shifted H' are made of."""
+Triplets = tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.ndarray, "k b"]]
+"""U, s and V'."""
 
-    U: Float[np.ndarray, "a k"]
-    s: Float[np.ndarray, " k"]
-    Vt: Float[np.ndarray, "k b"]
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class HankelSvd:
+    """H = U diag(s) V', decomposed as far as is asked, and the Markov parameters that H and the shifted H' are made of."""
+
     markov: Float[np.ndarray, "n p m"]
     """Scaled."""
+    rows: int
+    """Block rows."""
+    columns: int
+    """Block columns."""
+    rank: int = RANK_MOST
+    """Singular values that are found of a large H; of a small one it is all."""
+    _led: dict[int, Triplets] = field(default_factory=dict)
+    _whole: Triplets | None = None
 
     @property
-    def rows(self) -> int:
-        """Block rows."""
-        return len(self.U) // self.markov.shape[1]
+    def s(self) -> Float[np.ndarray, " k"]:
+        """Singular values."""
+        return self._all()[1]
+
+    def leading(self, order: int) -> Triplets:
+        """Return the leading singular values and vectors; of one order always the same, signs included.
+
+        Raises:
+            PoorExcitation: If the order is above the rank.
+        """
+        if order not in self._led:
+            first = self._whole is None and not self._led and self._is_dense
+            self._led[order] = (leading_by_square(self.matrix, order) if first else None) or self._cut(order)
+        return self._led[order]
+
+    def _cut(self, order: int) -> Triplets:
+        U, s, Vt = self._all()
+        if order > s.size or s[order - 1] <= NO_RANK * s[0]:
+            rank = int(np.sum(s > NO_RANK * s[0]))
+            raise PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+        return U[:, :order], s[:order], Vt[:order]
+
+    def _all(self) -> Triplets:
+        if self._whole is None:
+            self._whole = self._decomposed()
+        return self._whole
+
+    def _decomposed(self) -> Triplets:
+        if self._is_dense:
+            return np.linalg.svd(self.matrix, full_matrices=False)
+        turned = self.markov.transpose(0, 2, 1)
+        # Y_k stands on the anti-diagonal of k.
+        squares = np.convolve(np.ones(self.rows), np.ones(self.columns)) @ np.sum(
+            self.markov[1 : self.rows + self.columns] ** 2, axis=(1, 2)
+        )
+        return leading_by_products(
+            lambda X: hankel_times(self.markov, self.rows, X),
+            lambda X: hankel_times(turned, self.columns, X),
+            self.columns * self.markov.shape[2],
+            float(squares),
+            self.rank,
+        )
 
     @property
-    def columns(self) -> int:
-        """Block columns."""
-        return self.Vt.shape[1] // self.markov.shape[2]
+    def _is_dense(self) -> bool:
+        _, p, m = self.markov.shape
+        return min(self.rows * p, self.columns * m) <= DENSE_MOST
 
     @property
     def matrix(self) -> Float[np.ndarray, "a b"]:
@@ -52,11 +105,30 @@ class HankelSvd:
 
     def system_matrix(self, order: int) -> Float[np.ndarray, "n n"]:
         """Return A of the balanced realisation: S^-½ U' H' V S^-½."""
-        root = np.sqrt(self.s[:order])
-        left, right = (self.U[:, :order] / root).T, self.Vt[:order].T / root
-        if min(left.shape[1], len(right)) <= DENSE_MOST:
+        U, s, Vt = self.leading(order)
+        root = np.sqrt(s)
+        left, right = (U / root).T, Vt.T / root
+        if self._is_dense:
             return left @ (hankel(self.markov, self.rows, self.columns, 1) @ right)
         return left @ hankel_times(self.markov[1:], self.rows, right)
+
+
+def leading_by_square(H: Float[np.ndarray, "a b"], order: int) -> Triplets | None:
+    """Return the leading singular values and vectors of a small matrix alone, by those of its square: a third of the time.
+
+    None where the last of them is so small that squaring costs digits that count.
+    """
+    tall = H if len(H) >= H.shape[1] else H.T
+    k = tall.shape[1]
+    if order >= k:
+        return None
+    _, V, _, _, failed = lapack.dsyevr(tall.T @ tall, range="I", il=k - order + 1, iu=k)
+    V = V[:, order - 1 :: -1]
+    U = tall @ V
+    s = np.sqrt(np.einsum("ak,ak->k", U, U))
+    if failed or not s[-1] > WELL_APART * s[0]:
+        return None
+    return (U / s, s, V.T) if tall is H else (V, s, (U / s).T)
 
 
 def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: int) -> Float[np.ndarray, "a b"]:
@@ -92,29 +164,13 @@ def hankel_svd(
     Scaled, a singular value says how much of what was measured a state explains; unscaled, it depends on units.
     """
     scaled = markov * input_scale / output_scale[:, None]
-    _, p, m = markov.shape
-    if min(rows * p, columns * m) <= DENSE_MOST:
-        U, s, Vt = np.linalg.svd(hankel(scaled, rows, columns, 0), full_matrices=False)
-    else:
-        turned = scaled.transpose(0, 2, 1)
-        # Y_k stands on the anti-diagonal of k.
-        squares = np.convolve(np.ones(rows), np.ones(columns)) @ np.sum(scaled[1 : rows + columns] ** 2, axis=(1, 2))
-        U, s, Vt = leading(
-            lambda X: hankel_times(scaled, rows, X),
-            lambda X: hankel_times(turned, columns, X),
-            columns * m,
-            float(squares),
-            max(rank, RANK_MOST),
-        )
-    return HankelSvd(U=U, s=s, Vt=Vt, markov=scaled)
+    return HankelSvd(markov=scaled, rows=rows, columns=columns, rank=max(rank, RANK_MOST))
 
 
 Product = Callable[[Float[np.ndarray, "_ k"]], Float[np.ndarray, "_ k"]]
 
 
-def leading(
-    times: Product, turned_times: Product, width: int, squares: float, rank: int
-) -> tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.ndarray, "k b"]]:
+def leading_by_products(times: Product, turned_times: Product, width: int, squares: float, rank: int) -> Triplets:
     """Return the leading singular values and vectors of a large matrix, of which only products are known.
 
     It is looked at through ten random directions more than asked for; where they miss something, as under noise, two power
@@ -150,11 +206,9 @@ def realise(
     Raises:
         PoorExcitation: If the order is above the rank that the data show.
     """
-    if order > svd.s.size or svd.s[order - 1] <= 1e-14 * svd.s[0]:
-        rank = int(np.sum(svd.s > 1e-14 * svd.s[0]))
-        raise PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
-    root = np.sqrt(svd.s[:order])
-    observability, controllability = svd.U[:, :order] * root, root[:, None] * svd.Vt[:order]
+    U, s, Vt = svd.leading(order)
+    root = np.sqrt(s)
+    observability, controllability = U * root, root[:, None] * Vt
     m, p = input_scale.size, output_scale.size
     return svd.system_matrix(order), controllability[:, :m] / input_scale, observability[:p] * output_scale[:, None]
 
@@ -178,7 +232,8 @@ def realise_correlated(
     svd: HankelSvd, H0: Float[np.ndarray, "a b"], order: int, p: int, m: int
 ) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"]]:
     """Return A, B, C of an order from a decomposition of correlations, in the scaled units of ``H0``."""
-    O = svd.U[:, :order] * np.sqrt(svd.s[:order])
+    U, s, _ = svd.leading(order)
+    O = U * np.sqrt(s)
     # The upper rows of O are H(0)'s own observability matrix; what it leaves of H(0) is the controllability matrix.
     B = np.linalg.lstsq(O[: len(H0)], H0, rcond=None)[0][:, :m]
     return svd.system_matrix(order), B, O[:p]

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
@@ -19,7 +18,7 @@ from treadline.identification.fitting import Fitting, Recipe
 from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import Found
 from treadline.identification.okid import ObserverMarkov, scaled_observer
-from treadline.identification.order import OrderChoice, stands_out
+from treadline.identification.order import OrderChoice, gap_at, stands_out
 from treadline.identification.realisation import realised
 from treadline.identification.structure import choose_structure, noise_level, settle_order, structural_order
 from treadline.identification.windows import carried_lags
@@ -142,7 +141,7 @@ def _seen(fitting: Fitting, halves: tuple[Gram, Gram] | None, lags: int, order: 
 
 def _by_best(fitting: Fitting, seen: _Seen, order: int | None, warnings: list[str], told: Callable[[str], None]) -> Found:
     """Return what data held out prefer."""
-    names, sure = channel_names(fitting.records[0]), _sure(seen.choice)
+    names, sure = channel_names(fitting.records[0]), _sure(seen.choice, seen.svd)
     chosen = best(fitting, lags=seen.lags, order=order, guess=seen.choice.order, sure=sure, names=names, told=told)
     recipe = chosen.recipe
     if stands_out(seen.svd.s, seen.noise or 0.0):
@@ -150,7 +149,7 @@ def _by_best(fitting: Fitting, seen: _Seen, order: int | None, warnings: list[st
     # What is reported is of the lags that were taken; the noise was seen with others, unless they are the same.
     observer, svd = fitting.observer(recipe.lags, recipe.order)
     noise = seen.noise if recipe.lags == seen.lags else None
-    choice = OrderChoice(order=recipe.order, gap=_gap(svd.s[: structural_order(observer)], recipe.order), clear=True)
+    choice = OrderChoice(order=recipe.order, gap=gap_at(svd.s[: structural_order(observer)], recipe.order), clear=True)
     told_of = replace(seen, observer=observer, svd=svd, noise=noise, choice=choice)
     return _found(fitting, recipe, chosen.system, told_of, warnings, chosen.trials)
 
@@ -158,7 +157,7 @@ def _by_best(fitting: Fitting, seen: _Seen, order: int | None, warnings: list[st
 def _by_name(fitting: Fitting, seen: _Seen, method: str, lags: int | None, order: int | None, warnings: list[str]) -> Found:
     """Return what one method makes of the sums."""
     choice, recipe = seen.choice, _recipe(method, seen.lags, lags, seen.choice.order, fitting.data)
-    if order is None and recipe.method == "pbsid" and seen.structural is not None and not _sure(choice):
+    if order is None and recipe.method == "pbsid" and seen.structural is not None and not _sure(choice, seen.svd):
         choice = _by_schwarz(fitting, seen.svd, choice, recipe.lags, warnings)
         recipe = replace(recipe, order=choice.order)
     system = _asked(fitting, recipe)
@@ -225,12 +224,9 @@ def _by_schwarz(fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int
     if order != choice.order:
         gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
         warnings.append(f"order {order} by Schwarz's criterion; {gap}")
-    return OrderChoice(order=order, gap=_gap(svd.s, order), clear=False)
+    return OrderChoice(order=order, gap=gap_at(svd.s, order), clear=False)
 
 
-def _sure(choice: OrderChoice) -> bool:
-    return choice.clear and choice.gap > SURE_GAP
-
-
-def _gap(s: Float[np.ndarray, " k"], order: int) -> float:
-    return float(s[order - 1] / s[order]) if order < s.size and s[order] > 0.0 else float("inf")
+def _sure(choice: OrderChoice, svd: HankelSvd) -> bool:
+    gap = gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
+    return choice.clear and gap > SURE_GAP

@@ -130,8 +130,9 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
     H alone does to the states is taken back by the second term.
     """
     n, (p, m) = system.order, observer.D.shape
-    root = np.sqrt(svd.s[:n])
-    left, right = (svd.U[:, :n] / root).T, svd.Vt[:n].T / root
+    U, s, Vt = svd.leading(n)
+    root = np.sqrt(s)
+    left, right = (U / root).T, Vt.T / root
     blocks, columns = left.shape[1] // p, right.shape[0] // m
     changes = markov_changes(observer, system, data, blocks + columns + 1)
     at = 1 + np.arange(blocks)[:, None] + np.arange(columns)

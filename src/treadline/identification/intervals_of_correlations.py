@@ -24,9 +24,10 @@ def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, un
     """
     markov, found = correlations(observer, svd)
     n, (p, m), rows, columns, blocks = system.order, observer.D.shape, svd.rows, svd.columns, found.rows
-    root = np.sqrt(found.s[:n])
-    left = (found.U[:, :n] / root).T.reshape(n, blocks, rows * p).transpose(1, 0, 2)
-    right = (found.Vt[:n].T / root).reshape(blocks, rows * p, n)
+    U, s, Vt = found.leading(n)
+    root = np.sqrt(s)
+    left = (U / root).T.reshape(n, blocks, rows * p).transpose(1, 0, 2)
+    right = (Vt.T / root).reshape(blocks, rows * p, n)
     H = np.stack([hankel(markov, rows, columns, k) for k in range(2 * blocks)])
     dY = markov_changes(observer, system, data, len(markov))
     seen = H[0].T @ right  # H(0)' times the right factor, block by block
@@ -38,7 +39,7 @@ def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, un
     )
     # O's upper rows, to which C and B belong: its changes with the right factor held.
     upper = _through_first(np.eye(rows * p)[None], dY, seen, p, m) + _through_second(H[at], dY, right, p, m)
-    O = found.U[: rows * p, :n] * root
+    O = U[: rows * p] * root
     entering = dY[1 + np.arange(rows)].reshape(rows * p, m, -1)
     changed = entering - np.einsum("ank,nm->amk", upper, system.B[:, :m], optimize=True)
     B = np.tensordot(np.linalg.pinv(O), changed, axes=1)

@@ -25,9 +25,15 @@ class OrderChoice:
     """An order, and how clear it is."""
 
     order: int
-    gap: float
-    """σ_n / σ_{n+1}."""
+    gap: float | None
+    """σ_n / σ_{n+1}; None where the order was given, until somebody asks (``gap_at``)."""
     clear: bool
+
+
+def gap_at(singular_values: Float[np.ndarray, " k"], order: int) -> float:
+    """Return σ_n / σ_{n+1} at an order n."""
+    s = singular_values
+    return float(s[order - 1] / s[order]) if order < s.size and s[order] > 0.0 else float("inf")
 
 
 def stands_out(singular_values: Float[np.ndarray, " k"], noise: float) -> bool:

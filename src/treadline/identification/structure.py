@@ -109,9 +109,7 @@ def noise_level(first: ObserverMarkov, second: ObserverMarkov, order: int | None
 def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
     """Return the order asked for, or the one the singular values show; a doubt goes to the warnings."""
     if order is not None:
-        following = float(svd.s[order]) if order < svd.s.size else 0.0
-        gap = float(svd.s[min(order, svd.s.size) - 1]) / following if following > 0.0 else float("inf")
-        return OrderChoice(order=order, gap=gap, clear=True)
+        return OrderChoice(order=order, gap=None, clear=True)
     # An observer of p lags has no more than p states per output: the drop after those says nothing of the system.
     choice = choose_order(svd.s[:structural], noise=noise)
     if not stands_out(svd.s, noise):
