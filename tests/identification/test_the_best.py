@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 from treadline.identification import identify
+from treadline.identification.affine import Affine
+from treadline.identification.best import free_runs
+from treadline.identification.fitting import Fitting, Recipe
+from treadline.identification.gram import Units, gram_of
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -53,6 +57,30 @@ def test_the_same_data_give_the_same_bytes(draw: Draw) -> None:
     first, second = (identify(draw(3, noise=0.1, samples=400)).model for _ in range(2))
     for name in ("A", "B", "C", "D", "observer_gain", "input_offset", "output_offset"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
+
+
+def judged(true: LinearModel, further: int, seed: int) -> float:
+    """Return the error of Eq. (12), with states beside it that no input reaches, on 40 held-out samples whose noise has variance 1."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal((40, 2))
+    record = InputOutputRecord(u=u, y=simulate(true, u, np.zeros(2)) + rng.standard_normal((40, 2)), dt_s=1.0)
+    units = Units(shift=np.zeros(4), scale=np.ones(4), input_count=2)
+    held = Fitting(data=gram_of([record], 4, units), records=[record], feedthrough=True)
+    n = 2 + further
+    A, B, C = np.diag(np.linspace(0.3, 0.98, n)), np.zeros((n, 3)), np.random.default_rng(1).standard_normal((2, n))
+    A[:2, :2], B[:2, :2], C[:, :2] = true.A, true.B, true.C
+    A[:2, 2:] = 0.0
+    system = Affine(A=A, B=B, C=C, D=np.column_stack([true.D, np.zeros(2)]))
+    recipe = Recipe(method="pbsid", lags=4, order=n)
+    return float(np.sum(free_runs(system, held, recipe)[0]) / record.y.size)
+
+
+def test_states_that_only_start_somewhere_are_no_gain_on_data_held_out(eq_12: LinearModel) -> None:
+    # Eight starts take a tenth of eighty values up; counted, the truth and the larger model have the noise's variance both.
+    alone, beside = ([judged(eq_12, further, seed) for seed in range(400)] for further in (0, 6))
+    # 400 runs of 80 values know a variance to 0.8 %; both see the same noise.
+    assert np.mean(alone) == pytest.approx(1.0, abs=0.025)
+    assert np.mean(beside) == pytest.approx(np.mean(alone), abs=0.015)
 
 
 @pytest.mark.parametrize("seed", range(3))
