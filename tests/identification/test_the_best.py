@@ -60,7 +60,7 @@ def test_the_same_data_give_the_same_bytes(draw: Draw) -> None:
 
 
 def judged(true: LinearModel, further: int, seed: int) -> float:
-    """Return the error of Eq. (12), with states beside it that no input reaches, on 40 held-out samples whose noise has variance 1."""
+    """Return the error of Eq. (12), with states beside it that no input reaches, on 40 samples whose noise has variance 1."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((40, 2))
     record = InputOutputRecord(u=u, y=simulate(true, u, np.zeros(2)) + rng.standard_normal((40, 2)), dt_s=1.0)
