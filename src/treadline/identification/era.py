@@ -46,13 +46,17 @@ class HankelSvd:
     """Block columns."""
     rank: int = RANK_MOST
     """Singular values that are found of a large H; of a small one it is all."""
+    _values: Float[np.ndarray, " k"] | None = None
     _led: dict[int, Triplets] = field(default_factory=dict)
     _whole: Triplets | None = None
 
     @property
     def s(self) -> Float[np.ndarray, " k"]:
         """Singular values."""
-        return self._all()[1]
+        if self._values is None:
+            alone = self._whole is None and self._is_dense  # without vectors, a third of the time
+            self._values = np.linalg.svd(self.matrix, compute_uv=False) if alone else self._all()[1]
+        return self._values
 
     def leading(self, order: int) -> Triplets:
         """Return the leading singular values and vectors; of one order always the same, signs included.
@@ -111,6 +115,12 @@ class HankelSvd:
         if self._is_dense:
             return left @ (hankel(self.markov, self.rows, self.columns, 1) @ right)
         return left @ hankel_times(self.markov[1:], self.rows, right)
+
+
+def largest(H: Float[np.ndarray, "a b"]) -> float:
+    """Return the largest singular value of a small matrix."""
+    square = lapack.dsyevr(H.T @ H, compute_v=0, range="I", il=H.shape[1], iu=H.shape[1])[0][0]
+    return float(np.sqrt(max(square, 0.0)))
 
 
 def leading_by_square(H: Float[np.ndarray, "a b"], order: int) -> Triplets | None:

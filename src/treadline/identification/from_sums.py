@@ -45,8 +45,8 @@ def sums_of(
     units: Units,
     prior: Gram | None = None,
     forgetting: float = 1.0,
-) -> tuple[Gram, tuple[Gram, Gram] | None]:
-    """Return the sums of all records, and where the order is open those of two halves of them."""
+) -> tuple[Gram, Gram | None]:
+    """Return the sums of all records, and where the order is open those of their first halves."""
     if prior is not None:
         new = gram_of(records, prior.lags, prior.units, solver=solver)
         return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
@@ -63,16 +63,16 @@ def sums_of(
         builder.add(record.u[middle:], record.y[middle:])
         marks.append((before, builder.finish()))
     whole = replace(marks[-1][1], names=names)
-    # The first halves: what stood at each middle, less what stood before that record.
+    # What stood at each middle, less what stood before that record.
     first = marks[0][0]
     for (half, _), (_, earlier) in zip(marks[1:], marks, strict=False):
         first = first + (half - earlier)
-    return whole, (first, whole - first)
+    return whole, first
 
 
 def from_sums(
     data: Gram,
-    halves: tuple[Gram, Gram] | None,
+    half: Gram | None,
     records: Sequence[InputOutputRecord],
     *,
     order: int | None,
@@ -87,7 +87,7 @@ def from_sums(
 
     Args:
         data: Their sums.
-        halves: The sums of two halves, for the noise's singular values; None where the order is given.
+        half: The sums of about half of them, for the noise's singular values; None where the order is given.
         records: Samples for the steps that need them.
         warnings: Takes what a user should know.
         told: Is told what ``best`` tries.
@@ -99,11 +99,11 @@ def from_sums(
     used, has_d = choose_structure(data, lags, feedthrough, is_model=method in OBSERVERS)
     if again and data.dropped and used < data.lags and method != "best":
         # Fewer lags look back on fewer gaps: the data again.
-        data, halves = sums_of(records, used, order, "gram" if data.root is None else "qr", data.units)
+        data, half = sums_of(records, used, order, "gram" if data.root is None else "qr", data.units)
     if order is not None:
         check_excitation(data, order)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
-    seen = _seen(fitting, halves, used, order, warnings)
+    seen = _seen(fitting, half, used, order, warnings)
     if method == "best" and seen.structural is not None:
         found = _by_best(fitting, seen, order, warnings, told)
     else:
@@ -128,13 +128,12 @@ class _Seen:
     choice: OrderChoice
 
 
-def _seen(fitting: Fitting, halves: tuple[Gram, Gram] | None, lags: int, order: int | None, warnings: list[str]) -> _Seen:
+def _seen(fitting: Fitting, half: Gram | None, lags: int, order: int | None, warnings: list[str]) -> _Seen:
     observer, svd = fitting.observer(lags, order)
     structural = structural_order(observer)
     noise = None
-    if order is None and halves is not None:
-        first, second = (scaled_observer(half, lags, feedthrough=fitting.feedthrough) for half in halves)
-        noise = noise_level(first, second, order)
+    if order is None and half is not None:
+        noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, order)
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     return _Seen(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 

@@ -87,10 +87,10 @@ def identify(
     warnings: list[str] = []
     shifts = _dead_time(fitted, delays, lags, order, feedthrough, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
-    data, halves = sums_of(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
+    data, half = sums_of(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
     mirror = _mirror(moved, data, lags, feedthrough) if method == "best" else None
     taken = moved if mirror is None else mirror.difference(moved)
-    sums = (data, halves) if mirror is None else sums_of(taken, lags, order, solver, mirror.units(taken, data.units))
+    sums = (data, half) if mirror is None else sums_of(taken, lags, order, solver, mirror.units(taken, data.units))
     found = from_sums(
         *sums,
         taken,

@@ -1,7 +1,7 @@
 """How many states: from the singular values, by a rule that is written down.
 
 The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise: above
-the median of the lower half, and half again above what two halves of the data differ by. A ratio below ``CLEAR_GAP`` is
+the median of the lower half, and half again above what two halves of the data show to be noise. A ratio below ``CLEAR_GAP`` is
 no gap, nor is one under a largest value that two halves of the data do not agree on: the answer is then said to be unclear.
 """
 
@@ -51,7 +51,8 @@ def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0
     candidates = len(s) - 1
     if candidates < 1:
         return OrderChoice(order=1, gap=float("inf"), clear=stands_out(s, noise))
-    floor = float(np.median(s[len(s) // 2 :]))
+    lower = s[len(s) // 2 :]  # falling, so that the median stands in the middle
+    floor = 0.5 * float(lower[(len(lower) - 1) // 2] + lower[len(lower) // 2])
     ratios = s[:candidates] / s[1 : candidates + 1]
     above = s[:candidates] > max(floor, FURTHER_ABOVE_NOISE * noise)
     above[0] = True

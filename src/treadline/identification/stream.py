@@ -58,7 +58,7 @@ def identify_chunks(
     check_whole(order=order, lags=lags)
     rest = _chunks(experiments)
     start = _start(rest, lags, order)
-    data, halves, last = _summed(start, rest, solver)
+    data, half, last = _summed(start, rest, solver)
     kept = sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
     if start.left_out:
@@ -66,7 +66,7 @@ def identify_chunks(
             f"the first {start.left_out} samples, in which a channel stands still or too much is missing, were left out"
         )
     found = from_sums(
-        data, halves, last, order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, again=False
+        data, half, last, order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, again=False
     )
     names = channel_names(start.chunks[0].record)
     return Identified(
@@ -162,8 +162,8 @@ def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRe
     return [*records, chunk.record]
 
 
-def _summed(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, tuple[Gram, Gram] | None, list[InputOutputRecord]]:
-    """Return the sums of all chunks, those of two parts of about a half, and the last samples."""
+def _summed(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, Gram | None, list[InputOutputRecord]]:
+    """Return the sums of all chunks, those of about the first half, and the last samples."""
     first, last = start.chunks[0].record, most_recent(_joined(start.chunks), KEPT)
     builder = GramBuilder(start.lags, start.units, first.dt_s, solver=solver)
     marks: list[Gram] = []
@@ -173,7 +173,7 @@ def _summed(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, t
         _add(builder, chunk, marks)
         last = most_recent(_with(last, chunk), KEPT)
     whole = replace(builder.finish(), names=channel_names(first))
-    return whole, _halves(whole, marks), last
+    return whole, _half(whole, marks), last
 
 
 def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
@@ -188,9 +188,9 @@ def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
             marks.append(now)
 
 
-def _halves(whole: Gram, marks: list[Gram]) -> tuple[Gram, Gram] | None:
-    """Return the sums before and after the mark that is nearest to the middle; None where one of them is next to nothing."""
+def _half(whole: Gram, marks: list[Gram]) -> Gram | None:
+    """Return the sums at the mark that is nearest to the middle; None where before or after it is next to nothing."""
     first = min(marks, key=lambda mark: abs(mark.count - 0.5 * whole.count), default=None)
     if first is None or min(first.count, whole.count - first.count) < HALF_LEAST * whole.count:
         return None
-    return first, whole - first
+    return first

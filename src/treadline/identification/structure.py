@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from treadline.identification.era import HankelSvd, hankel
+from treadline.identification.era import HankelSvd, hankel, largest
 from treadline.identification.gram import Gram
 from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
 from treadline.identification.order import OrderChoice, choose_order, stands_out
@@ -98,12 +98,15 @@ def structural_order(observer: ObserverMarkov) -> int | None:
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
-def noise_level(first: ObserverMarkov, second: ObserverMarkov, order: int | None) -> float:
-    """Return the largest singular value that noise alone would show: half of what two halves of the data differ by."""
+def noise_level(part: ObserverMarkov, whole: ObserverMarkov, order: int | None) -> float:
+    """Return the largest singular value that noise alone would show: by how much a half of the data differs from the whole.
+
+    Of noise of variance v per sample, n samples of N leave v/n, all v/N, and their difference v/n - v/N.
+    """
     # The difference of two Hankel matrices is that of the differences.
-    blocks = block_rows(first, order)
-    difference = system_markov(first, 2 * blocks + 1) - system_markov(second, 2 * blocks + 1)
-    return 0.5 * float(np.linalg.svd(hankel(difference, blocks, blocks, 0), compute_uv=False)[0])
+    blocks = block_rows(part, order)
+    difference = system_markov(part, 2 * blocks + 1) - system_markov(whole, 2 * blocks + 1)
+    return float(np.sqrt(part.count / max(whole.count - part.count, 1.0))) * largest(hankel(difference, blocks, blocks, 0))
 
 
 def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
