@@ -77,13 +77,16 @@ def test_the_matrix_is_what_its_decomposition_says() -> None:
 def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, columns: int) -> None:
     response = impulse_response(modal([0.9, 0.7, -0.4], 2), 21)
     response += 0.01 * np.random.default_rng(3).standard_normal(response.shape)
-    alone, whole = (hankel_svd(response, rows, columns, np.ones(2), np.ones(2)) for _ in range(2))
-    assert whole.s.size == 2 * min(rows, columns)  # from here on the whole decomposition is at hand
-    (U, s, Vt), (U_whole, s_whole, Vt_whole) = alone.leading(2), whole.leading(2)
+    svd = hankel_svd(response, rows, columns, np.ones(2), np.ones(2))
+    (U, s, Vt), (U_whole, s_whole, Vt_whole) = svd.leading(2), np.linalg.svd(svd.matrix)
+    assert svd.s.size == 2 * min(rows, columns)
     # Squared, a ratio of a hundred costs four of sixteen digits.
-    np.testing.assert_allclose(s, s_whole, rtol=1e-12)
-    np.testing.assert_allclose(U * s @ Vt, U_whole * s_whole @ Vt_whole, atol=1e-11 * s[0])
+    np.testing.assert_allclose(s, s_whole[:2], rtol=1e-12)
+    np.testing.assert_allclose(U * s @ Vt, U_whole[:, :2] * s_whole[:2] @ Vt_whole[:2], atol=1e-11 * s[0])
     np.testing.assert_allclose([U.T @ U, Vt @ Vt.T], [np.eye(2)] * 2, atol=1e-11)
+    # Of another order it is the whole decomposition that is cut.
+    U, s, Vt = svd.leading(3)
+    np.testing.assert_allclose(U * s @ Vt, U_whole[:, :3] * s_whole[:3] @ Vt_whole[:3], atol=1e-13 * s[0])
 
 
 def test_values_too_small_for_a_square_are_taken_from_the_matrix_itself() -> None:

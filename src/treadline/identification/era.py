@@ -72,9 +72,13 @@ class HankelSvd:
     def _cut(self, order: int) -> Triplets:
         U, s, Vt = self._all()
         if order > s.size or s[order - 1] <= NO_RANK * s[0]:
-            rank = int(np.sum(s > NO_RANK * s[0]))
-            raise PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+            raise self.refusal(order)
         return U[:, :order], s[:order], Vt[:order]
+
+    def refusal(self, order: int) -> PoorExcitation:
+        """Return the error for an order above the rank."""
+        rank = int(np.sum(self.s > NO_RANK * self.s[0]))
+        return PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
 
     def _all(self) -> Triplets:
         if self._whole is None:

@@ -6,9 +6,6 @@ Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or whatev
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from treadline.errors import PoorExcitation
 from treadline.identification.affine import Affine
 from treadline.identification.best import Trial, best
 from treadline.identification.checks import channel_names, check_excitation, check_independent
@@ -20,7 +17,7 @@ from treadline.identification.identified import Found
 from treadline.identification.okid import ObserverMarkov, scaled_observer
 from treadline.identification.order import OrderChoice, gap_at, stands_out
 from treadline.identification.realisation import realised
-from treadline.identification.structure import choose_structure, noise_level, settle_order, structural_order
+from treadline.identification.structure import choose_structure, gap_of, noise_level, settle_order, structural_order
 from treadline.identification.windows import carried_lags
 from treadline.models import InputOutputRecord
 
@@ -133,7 +130,7 @@ def _seen(fitting: Fitting, half: Gram | None, lags: int, order: int | None, war
     structural = structural_order(observer)
     noise = None
     if order is None and half is not None:
-        noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, order)
+        noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, svd)
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
     return _Seen(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 
@@ -211,9 +208,7 @@ def _recipe(method: str, used: int, lags: int | None, order: int, data: Gram) ->
 def _asked(fitting: Fitting, recipe: Recipe) -> Affine:
     system = fitting.model(recipe)
     if system is None:
-        s = fitting.observer(recipe.lags, recipe.order)[1].s
-        rank = int(np.sum(s > 1e-14 * s[0]))
-        raise PoorExcitation(f"order {recipe.order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
+        raise fitting.observer(recipe.lags, recipe.order)[1].refusal(recipe.order)
     return system
 
 
@@ -227,5 +222,4 @@ def _by_schwarz(fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int
 
 
 def _sure(choice: OrderChoice, svd: HankelSvd) -> bool:
-    gap = gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
-    return choice.clear and gap > SURE_GAP
+    return choice.clear and gap_of(choice, svd) > SURE_GAP

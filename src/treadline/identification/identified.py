@@ -19,8 +19,9 @@ from treadline.identification.intervals import MEMORY_PER_LAG, Intervals, of_obs
 from treadline.identification.intervals_of_correlations import of_correlations
 from treadline.identification.mirror import Mirror
 from treadline.identification.okid import ObserverMarkov
-from treadline.identification.order import OrderChoice, gap_at
+from treadline.identification.order import OrderChoice
 from treadline.identification.report import Candidate, IdentificationReport
+from treadline.identification.structure import gap_of
 from treadline.identification.threads import one_thread
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -126,7 +127,7 @@ class Identified:
             mirrored=self._mirror is not None,
             delays=delays,
             singular_values=[float(value) for value in found.svd.s],
-            gap=reports.known(gap_at(found.svd.s, found.recipe.order) if found.choice.gap is None else found.choice.gap),
+            gap=reports.known(gap_of(found.choice, found.svd)),
             noise_level=found.noise,
             poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
             pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,

@@ -1,8 +1,9 @@
 """How many states: from the singular values, by a rule that is written down.
 
 The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise: above
-the median of the lower half, and half again above what two halves of the data show to be noise. A ratio below ``CLEAR_GAP`` is
-no gap, nor is one under a largest value that two halves of the data do not agree on: the answer is then said to be unclear.
+the median of the lower half, and half again above the noise that half of the data tell. A ratio below ``CLEAR_GAP`` is
+no gap, nor is one under a largest value on which half of the data and the whole do not agree: the answer is then unclear, and said
+to be so.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ class OrderChoice:
 
     order: int
     gap: float | None
-    """σ_n / σ_{n+1}; None where the order was given, until somebody asks (``gap_at``)."""
+    """σ_n / σ_{n+1}; None where the order was given, until somebody asks (``gap_of``)."""
     clear: bool
 
 

@@ -12,9 +12,8 @@ from jaxtyping import Float
 from treadline.identification.era import HankelSvd, hankel, largest
 from treadline.identification.gram import Gram
 from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
-from treadline.identification.order import OrderChoice, choose_order, stands_out
+from treadline.identification.order import OrderChoice, choose_order, gap_at, stands_out
 from treadline.identification.pbsid import StateMap, innovations
-from treadline.identification.realisation import block_rows
 
 ORDER_MOST = 16
 """Largest order that is tried."""
@@ -98,15 +97,24 @@ def structural_order(observer: ObserverMarkov) -> int | None:
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
-def noise_level(part: ObserverMarkov, whole: ObserverMarkov, order: int | None) -> float:
+def noise_level(part: ObserverMarkov, whole: ObserverMarkov, svd: HankelSvd) -> float:
     """Return the largest singular value that noise alone would show: by how much a half of the data differs from the whole.
 
     Of noise of variance v per sample, n samples of N leave v/n, all v/N, and their difference v/n - v/N.
+
+    Args:
+        part: Of the half, in units of deviations.
+        whole: The same of all data.
+        svd: The whole's Hankel matrix.
     """
     # The difference of two Hankel matrices is that of the differences.
-    blocks = block_rows(part, order)
-    difference = system_markov(part, 2 * blocks + 1) - system_markov(whole, 2 * blocks + 1)
-    return float(np.sqrt(part.count / max(whole.count - part.count, 1.0))) * largest(hankel(difference, blocks, blocks, 0))
+    difference = system_markov(part, len(svd.markov)) - svd.markov
+    return float(np.sqrt(part.count / max(whole.count - part.count, 1.0))) * largest(hankel(difference, svd.rows, svd.columns, 0))
+
+
+def gap_of(choice: OrderChoice, svd: HankelSvd) -> float:
+    """Return σ_n / σ_{n+1} of a choice; where the order was given, it is read off only here."""
+    return gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
 
 
 def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
