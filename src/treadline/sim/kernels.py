@@ -9,7 +9,8 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, SEAT_ANGLE, STROKE, act, rotation
+from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, LEFT, RIGHT, SEAT_ANGLE, STROKE, act, rotation
+from treadline.sim.contact_kernels import TOLERANCE_M_S2, solve_contacts
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -17,6 +18,7 @@ _inertia = types.ExternalFunction("mj_makeM", _STAGE)
 _factor = types.ExternalFunction("mj_factorM", _STAGE)
 _collide = types.ExternalFunction("mj_collision", _STAGE)
 _constrain = types.ExternalFunction("mj_makeConstraint", _STAGE)
+_project = types.ExternalFunction("mj_projectConstraint", _STAGE)
 _transmit = types.ExternalFunction("mj_transmission", _STAGE)
 _velocity = types.ExternalFunction("mj_fwdVelocity", _STAGE)
 _actuate = types.ExternalFunction("mj_fwdActuation", _STAGE)
@@ -24,12 +26,15 @@ _accelerate = types.ExternalFunction("mj_fwdAcceleration", _STAGE)
 _solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
 _integrate = types.ExternalFunction("mj_implicit", _STAGE)
 
+NOSLIP_ITERATIONS = 3
+"""While the brake holds: three bring the creep of a chair on 28° from millimetres a minute to micrometres."""
 SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
 
-# Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
-COLUMNS = 35
+# Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
+# the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance.
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION, RESIDUAL, UNCONVERGED = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26, 35, 36
+COLUMNS = 37
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
@@ -122,13 +127,15 @@ def judge(warnings, log, room):
 @njit(cache=True)
 @no_type_check
 def advance(
-    ticks, mu, log, model, data, count, real, whole, layout, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
+    ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
     Args:
         mu: Friction along the belts and across.
+        coulomb: Whether the contact forces are corrected, MuJoCo's number of no-slip iterations, the constraint arrays'
+            pointers, acceleration, the solver's warm start, working memory.
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -142,6 +149,8 @@ def advance(
         warnings: how often MuJoCo has warned, by kind.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
+    corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
+    fields = (friction, layout[4])
     for k in range(ticks):
         act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
         for side in range(2):
@@ -150,12 +159,17 @@ def advance(
                 surface_velocity[belts_of[side, j], 5] = actual / radius
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
+        # A braked chair holds by static friction, which MuJoCo regularises to a creep of millimetres a minute.
+        held = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
+        noslip[0] = NOSLIP_ITERATIONS if held else 0
+        softness = 0.0 if held else 1.0
         control[0] = state[SEAT_ANGLE]
         if arm.shape[0] > 0:
             control[ARM_SERVO] = state[ARM_TARGET] + state[ARM_RATE] * arm[4]
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
+        row[RESIDUAL] = row[UNCONVERGED] = 0.0
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -168,11 +182,19 @@ def advance(
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             _constrain(model, data)
+            _project(model, data)  # the no-slip iterations crash without it; it returns at once where there are none
             _transmit(model, data)
             _velocity(model, data)
             _actuate(model, data)
             _accelerate(model, data)
-            _solve(model, data)
+            if corrected[0]:
+                residual = solve_contacts(
+                    model, data, count[0], real, whole, fields, pointers, acceleration, warm_start, shift, softness
+                )
+                row[RESIDUAL] = max(row[RESIDUAL], residual)
+                row[UNCONVERGED] += residual > TOLERANCE_M_S2
+            else:
+                _solve(model, data)
             _integrate(model, data)
 
         row[QPOS : QPOS + 8] = qpos[:8]

@@ -1,7 +1,7 @@
-"""MuJoCo's C functions and contact list, reachable from compiled code.
+"""MuJoCo's C functions, contact list and constraint arrays, reachable from compiled code.
 
-Friction that differs along and across the belt needs each contact's tangents turned to the belt, between MuJoCo's
-collision and constraint stages, 500 times a second: too often for Python. The kernels call MuJoCo through these
+The plant changes MuJoCo's step in two places, 500 times a second: it turns each contact's tangents to the belt, and it
+corrects the contact forces (``contact.py``). Python is too slow for both, so the kernels call MuJoCo through these
 addresses. Layouts are measured on a small model with the installed MuJoCo, not assumed.
 """
 
@@ -36,6 +36,14 @@ class ContactLayout:
     friction: int
     surfacevel: int
     geom: int
+    dim: int
+    efc_address: int
+
+
+CONSTRAINT_ARRAYS = ("efc_J", "efc_R", "efc_aref", "efc_force")
+"""Fields of ``mjData`` that point into its arena, where they move from step to step."""
+POINTERS_SPAN = 8192
+"""Bytes behind ``mjData.energy`` that are searched for the pointers: about 250 pointers of 8 bytes stand there."""
 
 
 def _library() -> str:
@@ -93,7 +101,37 @@ def contact_layout() -> ContactLayout:
         friction=offset("friction"),
         surfacevel=offset("surfacevel"),
         geom=offset("geom"),
+        dim=offset("dim"),
+        efc_address=offset("efc_address"),
     )
+
+
+@cache
+def pointer_offsets() -> tuple[int, ...]:
+    """Return where ``mjData`` keeps its pointers to ``CONSTRAINT_ARRAYS``, in bytes from its start, measured.
+
+    Raises:
+        SimulationDiverged: If a pointer is not found in exactly one place.
+    """
+    model = mujoco.MjModel.from_xml_string(PROBE)
+    data = mujoco.MjData(model)
+    start = int(data.energy.__array_interface__["data"][0])
+    possible = {name: np.ones(POINTERS_SPAN // 8, dtype=bool) for name in CONSTRAINT_ARRAYS}
+    for box_height, sphere_height in ((0.09, 9.0), (0.09, 0.09)):
+        data.qpos[9], data.qpos[16] = box_height, sphere_height
+        mujoco.mj_forward(model, data)
+        words = np.frombuffer(ctypes.string_at(start, POINTERS_SPAN), dtype=np.uint64)
+        for name, there in possible.items():
+            there &= words == getattr(data, name).__array_interface__["data"][0]
+    offsets = []
+    for name, there in possible.items():
+        found = np.flatnonzero(there)
+        if found.size != 1:
+            raise SimulationDiverged(
+                f"MuJoCo {mujoco.__version__}: the pointer to {name} was found in {found.size} places; use 3.11 to 4.0"
+            )
+        offsets.append(start + 8 * int(found[0]) - data._address)  # noqa: SLF001 - the binding's only way to the struct
+    return tuple(offsets)
 
 
 def contact_list(data: mujoco.MjData) -> int:
@@ -105,3 +143,23 @@ def contact_list(data: mujoco.MjData) -> int:
     if data.ncon == 0:
         raise SimulationDiverged("the chair touches nothing at its start; check [start] and the staircase")
     return int(data.contact.dist.__array_interface__["data"][0])
+
+
+def noslip_address(model: mujoco.MjModel) -> int:
+    """Return the address of a model's number of no-slip iterations, measured.
+
+    Raises:
+        SimulationDiverged: If it is not found in exactly one place.
+    """
+    start, span = int(model.opt.gravity.__array_interface__["data"][0]), 512
+    possible, before = np.ones(span // 4, dtype=bool), model.opt.noslip_iterations
+    for mark in (1_234_567, 7_654_321):
+        model.opt.noslip_iterations = mark
+        possible &= np.frombuffer(ctypes.string_at(start, span), dtype=np.int32) == mark
+    model.opt.noslip_iterations = before
+    found = np.flatnonzero(possible)
+    if found.size != 1:
+        raise SimulationDiverged(
+            f"MuJoCo {mujoco.__version__}: noslip_iterations was found in {found.size} places; use 3.11 to 4.0"
+        )
+    return start + 4 * int(found[0])

@@ -28,7 +28,7 @@ from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
-from treadline.sim.native import contact_layout, contact_list, load_library
+from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.sim.scene import TIMESTEP_S, scene_xml
 
 SETTLE_S = 1.0
@@ -136,6 +136,7 @@ class MujocoPlant(InstrumentedPlant):
         self._is_belt[self._belts] = True
         self._grip = np.ones(self._model.ngeom)
         self._friction = np.array(self.staircase.friction)
+        self._corrected = np.array([True])
 
     def _pose(self) -> None:
         tracks = self._chair.tracks
@@ -177,7 +178,17 @@ class MujocoPlant(InstrumentedPlant):
             _view(data._address + layout.count_offset, 1, 1, np.int32)[0],  # noqa: SLF001 - as above
             _view(base, CONTACTS_MAX, layout.stride // 8, np.float64),
             _view(base, CONTACTS_MAX, layout.stride // 4, np.int32),
-            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4]),
+            np.array(
+                [layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4, layout.efc_address // 4]
+            ),
+            (
+                self._corrected,
+                _view(noslip_address(model), 1, 1, np.int32)[0],
+                tuple(_view(data._address + offset, 1, 1, np.uint64)[0] for offset in pointer_offsets()),  # noqa: SLF001 - as above
+                data.qacc,
+                data.qacc_warmstart,
+                np.zeros((CONTACTS_MAX, 2)),
+            ),
             self._is_belt,
             data.xmat[1],
             self._grip,
@@ -228,7 +239,7 @@ class MujocoPlant(InstrumentedPlant):
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
-        row[kernels.ROTATION :] = rotation_of(self._data.qpos[3:7]).ravel()
+        row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
@@ -244,7 +255,7 @@ class MujocoPlant(InstrumentedPlant):
         return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
-            R_WB=row[kernels.ROTATION :].reshape(3, 3),
+            R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
             seat_rad=float(row[kernels.QPOS + 7]),
