@@ -4,6 +4,7 @@
 the mission cannot. ``Transport`` is what carries signals where the blocks run apart.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -63,6 +64,12 @@ class Truth:
     """Of the payload's centre of mass in W, level: what comfort is judged by."""
     passenger_z_m: float
     """The same, height."""
+    contact_force_share: float = math.nan
+    """Sum of the normal contact forces over the weight, largest of the steps since the last tick; NaN where unknown."""
+    airborne_share: float = math.nan
+    """Share of the steps since the last tick in which nothing touches the chair; NaN where unknown."""
+    contact_residual_m_s2: float = math.nan
+    """Residual of the contact forces (Signorini's condition), largest of the steps since the last tick; NaN where unknown."""
 
 
 @runtime_checkable

@@ -49,6 +49,10 @@ class ChairState:
     arm_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
     """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+    contact_force_share: float = math.nan
+    """As in ``Truth``; NaN where the simulator does not report it."""
+    airborne_share: float = math.nan
+    contact_residual_m_s2: float = math.nan
 
     @property
     def t_s(self) -> float:
@@ -151,6 +155,9 @@ class Instruments:
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
             passenger_x_m=float(passenger_W[0]),
             passenger_z_m=float(passenger_W[2]),
+            contact_force_share=state.contact_force_share,
+            airborne_share=state.airborne_share,
+            contact_residual_m_s2=state.contact_residual_m_s2,
         )
 
 

@@ -3,11 +3,11 @@
 The paper scores heading alone; roll-back, lateral drift and the friction margin stand beside it here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.angles import DEG, rms
 from treadline.mechanics.comfort import COMFORT_TICKS, lasting, lasting_change
@@ -15,6 +15,8 @@ from treadline.ports import Truth
 from treadline.signals import TICK_S
 
 SETTLED_RAD = 2.0 * DEG
+RESIDUAL_M_S2 = 0.01
+"""Residual of the contact forces above which a tick counts as not converged: a thousandth of gravity."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
 
@@ -75,6 +77,12 @@ class Scores:
     """Largest acceleration of the passenger, level and upright together, as a mean over 50 ms."""
     passenger_jerk_m_s3: float
     """99th percentile of how fast that changes: it is a jolt that lasts, not one sample's noise."""
+    airborne_share: float | None
+    """Share of the physics steps in which nothing touched the chair; None where the simulator does not report it."""
+    max_contact_force_share: float | None
+    """Largest sum of the normal contact forces, as a share of the weight."""
+    unconverged_share: float | None
+    """Share of the ticks in which the residual of the contact forces exceeds 0.01 m/s²."""
     phases: tuple[tuple[float, str], ...]
     """When each phase began."""
 
@@ -101,6 +109,9 @@ UNMOVED = Scores(
     aligned_max_heading_deg=None,
     passenger_max_m_s2=0.0,
     passenger_jerk_m_s3=0.0,
+    airborne_share=None,
+    max_contact_force_share=None,
+    unconverged_share=None,
     phases=(),
 )
 
@@ -138,8 +149,20 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
         passenger_max_m_s2=peak,
         passenger_jerk_m_s3=jerk,
+        airborne_share=_reported(trace["airborne_share"], np.mean),
+        max_contact_force_share=_reported(trace["contact_force_share"], np.max),
+        unconverged_share=_reported(trace["contact_residual_m_s2"] > RESIDUAL_M_S2, np.mean, trace["contact_residual_m_s2"]),
         phases=phases,
     )
+
+
+def _reported(
+    values: Float[np.ndarray, " T"] | Bool[np.ndarray, " T"],
+    summary: Callable[[np.ndarray], np.floating],
+    source: Float[np.ndarray, " T"] | None = None,
+) -> float | None:
+    """Return a summary of what the simulator reports, or None where it reports nothing."""
+    return None if np.isnan(values if source is None else source).any() else float(summary(values))
 
 
 def comfort(x_m: Float[np.ndarray, " T"], z_m: Float[np.ndarray, " T"]) -> tuple[float, float]:

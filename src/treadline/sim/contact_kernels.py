@@ -69,6 +69,18 @@ def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
 
 @njit(cache=True)
 @no_type_check
+def normal_force(count, whole, address, pointers):
+    """Return the sum of the contacts' normal forces after a solve [N]."""
+    force = _doubles(pointers[3], 3 * whole.shape[0])
+    total = 0.0
+    for i in range(count):
+        if whole[i, address] != EXCLUDED:
+            total += force[whole[i, address]]
+    return total
+
+
+@njit(cache=True)
+@no_type_check
 def solve_contacts(model, data, count, real, whole, fields, pointers, acceleration, warm_start, shift, softness):
     """Solve the contacts of a step so that they obey Coulomb's law.
 

@@ -10,7 +10,7 @@ from typing import no_type_check
 from numba import njit, types
 
 from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, LEFT, RIGHT, SEAT_ANGLE, STROKE, act, rotation
-from treadline.sim.contact_kernels import TOLERANCE_M_S2, solve_contacts
+from treadline.sim.contact_kernels import TOLERANCE_M_S2, normal_force, solve_contacts
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -32,9 +32,11 @@ SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
-# the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance.
+# the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
+# the largest sum of the normal forces [N], and the number of steps without any.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION, RESIDUAL, UNCONVERGED = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26, 35, 36
-COLUMNS = 37
+FORCE_MAX, AIRBORNE = 37, 38
+COLUMNS = 39
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
@@ -169,7 +171,7 @@ def advance(
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
-        row[RESIDUAL] = row[UNCONVERGED] = 0.0
+        row[RESIDUAL] = row[UNCONVERGED] = row[FORCE_MAX] = row[AIRBORNE] = 0.0
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -195,6 +197,9 @@ def advance(
                 row[UNCONVERGED] += residual > TOLERANCE_M_S2
             else:
                 _solve(model, data)
+            total = normal_force(count[0], whole, fields[1], pointers)
+            row[FORCE_MAX] = max(row[FORCE_MAX], total)
+            row[AIRBORNE] += total == 0.0
             _integrate(model, data)
 
         row[QPOS : QPOS + 8] = qpos[:8]

@@ -20,7 +20,7 @@ from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
 from treadline.mechanics.bodies import standing
-from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Scenario
 from treadline.signals import TICK_S, Reading
@@ -137,6 +137,8 @@ class MujocoPlant(InstrumentedPlant):
         self._grip = np.ones(self._model.ngeom)
         self._friction = np.array(self.staircase.friction)
         self._corrected = np.array([True])
+        """Whether contact forces obey Coulomb's law; False leaves MuJoCo's own convex solve, to compare with."""
+        self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
 
     def _pose(self) -> None:
         tracks = self._chair.tracks
@@ -265,6 +267,9 @@ class MujocoPlant(InstrumentedPlant):
             arm_rad=float(row[kernels.ARM]),
             arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
+            contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
+            airborne_share=float(row[kernels.AIRBORNE]) / kernels.SUBSTEPS,
+            contact_residual_m_s2=float(row[kernels.RESIDUAL]),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
