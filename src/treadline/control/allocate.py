@@ -1,7 +1,8 @@
-"""From what the controller asks to what the belts can do.
+"""Allocate a demanded belt difference to the two belts, within their limits.
 
-Turning on a stair slides the chair downhill unless both belts keep pulling up. ``climb-safe`` keeps the slower belt at
-a share of the climb speed at least and the faster at its limit at most: steering decides, the common speed follows.
+Coulomb friction is rate independent: near straight the chair goes along with the slower (inner) belt, whatever the other
+does. ``climb-safe`` therefore keeps the inner belt at a minimum share of the climb speed and the outer one at its limit at
+most: steering decides, the common speed follows.
 ``back_safe`` backs down: each belt lets down at half the pace at least and at one and a half times the pace at most.
 ``paper`` only clips, as the paper's "do not exceed the maximum speed" asks.
 """
@@ -11,21 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import DEG
+
 SLOWEST_CLIMBING = 0.25
-"""Share of the climb speed that the slower belt keeps where nobody sees how far the chair slides: on 30° with friction of 1.07
-times its tangent a chair that turns from 30° askew then rolls back by 0.15 m at most, at a fifth by 0.25 m (decision 0022)."""
-SLOWEST_WITH_GRIP, SLOWEST_SLIDING, SLID_M = -0.25, 0.6, 0.03
-"""The share while nothing slides, and that once the chair has come back by so much; in between by the line through both."""
+"""Share of the climb speed that the inner belt keeps where the plan sets none."""
+NEAR_STRAIGHT_RAD = 10.0 * DEG
+"""Heading error within which the inner belt sticks on a 28° stair with friction 0.62/0.5 and carries the chair (quasi-static
+Coulomb friction, ``mechanics.quasi_static``)."""
+INNER_SHARE_NEAR_STRAIGHT, INNER_SHARE_TURNING = 0.5, -0.25
+"""Share of the climb speed that the inner belt keeps near straight, and further askew, where both belts slide and a small one turns
+the chair faster (decision 0022)."""
 SLOWEST_BACKING = 0.5
 """The share backing down, where turning runs away."""
 
 
-def slowest_share(slid_m: float) -> float:
-    """Return the share of the climb speed that the slower belt keeps, for a chair that has slid back so far [m] as it turned.
-
-    Grip is used as far as it goes, whatever slope, load and friction are: the slower belt may even run back until the chair slides.
-    """
-    return float(np.interp(slid_m, (0.0, SLID_M), (SLOWEST_WITH_GRIP, SLOWEST_SLIDING)))
+def min_inner_speed_ratio(heading_error_rad: float) -> float:
+    """Return the share of the climb speed that the inner belt keeps, for a heading error [rad]."""
+    return INNER_SHARE_NEAR_STRAIGHT if abs(heading_error_rad) <= NEAR_STRAIGHT_RAD else INNER_SHARE_TURNING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,8 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import SLID_M, SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, slowest_share
-from treadline.control.heading import FASTEST_TURN_RAD_S, ControllerConfig, HeadingController, share_kept
+from treadline.control.allocate import SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, min_inner_speed_ratio
+from treadline.control.heading import FASTEST_TURN_RAD_S, YAW_RATE_SIGMA_RAD_S, ControllerConfig, HeadingController, share_kept
 from treadline.control.observer import DISTURBANCE_LIMIT
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
@@ -85,14 +85,14 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
 
 def _rehearsed(share: float, t_s: float, speed_m_s: float) -> Plan:
     speed = speed_m_s if share < 0.5 else 0.0 if share < 0.55 else 0.5 * speed_m_s if share < 0.7 else -0.75 * speed_m_s
-    slid_m = 0.0 if share < 0.1 else 0.02 if share < 0.2 else SLID_M
+    error_rad = math.radians(30.0 if share < 0.1 else 5.0)
     return Plan(
         t_s=t_s,
         phase="drive",
         speed_m_s=speed,
         turn_m_s=0.0 if 0.25 < share < 0.28 else None,
         heading_rad=0.1 if 0.3 < share < 0.4 else 0.0,
-        slowest_share=None if share < 0.05 else slowest_share(slid_m),
+        slowest_share=None if share < 0.05 else min_inner_speed_ratio(error_rad),
     )
 
 
@@ -121,6 +121,7 @@ def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
         "HEADING_SLOWEST_BACKING": repr(SLOWEST_BACKING),
         "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
         "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
+        "HEADING_YAW_RATE_SIGMA_RAD_S": repr(YAW_RATE_SIGMA_RAD_S),
         "HEADING_CLIMB_SAFE": str(int(config.allocation == "climb-safe")),
         "HEADING_STATIC": str(int(is_static(design, config))),
         "HEADING_LEARNS": str(int(design.disturbance_gain is not None)),
@@ -270,5 +271,6 @@ def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str,
         "slowest_backing": SLOWEST_BACKING,
         "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
         "disturbance_limit_m_s": DISTURBANCE_LIMIT,
+        "yaw_rate_sigma_rad_s": YAW_RATE_SIGMA_RAD_S,
         "belt_difference": BELT_DIFFERENCE.tolist(),
     }

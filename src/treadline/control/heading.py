@@ -15,11 +15,13 @@ from treadline.control.allocate import SLOWEST_CLIMBING, BeltLimits, back_safe, 
 from treadline.control.lqr import closed_loop_poles
 from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
-from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT
+from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT, SIGMA_Y
 from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.signals import PERIOD_ROUNDING_S, HeadingEstimate, Plan, TrackCommand
 
+YAW_RATE_SIGMA_RAD_S = SIGMA_Y[1]
+"""Standard deviation of the yaw rate as the estimator delivers it."""
 FASTEST_TURN_RAD_S = 35.0
 """Full scale of the gyro, 2000 °/s: ten times what the tracks can do (Table I: 3.07 rad/s)."""
 
@@ -107,10 +109,21 @@ class HeadingController:
             self._observer.start(y)
         else:
             given, before, limited = self._last
-            self._observer.update(given - centre + model.input_offset, before, learn=not limited)
+            u = given - centre + model.input_offset
+            sticks = in_dead_zone(float(self._observer.predicted(u)[1]), float(before[1]))
+            self._observer.update(u, before, learn=not (limited or sticks))
         seen = y - model.output_offset - model.C @ self._observer.state
         x = self._observer.state + self._correction @ seen
         return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
+
+
+def in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
+    """Say whether the inner belt sticks, so that a belt difference does not turn the chair.
+
+    The model predicts a yaw rate that is significant at three standard deviations, and none is measured. Such a chair tells nothing
+    about a mismatch of its belts: a disturbance estimate that went on would wind up.
+    """
+    return abs(predicted_rad_s) > 3.0 * YAW_RATE_SIGMA_RAD_S and abs(measured_rad_s) < YAW_RATE_SIGMA_RAD_S
 
 
 def share_kept(plan: Plan | None) -> float:

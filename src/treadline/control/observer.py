@@ -103,15 +103,21 @@ class Observer:
         """Take the state that explains an output best, at the model's operating point; the disturbance stays as learned."""
         self.state = np.linalg.pinv(self._model.C) @ (y - self._model.output_offset)
 
+    def predicted(self, u: Float[np.ndarray, " m"]) -> Float[np.ndarray, " p"]:
+        """Return the output that the model predicts for an input."""
+        model = self._model
+        acting = u - model.input_offset + self.disturbance * self._direction
+        return np.asarray(model.output_offset + model.C @ self.state + model.D @ acting)
+
     def update(self, u: Float[np.ndarray, " m"], y: Float[np.ndarray, " p"], *, learn: bool) -> None:
         """Go one period on, with the input that really acted.
 
         Args:
-            learn: Whether the disturbance may change; while an input is at its limit it must not.
+            learn: Whether the disturbance may change; while an input is at its limit, or in the dead zone, it must not.
         """
         model = self._model
         acting = u - model.input_offset + self.disturbance * self._direction
-        innovation = y - model.output_offset - model.C @ self.state - model.D @ acting
+        innovation = y - self.predicted(u)
         self.state = model.A @ self.state + model.B @ acting + self._gain @ innovation
         if learn and self._disturbance_gain is not None:
             learned = self.disturbance + float(self._disturbance_gain @ innovation)

@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from treadline.angles import DEG
-from treadline.control.allocate import slowest_share
+from treadline.control.allocate import min_inner_speed_ratio
 from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.mission.entry import refusal_of
@@ -236,13 +236,13 @@ class Ascent(Traversal):
         return self._follow(t_s, command, estimate)
 
     def _on_the_flight(self, t_s: float, estimate: HeadingEstimate | None, *, needs_stair: bool = True) -> Plan:
-        aim_rad, slid_m = self._aside(), self._where.slid_m(t_s)
+        aim_rad = self._aside()
         return self._plan(
             t_s,
             self._config.cruise_m_s,
             turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
             heading_rad=aim_rad,
-            slowest_share=None if slid_m is None else slowest_share(slid_m),
+            slowest_share=None if estimate is None else min_inner_speed_ratio(estimate.heading_rad - aim_rad),
             easing_m_s=self._ease(t_s, estimate, aim_rad),
             arm=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,

@@ -9,11 +9,12 @@ import math
 from collections import deque
 
 from treadline.angles import DEG
-from treadline.control.allocate import SLID_M
 from treadline.control.heading import usable
 from treadline.signals import HeadingEstimate, TrackReading
 
 WINDOW_S = 0.2
+SLID_M = 0.03
+"""Roll-back beyond which a chair off its heading counts as sliding."""
 APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
 """Of the belts in the mean of this window, and of a chair that has turned away from square against them in it."""
 SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG

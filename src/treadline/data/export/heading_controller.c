@@ -65,7 +65,10 @@ static void go_on(heading_state *memory, double speed_m_s) {
         memory->state[i] = next[i];
     }
 #if HEADING_LEARNS
-    if (!memory->was_limited) {
+    const double predicted = memory->seen[1] - innovation[1];
+    const bool sticks = magnitude(predicted) > 3.0 * HEADING_YAW_RATE_SIGMA_RAD_S &&
+                        magnitude(memory->seen[1]) < HEADING_YAW_RATE_SIGMA_RAD_S; /* dead zone: the inner belt sticks */
+    if (!memory->was_limited && !sticks) {
         static const double LEARNING[2] = HEADING_DISTURBANCE_GAIN;
         memory->disturbance_m_s = within(
             memory->disturbance_m_s + LEARNING[0] * innovation[0] + LEARNING[1] * innovation[1], HEADING_DISTURBANCE_LIMIT_M_S);

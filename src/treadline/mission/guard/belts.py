@@ -26,6 +26,9 @@ class BeltWatch:
         self._braked_s: float | None = None
         self.travel_m = 0.0
         """Of the chair by its belts, backwards negative."""
+        self.slow_travel_m = 0.0
+        """Integral of the slower belt's speed, backwards negative. On a stair the chair goes along with the slower belt (Coulomb
+        friction is rate independent), so slip is judged against it."""
         self.speed_m_s = 0.0
         self.cause: str | None = None
         """Which belt does not obey, or that the brake does not."""
@@ -46,6 +49,7 @@ class BeltWatch:
             self._braked_s = None
             return
         self.travel_m += dt_s * self.speed_m_s
+        self.slow_travel_m += dt_s * min(belts, key=abs)
         self._note_brake(on=reading.brake_on)
         for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
             self._expected[side] = self._driven(self._expected[side], asked, dt_s)

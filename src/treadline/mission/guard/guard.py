@@ -257,7 +257,8 @@ class Guard:
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
-            self._slip.look(stair.t_s, [place * across for place, _ in places], travel, self._heading_rad)
+            slow_travel = sign * self._belts.slow_travel_m
+            self._slip.look(stair.t_s, [place * across for place, _ in places], slow_travel, self._heading_rad)
         else:
             self._slip.forget()
 
