@@ -3,7 +3,6 @@
 import pytest
 
 from treadline.angles import DEG
-from treadline.control.allocate import SLID_M
 from treadline.mission.grip import (
     AGAIN_S,
     ALONE_S,
@@ -12,6 +11,7 @@ from treadline.mission.grip import (
     GRIPS_M_S,
     LOST_RAD,
     MOST_ALONE_S,
+    SLID_M,
     SLIPS_M_S,
     SQUARE_RAD,
     TURNS_RAD_S,

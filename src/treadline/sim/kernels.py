@@ -34,7 +34,20 @@ SUBSTEPS = 5
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
 # the largest sum of the normal forces [N], and the number of steps without any.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION, RESIDUAL, UNCONVERGED = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26, 35, 36
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION, RESIDUAL, UNCONVERGED = (
+    0,
+    8,
+    15,
+    17,
+    18,
+    19,
+    20,
+    21,
+    22,
+    26,
+    35,
+    36,
+)
 FORCE_MAX, AIRBORNE = 37, 38
 COLUMNS = 39
 NO_SUPPORT_M = -1e3

@@ -180,9 +180,7 @@ class MujocoPlant(InstrumentedPlant):
             _view(data._address + layout.count_offset, 1, 1, np.int32)[0],  # noqa: SLF001 - as above
             _view(base, CONTACTS_MAX, layout.stride // 8, np.float64),
             _view(base, CONTACTS_MAX, layout.stride // 4, np.int32),
-            np.array(
-                [layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4, layout.efc_address // 4]
-            ),
+            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4, layout.efc_address // 4]),
             (
                 self._corrected,
                 _view(noslip_address(model), 1, 1, np.int32)[0],
