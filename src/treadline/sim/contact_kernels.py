@@ -14,15 +14,15 @@ import math
 from typing import no_type_check
 
 from llvmlite import ir
-from numba import carray, njit, types
+from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 
 _STAGE = types.void(types.uintp, types.uintp)
 _solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
 
 MAX_SOLVES = 10
-"""Largest number of contact solves per step; most steps need one. Three leave 1 to 2 % of the steps of a turn above the tolerance, ten
-few of them, at no measurable cost; the yaw rate changes by less than 1 %."""
+"""Largest number of contact solves per step; most steps need one or two. With three, 99 % of the ticks of a turn on 25° have
+residuals below 0.09 m/s², with ten below 0.015; neither the yaw rate (1 %) nor the time per step changes."""
 TOLERANCE_M_S2 = 0.01
 """Accepted residual of the fixed point: a thousandth of gravity."""
 RELAXATION_CUT, RELAXATION_MIN, SLOW_CONVERGENCE = 0.7, 0.3, 0.9
@@ -32,11 +32,11 @@ EXCLUDED = -1
 
 
 @intrinsic
-def _doubles_at(context, address):  # noqa: ANN001, ANN202 - numba calls it with its own types
+def _doubles_at(context, address):
     """Return an address as a pointer to doubles."""
     signature = types.CPointer(types.float64)(address)
 
-    def generate(context, builder, signature, arguments):  # noqa: ANN001, ANN202
+    def generate(context, builder, signature, arguments):
         del context, signature
         return builder.inttoptr(arguments[0], ir.DoubleType().as_pointer())
 

@@ -34,21 +34,8 @@ SUBSTEPS = 5
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
 # the largest sum of the normal forces [N], and the number of steps without any.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION, RESIDUAL, UNCONVERGED = (
-    0,
-    8,
-    15,
-    17,
-    18,
-    19,
-    20,
-    21,
-    22,
-    26,
-    35,
-    36,
-)
-FORCE_MAX, AIRBORNE = 37, 38
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
+RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
 COLUMNS = 39
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
@@ -142,8 +129,8 @@ def judge(warnings, log, room):
 @njit(cache=True)
 @no_type_check
 def advance(
-    ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
-    surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
+    ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
+    belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 

@@ -121,8 +121,8 @@ def pointer_offsets() -> tuple[int, ...]:
         data.qpos[9], data.qpos[16] = box_height, sphere_height
         mujoco.mj_forward(model, data)
         words = np.frombuffer(ctypes.string_at(start, POINTERS_SPAN), dtype=np.uint64)
-        for name, there in possible.items():
-            there &= words == getattr(data, name).__array_interface__["data"][0]
+        for name in CONSTRAINT_ARRAYS:
+            possible[name] &= words == getattr(data, name).__array_interface__["data"][0]
     offsets = []
     for name, there in possible.items():
         found = np.flatnonzero(there)
