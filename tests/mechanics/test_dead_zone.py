@@ -7,7 +7,8 @@ import pytest
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.dead_zone import dead_zone_table, mean_distance_m, turning_room_m
-from treadline.mechanics.quasi_static import stair_stance, steady_motion
+from treadline.mechanics.quasi_static import steady_motion
+from treadline.mechanics.stance import stair_stance
 from treadline.scenario import Chair
 
 TABLE_I = (0.62, 0.5)

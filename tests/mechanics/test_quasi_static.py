@@ -10,15 +10,9 @@ from hypothesis import strategies as st
 from treadline.angles import DEG
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mechanics.quasi_static import (
-    Stance,
-    contact_loads,
-    dissipation,
-    floor_stance,
-    nosing_contacts,
-    stair_stance,
-    steady_motion,
-)
+from treadline.mechanics.quasi_static import dissipation, steady_motion
+from treadline.mechanics.quasi_static_run import quasi_static_run
+from treadline.mechanics.stance import Stance, contact_loads, floor_stance, nosing_contacts, stair_stance
 from treadline.scenario import Chair
 
 TABLE_I = (0.62, 0.5)
@@ -208,3 +202,22 @@ def test_the_chair_holds_up_to_the_friction_angle(slope_deg: float, holds: bool)
 def test_a_chair_that_does_not_climb_has_no_average_over_time(chair: ChairDescription) -> None:
     with pytest.raises(MechanicsError, match=r"climbs at -0\.1000 m/s"):
         _ = steady_motion(floor_stance(chair, LOADING), TABLE_I, -0.1, -0.1).mean_over_time
+
+
+def test_a_straight_run_goes_as_far_as_its_belts(chair: ChairDescription) -> None:
+    run = quasi_static_run(chair, LOADING, 28.0 * DEG, 0.34, TABLE_I, 0.2, 0.2, 1.0)
+    assert run.climb_m_s == pytest.approx(0.2, abs=1e-6)
+    assert abs(run.yaw_rad_s) < 1e-6
+
+
+def test_a_run_turns_as_its_steady_motions_do_while_its_heading_is_small(chair: ChairDescription) -> None:
+    slope = 25.0 * DEG
+    pitch_m = RUN_M / math.cos(slope)
+    # One pitch at nearly equal belts: the heading stays below 0.4°, where the yaw rate is within a tenth of that at 0°.
+    mean = steady_motion(on_stair(25.0, phases=200), TABLE_I, 0.19, 0.21).mean_over_time
+    run = quasi_static_run(chair, LOADING, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / mean[0])
+    assert run.climbed_m[-1] == pytest.approx(pitch_m, rel=2e-3)
+    assert run.yaw_rad_s == pytest.approx(mean[2], rel=0.1)
+    finer = quasi_static_run(chair, LOADING, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / mean[0], step_s=0.01)
+    # A phase that turns begins or ends within one integration step of 4 mm in 331 mm.
+    assert run.yaw_rad_s == pytest.approx(finer.yaw_rad_s, rel=0.05)

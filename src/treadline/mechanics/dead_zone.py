@@ -12,7 +12,8 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.quasi_static import PHASES, Stance, stair_stance, steady_motion
+from treadline.mechanics.quasi_static import steady_motion
+from treadline.mechanics.stance import PHASES, Stance, stair_stance
 from treadline.scenario import Chair
 
 HEADINGS_RAD = tuple(heading * DEG for heading in (0.0, 5.0, 10.0, 15.0, 30.0))
