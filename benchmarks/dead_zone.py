@@ -21,8 +21,9 @@ def print_table(slope_deg: float, friction: tuple[float, float]) -> None:
     rows = dead_zone_table(read_chair("wheelchair"), Chair(), slope_deg * DEG, RUN_DEFAULT_M, friction, slow_m_s=(SLOW_M_S,))
     signed = [-difference for difference in reversed(DIFFERENCES_M_S)] + list(DIFFERENCES_M_S)
     yaw = {(row.heading_rad, row.difference_m_s): row.yaw_rad_s / DEG for row in rows}
+    case = f"slower belt {SLOW_M_S} m/s, {slope_deg:g}°, friction {friction[0]}/{friction[1]}"
     table(
-        f"Yaw rate [°/s] over right less left belt [m/s], the slower at {SLOW_M_S}; {slope_deg:g}°, friction {friction[0]}/{friction[1]}",
+        f"Yaw rate [°/s] over right less left belt speed [m/s]; {case}",
         ["heading", *(f"{difference:+g}" for difference in signed)],
         [
             [f"{heading / DEG:.0f}°", *(f"{round(yaw[heading, difference], 2) + 0.0:.2f}" for difference in signed)]
