@@ -5,6 +5,7 @@ import math
 import pytest
 
 from treadline.angles import DEG
+from treadline.errors import MechanicsError
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.dead_zone import dead_zone_table, mean_distance_m, turning_room_m
 from treadline.mechanics.quasi_static import steady_motion
@@ -61,3 +62,8 @@ def test_every_phase_with_room_turns(chair: ChairDescription, slope_deg: float, 
 def test_the_room_to_turn_by_hand(chair: ChairDescription, slope_deg: float, room_m: float) -> None:
     # (0.62 - tan β) · 0.65 m / 0.5, to a millimetre.
     assert turning_room_m(slope_deg * DEG, TABLE_I, chair.tracks.gauge_m) == pytest.approx(room_m, abs=1e-3)
+
+
+def test_a_difference_of_zero_is_refused(chair: ChairDescription) -> None:
+    with pytest.raises(MechanicsError, match="belt difference 0 m/s"):
+        dead_zone_table(chair, LOADING, 28.0 * DEG, 0.30, TABLE_I, differences_m_s=(0.0, 0.1))

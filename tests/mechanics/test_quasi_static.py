@@ -70,6 +70,18 @@ def test_on_the_floor_the_chair_turns_at_the_published_rate() -> None:
     assert motion.yaw_rad_s[0] / DEG == pytest.approx(8.65, abs=0.005)
 
 
+def test_belts_that_carry_evenly_would_turn_faster_on_the_floor(chair: ChairDescription) -> None:
+    """A rigid flat run on a floor is indeterminate; the plant's boxes carry at their corners."""
+    corners = floor_stance(chair, LOADING)
+    x_m = np.linspace(corners.x_m.min(), corners.x_m.max(), 201)
+    points = np.array([(x, y) for y in np.unique(corners.y_m) for x in x_m])
+    centre = np.array([(corners.load * corners.x_m).sum(), (corners.load * corners.y_m).sum()])
+    load = contact_loads(points, centre)
+    even = Stance(x_m=points[None, :, 0], y_m=points[None, :, 1], load=load[None], wrench=np.zeros(3), uphill=corners.uphill)
+    # 60 points for the line give 14.14, 201 give 14.21.
+    assert steady_motion(even, TABLE_I, -0.1, 0.1).yaw_rad_s[0] / DEG == pytest.approx(14.2, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("friction", "published", "exact"),
     [
@@ -221,3 +233,20 @@ def test_a_run_turns_as_its_steady_motions_do_while_its_heading_is_small(chair: 
     finer = quasi_static_run(chair, LOADING, slope, pitch_m, TABLE_I, 0.19, 0.21, pitch_m / mean[0], step_s=0.01)
     # A phase that turns begins or ends within one integration step of 4 mm in 331 mm.
     assert run.yaw_rad_s == pytest.approx(finer.yaw_rad_s, rel=0.05)
+
+
+@pytest.mark.parametrize("friction", [(0.0, 0.5), (0.62, -0.1), (math.nan, 0.5)])
+def test_friction_that_is_none_is_refused(friction: tuple[float, float]) -> None:
+    with pytest.raises(MechanicsError, match="both coefficients must be positive"):
+        steady_motion(on_stair(25.0), friction, 0.1, 0.2)
+
+
+def test_speeds_durations_pitches_and_headings_that_cannot_be_are_refused(chair: ChairDescription) -> None:
+    with pytest.raises(MechanicsError, match="must be finite"):
+        steady_motion(on_stair(25.0), TABLE_I, math.nan, 0.2)
+    with pytest.raises(MechanicsError, match="both must be positive"):
+        quasi_static_run(chair, LOADING, 0.4, 0.33, TABLE_I, 0.1, 0.1, 0.0)
+    with pytest.raises(MechanicsError, match="their pitch"):
+        nosing_contacts(chair.tracks, 0.0, 0.0, 0.5)
+    with pytest.raises(MechanicsError, match=r"heading 90\.0°; up to ±80°"):
+        nosing_contacts(chair.tracks, 0.33, 0.5 * math.pi, 0.5)

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.errors import MechanicsError
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.quasi_static import steady_motion
 from treadline.mechanics.stance import PHASES, Stance, stair_stance
@@ -54,7 +55,12 @@ def dead_zone_table(
 
     Args:
         differences_m_s: Positive magnitudes; each is tried to the right and to the left.
+
+    Raises:
+        MechanicsError: If a difference is not positive, or friction cannot hold the chair at one of the headings.
     """
+    if not min(differences_m_s) > 0.0:
+        raise MechanicsError(f"belt difference {min(differences_m_s):g} m/s; magnitudes must be positive, either sign is tried")
     signed = sorted([-difference for difference in differences_m_s] + list(differences_m_s))
     rows = []
     for heading in headings_rad:

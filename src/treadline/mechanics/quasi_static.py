@@ -73,8 +73,12 @@ def steady_motion(stance: Stance, friction: tuple[float, float], left_m_s: float
         friction: Coefficients along the belts and across.
 
     Raises:
-        MechanicsError: If friction cannot hold the chair on its slope, so that it accelerates.
+        MechanicsError: If friction cannot hold the chair on its slope, or an argument is no speed or coefficient.
     """
+    if not (0.0 < friction[0] < math.inf and 0.0 < friction[1] < math.inf):
+        raise MechanicsError(f"friction {friction[0]:g} along and {friction[1]:g} across; both coefficients must be positive")
+    if not (math.isfinite(left_m_s) and math.isfinite(right_m_s)):
+        raise MechanicsError(f"belt speeds {left_m_s:g} and {right_m_s:g} m/s; both must be finite")
     x, y = stance.x_m, stance.y_m
     zero, one = np.zeros_like(x), np.ones_like(x)
     # M u = slip @ q - drive, for every phase and contact.

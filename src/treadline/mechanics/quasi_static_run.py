@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.errors import MechanicsError
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.quasi_static import steady_motion
 from treadline.mechanics.stance import nosing_stance
@@ -60,8 +61,10 @@ def quasi_static_run(
         nosing_ahead_m: Distance of a nosing ahead of B's origin at the start, up the slope.
 
     Raises:
-        MechanicsError: If friction cannot hold the chair at some heading, or it tips over.
+        MechanicsError: If friction cannot hold the chair at some heading, it tips over, or there is no time to run.
     """
+    if not (duration_s > 0.0 and step_s > 0.0):
+        raise MechanicsError(f"a run of {duration_s:g} s in steps of {step_s:g} s; both must be positive")
     count = max(1, round(duration_s / step_s))
     step = duration_s / count
     heading, climbed = np.full(count + 1, heading_rad), np.zeros(count + 1)

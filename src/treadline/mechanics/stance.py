@@ -18,6 +18,8 @@ from treadline.scenario import Chair
 
 PHASES = 200
 """Nosing phases in an average. The yaw rate jumps where a nosing enters or leaves the belts: 2 % error with 200, 15 % with 20."""
+HEADING_LIMIT_RAD = math.radians(80.0)
+"""Largest heading of a stance on nosings: beyond it a belt lies along a nosing or between two."""
 LOAD_STEPS = 100
 """Bound on the Newton steps for the loads; five are usual."""
 
@@ -46,7 +48,16 @@ def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: f
 
     Args:
         phase: Distance of a nosing ahead of B's origin, up the slope, in pitches.
+
+    Raises:
+        MechanicsError: If the nosings have no pitch, or the belts lie along them.
     """
+    if not pitch_m > 0.0:
+        raise MechanicsError(f"nosings {pitch_m:g} m apart; their pitch √(rise² + run²) must be positive")
+    if not abs(heading_rad) <= HEADING_LIMIT_RAD:
+        raise MechanicsError(
+            f"heading {math.degrees(heading_rad):.1f}°; up to ±{math.degrees(HEADING_LIMIT_RAD):.0f}° belts cross the nosings"
+        )
     half_m, c, s = 0.5 * tracks.flat_run_m, math.cos(heading_rad), math.sin(heading_rad)
     edges_m = _edges(tracks)
     reach = math.ceil((half_m * c + edges_m.max() * abs(s)) / pitch_m) + 1
@@ -61,7 +72,7 @@ def floor_contacts(tracks: Tracks) -> Float[np.ndarray, "8 2"]:
     """Return the corners of both belts' flat runs.
 
     A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a belt that
-    carried evenly along its edges would turn 1.6 times as fast at ±0.1 m/s (14.1 instead of 8.65 °/s).
+    carried evenly along its edges would turn 1.6 times as fast at ±0.1 m/s (14.2 instead of 8.65 °/s).
     """
     half_m = 0.5 * tracks.flat_run_m
     return np.array([(x, y) for y in _edges(tracks) for x in (-half_m, half_m)])
