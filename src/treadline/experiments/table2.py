@@ -74,11 +74,21 @@ def _row(slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "settle_s": None if None in settle else float(np.max(settle)),
         "steady_rms_heading_deg": float(np.mean(steady)) if steady else None,
         "worst_steady_rms_heading_deg": float(np.max(steady)) if steady else None,
+        "passenger_m_s2": _largest(runs, "passenger_max_m_s2"),
+        "vertical_m_s2": _largest(runs, "passenger_vertical_m_s2"),
+        "longitudinal_m_s2": _largest(runs, "passenger_longitudinal_m_s2"),
+        "lateral_m_s2": _largest(runs, "passenger_lateral_m_s2"),
+        "margin_deg": float(np.min([run["min_stability_margin_deg"] for run in runs])),
+        "seconds_below_7_deg": _largest(runs, "seconds_below_7_deg"),
         "min_stability_margin_deg": float(np.min([run["min_stability_margin_deg"] for run in runs])),
         "max_friction_use": float(np.max([run["max_friction_use"] for run in runs])),
         "verdicts": sorted({run["verdict"] for run in runs}),
         "conditions": f"{runs[0]['duration_s']:.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}",
     }
+
+
+def _largest(runs: list[dict[str, Any]], score: str) -> float:
+    return float(np.max([run[score] for run in runs]))
 
 
 def fig10(results: list[dict[str, Any]]) -> list[dict[str, Any]]:

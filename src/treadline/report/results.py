@@ -131,6 +131,14 @@ class Cell(Part):
     roll_back_m: float
     lateral_m: float
     min_stability_margin_deg: float
+    margin_deg: float | None = None
+    """Smallest tip-over margin that lasts 0.1 s; from here on None in results of an earlier version."""
+    seconds_below_7_deg: float | None = None
+    passenger_m_s2: float | None = None
+    """Largest acceleration of the passenger, three axes together, 50 ms means; then each axis."""
+    vertical_m_s2: float | None = None
+    longitudinal_m_s2: float | None = None
+    lateral_m_s2: float | None = None
     max_friction_use: float
     verdicts: list[str]
     conditions: str
