@@ -57,13 +57,15 @@ class Truth:
     """Belt speed as run, actuator lag and mismatch included."""
     right_m_s: float
     stability_margin_rad: float
-    """Smallest static tipping margin of the whole, at this attitude, on the nosings, floors and tips that it touches now."""
+    """Smallest static tip-over margin at this attitude, on the nosings and floors in reach of the belts and of the front tip."""
     friction_use: float
     """Share of the friction circle needed to hold this heading on this slope; 1 slides."""
     passenger_x_m: float
-    """Of the payload's centre of mass in W, level: what comfort is judged by."""
+    """Payload centre of mass in W, horizontal, up the flight."""
+    passenger_y_m: float
+    """Payload centre of mass in W, horizontal, across the flight."""
     passenger_z_m: float
-    """The same, height."""
+    """Payload centre of mass in W, height."""
     contact_force_share: float = math.nan
     """Sum of the normal contact forces over the weight, largest of the steps since the last tick; NaN where unknown."""
     airborne_share: float = math.nan

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.scores import Trace, comfort, score, settling_time
+from treadline.experiments.scores import MARGIN_TICKS, Trace, lasting_minimum, score, settling_time
+from treadline.mechanics.comfort import comfort
 from treadline.ports import Truth
 
 
@@ -32,6 +33,7 @@ def trace(heading_deg: np.ndarray, x_m: np.ndarray | None = None, y_m: np.ndarra
                 stability_margin_rad=0.2,
                 friction_use=0.8,
                 passenger_x_m=float(x[k]),
+                passenger_y_m=0.0,
                 passenger_z_m=0.0,
             )
             for k in range(count)
@@ -81,6 +83,36 @@ def test_comfort_is_the_acceleration_that_lasts() -> None:
     t = np.arange(301) / 100
     after = np.clip(t - 1.0, 0.0, 0.5)
     x = after**2 + 1.0 * np.clip(t - 1.5, 0.0, None)
-    peak, jerk = comfort(x, np.zeros(301))
-    assert peak == pytest.approx(2.0, rel=1e-6)
-    assert 0.0 < jerk <= 40.0 + 1e-9
+    ride = comfort(np.stack([x, np.zeros(301), np.zeros(301)]), np.zeros(301))
+    assert ride.total_m_s2 == ride.longitudinal_m_s2 == pytest.approx(2.0, rel=1e-6)
+    assert (ride.lateral_m_s2, ride.vertical_m_s2) == (0.0, 0.0)
+    assert 0.0 < ride.jerk_m_s3 <= 40.0 + 1e-9
+
+
+@pytest.mark.parametrize(("yaw_deg", "along", "across"), [(0.0, 1.0, 0.0), (180.0, 1.0, 0.0), (90.0, 0.0, 1.0), (30.0, 0.866, 0.5)])
+def test_a_push_up_the_flight_is_split_by_the_yaw_of_the_chair(yaw_deg: float, along: float, across: float) -> None:
+    x = 0.5 * (np.arange(301) / 100) ** 2
+    place = np.stack([x, np.zeros(301), 0.5 * x])
+    ride = comfort(place, np.full(301, yaw_deg * DEG))
+    # cos and sin of 30° to three places.
+    assert (ride.longitudinal_m_s2, ride.lateral_m_s2) == (pytest.approx(along, abs=1e-3), pytest.approx(across, abs=1e-3))
+    assert ride.vertical_m_s2 == pytest.approx(0.5)
+    assert ride.total_m_s2 == pytest.approx(math.hypot(1.0, 0.5))
+
+
+def test_a_margin_counts_once_it_has_lasted_a_tenth_of_a_second() -> None:
+    margin = np.full(100, 9.0)
+    margin[40 : 40 + MARGIN_TICKS - 1] = 2.0
+    assert lasting_minimum(margin) == 9.0
+    margin[40 : 40 + MARGIN_TICKS] = np.linspace(2.0, 3.0, MARGIN_TICKS)
+    assert lasting_minimum(margin) == 3.0
+    assert lasting_minimum(np.array([5.0, 4.0])) == 5.0
+
+
+def test_time_below_seven_degrees_counts_every_sample() -> None:
+    steady = trace(np.zeros(200))
+    margin = np.full(200, 8.0 * DEG)
+    margin[[3, 50, 51]] = 6.9 * DEG
+    scores = score(Trace(columns=steady.columns | {"stability_margin_rad": margin}))
+    assert scores.seconds_below_7_deg == pytest.approx(0.03)
+    assert scores.min_stability_margin_deg == pytest.approx(8.0)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.experiments.scores import Scores, Trace, comfort
+from treadline.experiments.scores import Scores, Trace, comfort_of
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import read_series
 from treadline.mechanics.comfort import lasting
@@ -131,7 +131,7 @@ def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Pa
     rate = np.abs(lasting(trace["pitch_rate_rad_s"])).max()
     assert np.radians(np.abs(motion.pitch_rate_deg_s).max()) == pytest.approx(rate)
     # Stamps are kept to the nanosecond, and differences of places are divided by them twice.
-    assert motion.passenger_m_s2.max() == pytest.approx(comfort(trace["passenger_x_m"], trace["passenger_z_m"])[0], rel=1e-5)
+    assert motion.passenger_m_s2.max() == pytest.approx(comfort_of(trace).total_m_s2, rel=1e-5)
     assert sum("mean over 50 ms" in title for title in titles_of(run_folder, result_of())) == 2
 
 

@@ -27,6 +27,7 @@ SHOWN = (
     "roll_back_m",
     "seat_max_deg",
     "passenger_max_m_s2",
+    "passenger_lateral_m_s2",
     "duration_s",
 )
 """Scores of the summary for people, where a run has them; summary.json has all."""

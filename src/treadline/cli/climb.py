@@ -64,6 +64,9 @@ def climb(
             f"{run.verdict}" + (f": {run.cause}" if run.cause else "") + f" after {scores.duration_s:.1f} s",
             f"heading {scores.rms_heading_deg:.2f}° RMS, {settled}; roll-back {scores.roll_back_m:.3f} m, "
             f"lateral {scores.lateral_m:.3f} m; seat at most {scores.seat_max_deg:.1f}° off level",
+            f"passenger at most {scores.passenger_max_m_s2:.2f} m/s² (vertical {scores.passenger_vertical_m_s2:.2f}, along "
+            f"{scores.passenger_longitudinal_m_s2:.2f}, across {scores.passenger_lateral_m_s2:.2f}); tip-over margin at least "
+            f"{scores.min_stability_margin_deg:.1f}°, below 7° for {scores.seconds_below_7_deg:.2f} s",
             f"run folder: {out} (treadline report {out} draws it)",
         ],
         code=0 if run.verdict in ("arrived", "time_up") else 1,

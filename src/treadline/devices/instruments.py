@@ -26,6 +26,9 @@ SUPPORT_TICKS = 25
 """How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
 ROCKING_M = 0.015
 """Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
+TIP_GAP_M = 0.010
+"""Gap between the front tip and the ground that still counts as support: 0.4 m ahead of the front pulley the chair tips onto it
+within 1.5°, as it does onto a nosing within ``ROCKING_M``. Whether the arm's motor can carry the load is not asked."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 ARM_TORQUE_NOISE_N_M = 2.0
 """Of the torque that the arm's drive tells from its current: 1 % of full torque."""
@@ -83,6 +86,7 @@ class Instruments:
         self._look = look
         self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
+        self._surfaces = staircase.surfaces
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
         """What was touched of late, a ring."""
@@ -119,14 +123,26 @@ class Instruments:
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
     def _support_of(self, state: ChairState) -> Support:
-        """Return what the chair stands on: what it touched of late, and nosings under its belts that it rocks onto in a moment."""
+        """Return the support: recent contacts, nosings that the belts rock onto, and the front tip within 10 mm of the ground."""
         if self._ticks == 0:
             self._reaches[:] = state.reach_m
         self._reaches[self._ticks % SUPPORT_TICKS] = state.reach_m
         self._ticks += 1
-        half_run_m = 0.5 * self._chair.tracks.flat_run_m
+        tracks = self._chair.tracks
+        half_run_m = 0.5 * tracks.flat_run_m
         front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
-        return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
+        angle = tracks.approach_angle_deg * DEG if self._chair.arm is None else state.arm_rad
+        tip_m = kernels.tip_support(
+            self._surfaces,
+            half_run_m + tracks.approach_m * math.cos(angle),
+            tracks.pulley_radius_m + tracks.approach_m * math.sin(angle),
+            0.5 * tracks.gauge_m,
+            tracks.pulley_radius_m,
+            state.p_WB,
+            state.R_WB,
+            TIP_GAP_M,
+        )
+        return Support(front_m=max(front, tip_m), rear_m=rear, left_m=left, right_m=right)
 
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
         angle = state.seat_rad
@@ -154,6 +170,7 @@ class Instruments:
             ).worst,
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
             passenger_x_m=float(passenger_W[0]),
+            passenger_y_m=float(passenger_W[1]),
             passenger_z_m=float(passenger_W[2]),
             contact_force_share=state.contact_force_share,
             airborne_share=state.airborne_share,

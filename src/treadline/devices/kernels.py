@@ -155,6 +155,31 @@ def support(reaches, nosings_W, p_WB, R_WB, half_run, rocking):
 
 @njit(cache=True)
 @no_type_check
+def tip_support(surfaces, tip_x, tip_z, half_gauge, radius, p_WB, R_WB, within):
+    """Return how far ahead of B the front tip's support lies, or minus infinity where neither tip is near the ground.
+
+    Args:
+        surfaces: Flat tops, one row each: centre x, y, cosine and sine of the yaw, half length, half width, height.
+        tip_x: Axis of the tip pulleys in B, and ``tip_z`` the same, vertical.
+        within: Largest gap between a tip's lowest point and the ground below it that counts as contact.
+    """
+    for side in (-1.0, 1.0):
+        tip = np.array((tip_x, side * half_gauge, tip_z))
+        x, y, z = p_WB[0] + dot(R_WB[0], tip), p_WB[1] + dot(R_WB[1], tip), p_WB[2] + dot(R_WB[2], tip)
+        ground = -math.inf
+        for row in surfaces:
+            dx, dy = x - row[0], y - row[1]
+            along, across = fused(row[2], dx, row[3] * dy), fused(row[2], dy, -(row[3] * dx))
+            # A tread above the tip's axis, as of an open riser, carries nothing.
+            if abs(along) <= row[4] and abs(across) <= row[5] and row[6] < z:
+                ground = max(ground, row[6])
+        if z - radius - ground <= within:
+            return tip_x - radius * R_WB[2, 0]  # the lowest point, below the axis in W
+    return -math.inf
+
+
+@njit(cache=True)
+@no_type_check
 def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     """Return heading, its rate along the nosing plane's normal, and where B lies along and across the stair."""
     R_SB = product(R_SW, R_WB)

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG, rms
-from treadline.mechanics.comfort import COMFORT_TICKS, lasting, lasting_change
+from treadline.mechanics.comfort import Comfort, comfort, lasting
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.ports import Truth
 from treadline.signals import TICK_S
 
@@ -19,6 +20,9 @@ RESIDUAL_M_S2 = 0.01
 """Residual of the contact forces above which a tick counts as not converged: a thousandth of gravity."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
+MARGIN_TICKS = 10
+"""Duration of a tip-over margin that counts, 0.1 s: with the centre of mass 0.5 m above the edge, a chair that is δ beyond its
+balance turns by g t²/2h = 0.1 δ meanwhile."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,6 +70,9 @@ class Scores:
     max_pitch_jolt_deg_s: float
     """Of a single sample: a chair that rocks over steps uneven by 2 mm turns by tenths of a degree, but at once."""
     min_stability_margin_deg: float
+    """Smallest tip-over margin that lasts 0.1 s: the least, over the run, of the largest in any ten samples in a row."""
+    seconds_below_7_deg: float
+    """Time with a tip-over margin below 7°, the figure of ISO 7176-24; every sample counts, however short."""
     max_friction_use: float
     """Largest share of the friction circle that holding the heading took; 1 slides."""
     aligned_s: float | None
@@ -74,7 +81,13 @@ class Scores:
     """From then on."""
     aligned_max_heading_deg: float | None
     passenger_max_m_s2: float
-    """Largest acceleration of the passenger, level and upright together, as a mean over 50 ms."""
+    """Largest acceleration of the passenger, all three axes together, as a mean over 50 ms."""
+    passenger_vertical_m_s2: float
+    """Largest vertical part of the passenger's acceleration, as a mean over 50 ms."""
+    passenger_longitudinal_m_s2: float
+    """Largest horizontal part along the chair's forward axis, as a mean over 50 ms."""
+    passenger_lateral_m_s2: float
+    """Largest horizontal part across the chair's forward axis, as a mean over 50 ms."""
     passenger_jerk_m_s3: float
     """99th percentile of how fast that changes: it is a jolt that lasts, not one sample's noise."""
     airborne_share: float | None
@@ -103,11 +116,15 @@ UNMOVED = Scores(
     max_pitch_rate_deg_s=0.0,
     max_pitch_jolt_deg_s=0.0,
     min_stability_margin_deg=0.0,
+    seconds_below_7_deg=0.0,
     max_friction_use=0.0,
     aligned_s=None,
     aligned_rms_heading_deg=None,
     aligned_max_heading_deg=None,
     passenger_max_m_s2=0.0,
+    passenger_vertical_m_s2=0.0,
+    passenger_longitudinal_m_s2=0.0,
+    passenger_lateral_m_s2=0.0,
     passenger_jerk_m_s3=0.0,
     airborne_share=None,
     max_contact_force_share=None,
@@ -125,7 +142,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     seat = trace["seat_pitch_rad"]
     onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
-    peak, jerk = comfort(trace["passenger_x_m"], trace["passenger_z_m"])
+    margin, ride = trace["stability_margin_rad"], comfort_of(trace)
     aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
         duration_s=float(t[-1]),
@@ -142,13 +159,17 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         seat_max_deg=float(np.abs(seat).max()) / DEG,
         max_pitch_rate_deg_s=float(np.abs(lasting(trace["pitch_rate_rad_s"])).max()) / DEG,
         max_pitch_jolt_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
-        min_stability_margin_deg=float(trace["stability_margin_rad"].min()) / DEG,
+        min_stability_margin_deg=lasting_minimum(margin) / DEG,
+        seconds_below_7_deg=float(np.count_nonzero(margin < MARGIN_LIMIT_RAD)) * TICK_S,
         max_friction_use=float(trace["friction_use"].max()),
         aligned_s=aligned_s,
         aligned_rms_heading_deg=rms(aligned) / DEG if aligned.size else None,
         aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
-        passenger_max_m_s2=peak,
-        passenger_jerk_m_s3=jerk,
+        passenger_max_m_s2=ride.total_m_s2,
+        passenger_vertical_m_s2=ride.vertical_m_s2,
+        passenger_longitudinal_m_s2=ride.longitudinal_m_s2,
+        passenger_lateral_m_s2=ride.lateral_m_s2,
+        passenger_jerk_m_s3=ride.jerk_m_s3,
         airborne_share=_reported(trace["airborne_share"], np.mean),
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
         unconverged_share=_reported(trace["contact_residual_m_s2"] > RESIDUAL_M_S2, np.mean, trace["contact_residual_m_s2"]),
@@ -165,14 +186,19 @@ def _reported(
     return None if np.isnan(values if source is None else source).any() else float(summary(values))
 
 
-def comfort(x_m: Float[np.ndarray, " T"], z_m: Float[np.ndarray, " T"]) -> tuple[float, float]:
-    """Return a passenger's largest acceleration [m/s²] and the 99th percentile of its change [m/s³], as means over 50 ms."""
-    if len(x_m) < 2 * COMFORT_TICKS + 3:
-        return 0.0, 0.0
-    velocity = np.diff(np.stack([x_m, z_m]), axis=1) / TICK_S
-    acceleration = lasting_change(velocity)
-    jerk = lasting_change(acceleration)
-    return float(np.hypot(*acceleration).max()), float(np.percentile(np.hypot(*jerk), 99.0))
+def comfort_of(trace: Trace) -> Comfort:
+    """Return the passenger's accelerations over a run."""
+    place_W = np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
+    return comfort(place_W, trace["yaw_rad"])
+
+
+def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:
+    """Return the smallest value that lasts: the minimum over time of the maximum over ``ticks`` samples in a row.
+
+    A dip shorter than that does not count; a run shorter than that is one window.
+    """
+    window = min(ticks, len(values))
+    return float(np.lib.stride_tricks.sliding_window_view(values, window).max(axis=1).min())
 
 
 def settling_time(

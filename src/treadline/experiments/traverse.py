@@ -16,6 +16,7 @@ from treadline.angles import DEG
 from treadline.compiling import compiling
 from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
+from treadline.experiments.slide import LEVEL_RAD, SlideWatch
 from treadline.faults import Process, is_killed
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import check
@@ -31,7 +32,8 @@ from treadline.sim.faults import faulty
 
 FALLEN_RAD = 25.0 * DEG
 """Pitch beyond the stair's slope or below level, or roll, at which the chair counts as fallen."""
-LEVEL_RAD = 4.0 * DEG
+FALLEN_SLIDE_M = 0.5
+"""Slide down the flight beyond which the chair counts as fallen: a step and a half that nothing stopped."""
 SEAT_SHIFT_M = 0.10
 """How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
 
@@ -88,10 +90,15 @@ class _Ending:
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
         self._end_x_m = flight_m - half_run_m
         self._is_up = scenario.drive.direction == "up"
+        self._slide = SlideWatch(upward=self._is_up)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
+        """Return that the chair has tipped or slid, or None; takes every tick once."""
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
-        return ("fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s") if above > FALLEN_RAD else None
+        if above > FALLEN_RAD:
+            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
+        slid_m = self._slide.update(truth)
+        return ("fell", f"slid {slid_m:.2f} m down the flight by {truth.t_s:.2f} s") if slid_m > FALLEN_SLIDE_M else None
 
     def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
         fallen = self.fall(truth)

@@ -1,5 +1,7 @@
 """What a body follows: means over 50 ms, of pitch rate and passenger (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 
@@ -25,3 +27,55 @@ def lasting_change(
         dt_s: Between two values; where it is not always the same, its mean over each window.
     """
     return np.asarray((values[..., COMFORT_TICKS:] - values[..., :-COMFORT_TICKS]) / (COMFORT_TICKS * dt_s))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comfort:
+    """Largest accelerations of a passenger, as means over 50 ms; horizontal axes turn with the chair."""
+
+    total_m_s2: float
+    vertical_m_s2: float
+    longitudinal_m_s2: float
+    """Along the chair's forward axis."""
+    lateral_m_s2: float
+    """Across the chair's forward axis."""
+    jerk_m_s3: float
+    """99th percentile of the jerk: a jolt that lasts, not the noise of one sample."""
+
+
+def passenger_acceleration(
+    place_W: Float[np.ndarray, "3 T"], yaw_rad: Float[np.ndarray, " T"], dt_s: Float[np.ndarray, " d"] | None = None
+) -> Float[np.ndarray, "3 a"]:
+    """Return a passenger's acceleration [m/s²], longitudinal, lateral and vertical, as means over 50 ms.
+
+    Args:
+        place_W: Passenger in W [m].
+        yaw_rad: Of the chair about gravity.
+        dt_s: Between two places; 10 ms each by default.
+    """
+    steps_s = np.full(len(yaw_rad) - 1, TICK_S) if dt_s is None else dt_s
+    velocity = np.diff(place_W, axis=1) / steps_s
+    # Between the middles of two steps lie half of each.
+    times_s = np.cumsum(steps_s) - 0.5 * steps_s
+    window_s = times_s[COMFORT_TICKS:] - times_s[:-COMFORT_TICKS]
+    x, y, z = lasting_change(velocity, window_s / COMFORT_TICKS)
+    # A window of six steps spans seven places; the yaw is that of the middle one.
+    middle = yaw_rad[(COMFORT_TICKS + 1) // 2 :][: len(x)]
+    c, s = np.cos(middle), np.sin(middle)
+    return np.stack([c * x + s * y, c * y - s * x, z])
+
+
+def comfort(place_W: Float[np.ndarray, "3 T"], yaw_rad: Float[np.ndarray, " T"]) -> Comfort:
+    """Return a passenger's largest accelerations; zero for a run too short for a mean of the jerk."""
+    if len(yaw_rad) < 2 * COMFORT_TICKS + 3:
+        return Comfort(total_m_s2=0.0, vertical_m_s2=0.0, longitudinal_m_s2=0.0, lateral_m_s2=0.0, jerk_m_s3=0.0)
+    acceleration = passenger_acceleration(place_W, yaw_rad)
+    longitudinal, lateral, vertical = np.abs(acceleration).max(axis=1)
+    jerk = np.linalg.norm(lasting_change(acceleration), axis=0)
+    return Comfort(
+        total_m_s2=float(np.linalg.norm(acceleration, axis=0).max()),
+        vertical_m_s2=float(vertical),
+        longitudinal_m_s2=float(longitudinal),
+        lateral_m_s2=float(lateral),
+        jerk_m_s3=float(np.percentile(jerk, 99.0)),
+    )

@@ -137,6 +137,18 @@ class Staircase:
             )
         return tuple(solids) + tuple(wall for flight in self.flights for wall in self._walls(flight))
 
+    @property
+    def surfaces(self) -> Float[np.ndarray, "N 7"]:
+        """Flat tops of floor, treads and landings: centre x, y, cosine and sine of the yaw, half length, half width, height."""
+        return np.array(
+            [
+                (x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), *box.half_m[:2], z + box.half_m[2])
+                for box in self.boxes()
+                if box.kind != "wall"
+                for x, y, z in [box.centre_W]
+            ]
+        )
+
     def _walls(self, flight: tuple[Step, ...]) -> list[Box]:
         """Return the walls beside a flight alone: floor and landings are rooms in which a chair can turn."""
         first, last = flight[0], flight[-1]

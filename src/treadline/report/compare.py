@@ -106,7 +106,7 @@ def _comfort(cells: Sequence[Cell]) -> list[Comparison]:
     if not known:
         return []
     worst = max(known, key=lambda cell: cell.passenger_m_s2 or 0.0)
-    parts = (worst.passenger_vertical_m_s2, worst.passenger_longitudinal_m_s2, worst.lateral_m_s2)
+    parts = (worst.vertical_m_s2, worst.longitudinal_m_s2, worst.lateral_m_s2)
     split = "" if None in parts else "; vertical {:.2f}, longitudinal {:.2f}, lateral {:.2f} m/s²".format(*parts)
     return [
         judged(

@@ -10,7 +10,7 @@ from treadline.angles import DEG
 from treadline.errors import LogFormatError
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
-from treadline.mechanics.comfort import COMFORT_TICKS, lasting, lasting_change
+from treadline.mechanics.comfort import COMFORT_TICKS, lasting, passenger_acceleration
 from treadline.ports import Truth
 
 TRUTH = "/truth"
@@ -26,7 +26,7 @@ class Motion:
     pitch_rate_deg_s: Float[np.ndarray, " T"]
     accelerated_t_s: Float[np.ndarray, " a"]
     passenger_m_s2: Float[np.ndarray, " a"]
-    """Acceleration of the passenger, level and upright together."""
+    """Acceleration of the passenger, all three axes together."""
 
 
 def read_motion(folder: Path) -> tuple[Motion | None, str | None]:
@@ -42,12 +42,13 @@ def read_motion(folder: Path) -> tuple[Motion | None, str | None]:
         return None, f"{LOG} cannot be read: {str(error).removeprefix(f'{path}: ')}"
     if len(truth) < 2 * COMFORT_TICKS:
         return None, f"{LOG} holds no truth"
-    t, rate, x, z = np.array([[s.t_s, s.pitch_rate_rad_s, s.passenger_x_m, s.passenger_z_m] for s in truth]).T
-    velocity = np.diff(np.stack([x, z]), axis=1) / np.diff(t)
-    lasts_s = t[1 + COMFORT_TICKS :] - t[1:-COMFORT_TICKS]
+    t, rate, yaw, *place_W = np.array(
+        [[s.t_s, s.pitch_rate_rad_s, s.yaw_rad, s.passenger_x_m, s.passenger_y_m, s.passenger_z_m] for s in truth]
+    ).T
+    acceleration = passenger_acceleration(np.stack(place_W), yaw, np.diff(t))
     return Motion(
         t_s=t[COMFORT_TICKS - 1 :],
         pitch_rate_deg_s=lasting(rate) / DEG,
         accelerated_t_s=t[1 + COMFORT_TICKS :],
-        passenger_m_s2=np.hypot(*lasting_change(velocity, lasts_s / COMFORT_TICKS)),
+        passenger_m_s2=np.linalg.norm(acceleration, axis=0),
     ), None

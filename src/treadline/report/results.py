@@ -144,13 +144,17 @@ class Cell(Part):
     roll_back_m: float
     lateral_m: float
     min_stability_margin_deg: float
+    margin_deg: float | None = None
+    """Smallest tip-over margin that lasts 0.1 s; from here on None in results of an earlier version."""
+    seconds_below_7_deg: float | None = None
+    passenger_m_s2: float | None = None
+    """Largest acceleration of the passenger, three axes together, 50 ms means; then each axis."""
+    vertical_m_s2: float | None = None
+    longitudinal_m_s2: float | None = None
+    lateral_m_s2: float | None = None
     max_friction_use: float
     airborne_share: float | None = None
     max_contact_force_share: float | None = None
-    passenger_m_s2: float | None = None
-    passenger_vertical_m_s2: float | None = None
-    passenger_longitudinal_m_s2: float | None = None
-    lateral_m_s2: float | None = None
     belt_force_n: float | None = None
     belt_power_w: float | None = None
     verdicts: list[str]
