@@ -1,9 +1,8 @@
 """What a scenario file says, typed and checked. The simulator and the experiments read it; the mission never does."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeGuard
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,99 +11,17 @@ from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.models import Reconstruct
 from treadline.settings import Settings, parse_toml, settings_of
+from treadline.stair_settings import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverride
+from treadline.step_rules import step_problem
+
+__all__ = [
+    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "Drive", "Scenario", "Sensors", "Stair", "Start",
+    "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
+]  # fmt: skip
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
-RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
-"""What a staircase's rise, run and slope may be."""
-RUN_DEFAULT_M = 0.30
 SEAT_SHIFT_M = (-0.3, 0.3)
 """How far the seat may be moved along the chair."""
-
-
-class Stair(Settings):
-    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
-
-    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
-    are alike and go straight on, with a landing between any two.
-    """
-
-    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
-    """Height of a step."""
-    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
-    """Depth of a step, from nosing to nosing."""
-    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
-    """In place of ``rise_m``."""
-    steps: Annotated[int, Field(ge=2, le=2000)] = 20
-    """Of each flight; the uppermost is its landing."""
-    flights: Annotated[int, Field(ge=1, le=20)] = 1
-    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
-    """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
-    width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
-    landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
-    """Depth of the landing above the last flight."""
-    open_risers: bool = False
-    """Whether one can look through between the treads."""
-    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
-    rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
-    """Standard deviation of a step's height."""
-    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Standard deviation by which a nosing is turned about the vertical."""
-    friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (
-        0.62,
-        0.5,
-    )
-    """Along the belt and across it."""
-    missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    """Counted from the floor over all flights, from 0."""
-    texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
-    """What it is made of, as the camera sees it."""
-    walls: Literal["none", "left", "right", "both"] = "left"
-    light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
-    """Gain of the light: 1 as usual, less is darker."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _rise_from_slope(cls, tables: object) -> object:
-        """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
-        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
-            return tables
-        if "rise_m" in tables:
-            raise ValueError("give rise_m or slope_deg, not both")
-        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
-        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
-            return tables  # the fields' own checks say what is wrong with them
-        rise = run * math.tan(math.radians(slope))
-        if not _within(RISE_M, rise):
-            raise ValueError(
-                f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
-                f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
-            )
-        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
-
-    @model_validator(mode="after")
-    def _steps_exist(self) -> "Stair":
-        count = self.flights * self.steps
-        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
-        if beyond and self.flights == 1:
-            raise ValueError(
-                f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
-                f"is {self.steps - 2}, for the one above it is the landing"
-            )
-        if beyond:
-            raise ValueError(
-                f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
-                f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
-            )
-        return self
-
-    @property
-    def slope_rad(self) -> float:
-        """Angle of the nosing plane."""
-        return math.atan2(self.rise_m, self.run_m)
-
-
-def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and limits[0] <= value <= limits[1]
 
 
 Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
@@ -188,6 +105,14 @@ class Scenario(Settings):
     control: Control = Control()
     sensors: Sensors = Sensors()
     fault: tuple[Fault, ...] = ()
+    step: tuple[StepOverride, ...] = ()
+
+    @model_validator(mode="after")
+    def _steps_can_be_built(self) -> "Scenario":
+        problem = step_problem(self.stair, self.step)
+        if problem is not None:
+            raise ValueError(problem)
+        return self
 
     @model_validator(mode="after")
     def _starts_on_the_flight(self) -> "Scenario":

@@ -44,7 +44,7 @@ class MujocoPlant(InstrumentedPlant):
         streams = np.random.default_rng(seed).spawn(6)
         self._scenario = scenario
         self._chair = chair
-        self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import quaternion_of
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD
 from treadline.mechanics.bodies import Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
 from treadline.mechanics.chair import Arm, ChairDescription, Point
@@ -86,7 +87,8 @@ def _scene(
 
 def _solid(solid: Solid) -> list[str]:
     box = solid.box
-    place = f'pos="{_row(box.centre_W)}" size="{_row(box.half_m)}" euler="0 0 {float(box.yaw_rad)!r}"'
+    turn = f'quat="{_row(quaternion_of(box.R_WK))}"' if box.pitch_rad else f'euler="0 0 {float(box.yaw_rad)!r}"'
+    place = f'pos="{_row(box.centre_W)}" size="{_row(box.half_m)}" {turn}'
     lines = [f'    <geom class="stair" type="box" {place}/>']
     if solid.nosing is not None:
         ends = f"{_row(solid.nosing.left_W)} {_row(solid.nosing.right_W)}"
@@ -146,5 +148,5 @@ def _arm_servo(arm: Arm) -> str:
     )
 
 
-def _row(values: Point | Float[np.ndarray, " 3"]) -> str:
+def _row(values: Point | Float[np.ndarray, " n"]) -> str:
     return " ".join(repr(float(value)) for value in values)

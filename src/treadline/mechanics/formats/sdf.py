@@ -187,7 +187,7 @@ def _stair(world: Element, stair: Sequence[Solid]) -> None:
         name = f"{solid.box.kind}_{number}"
         for tag in ("collision", "visual"):
             box = child(link, tag, name=f"{name}_{tag}")
-            child(box, "pose", text(*solid.box.centre_W, 0.0, 0.0, solid.box.yaw_rad))
+            child(box, "pose", text(*solid.box.centre_W, 0.0, -solid.box.pitch_rad, solid.box.yaw_rad))
             _box(child(box, "geometry"), solid.box.half_m)
             if solid.nosing is not None:
                 _nosing(child(link, tag, name=f"nosing_{number}_{tag}"), solid.nosing)
