@@ -63,6 +63,8 @@ class Truth:
     """Of the payload's centre of mass in W, level: what comfort is judged by."""
     passenger_z_m: float
     """The same, height."""
+    hull_contacts: float = 0.0
+    """Contacts of hull, seat and passenger with stair, walls and obstacles: 0 in a regular run."""
 
 
 @runtime_checkable

@@ -49,6 +49,8 @@ class ChairState:
     arm_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
     """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+    hull_contacts: int = 0
+    """Most contacts of hull, seat and passenger at once since the last tick; always 0 where the simulator lets them pass."""
 
     @property
     def t_s(self) -> float:
@@ -79,6 +81,8 @@ class Instruments:
         self._look = look
         self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
+        self._nosings_x_m = (self._nosings_W - self._p_WS) @ self._R_SW[0]
+        self._grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
         """What was touched of late, a ring."""
@@ -124,11 +128,19 @@ class Instruments:
         front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
         return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
 
+    def _friction_at(self, x_m: float) -> tuple[float, float]:
+        """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
+        under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m
+        if not under.any():
+            return self._staircase.friction
+        along, across = self._grips[under].min(axis=0)
+        return float(along), float(across)
+
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
         angle = state.seat_rad
         heading, heading_rate, x_m, y_m = kernels.on_stair(self._R_SW, self._p_WS, state.R_WB, state.p_WB, state.rate_B)
         (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
-        along, across = self._staircase.friction
+        along, across = self._friction_at(x_m)
         passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
         return Truth(
             t_s=state.t_s,
@@ -151,6 +163,7 @@ class Instruments:
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
             passenger_x_m=float(passenger_W[0]),
             passenger_z_m=float(passenger_W[2]),
+            hull_contacts=float(state.hull_contacts),
         )
 
 

@@ -235,6 +235,7 @@ class _Ride:
         self._estimates: list[float] = []
         self._phases: list[tuple[float, str]] = []
         self._events: list[Event] = []
+        self._touched = False
 
     def log(self, signal: Signal) -> None:
         """Take what the mission tells."""
@@ -253,6 +254,11 @@ class _Ride:
     def collect(self, plant: TruthPlant) -> None:
         """Take the truth of the ticks that have passed."""
         for sample in plant.truth():
+            if sample.hull_contacts > 0.0 and not self._touched:
+                self._touched = True
+                self.log(
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle")
+                )
             self.truth.append(sample)
             if self._sink is not None:
                 self._sink(sample)

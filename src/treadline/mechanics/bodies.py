@@ -21,6 +21,8 @@ from treadline.scenario import Chair, Start
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box: inside the pulleys' diameter."""
+HULL_FRICTION = 0.4
+"""Friction of hull and passenger against stair, walls and obstacles: steel on concrete has 0.3 to 0.4 (EN 12812:2004, annex A)."""
 CLEARANCE_M = 0.001
 """Between a chair that is put down and what it will stand on."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
@@ -40,7 +42,7 @@ class Shape:
     """Half extents along the shape's own axes."""
     nose_up_rad: float = 0.0
     belt: Literal["left", "right"] | None = None
-    """Whose surface runs with that belt; None is only drawn, and touches nothing."""
+    """Whose surface runs with that belt; None for hull and payload, whose surface is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

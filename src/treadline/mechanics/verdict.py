@@ -79,8 +79,8 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         track_length_margin_m=chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m),
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
-        friction_available=stair.friction[0],
-        friction_use_at_start=friction_use(slope, heading, stair.friction),
+        friction_available=stair.mean_friction[0],
+        friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
         seat_range_deg=(seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
@@ -111,18 +111,18 @@ def _too_short(stair: Stair, tracks: Tracks) -> str | None:
 
 
 def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
-    friction, needed = stair.friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
+    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
     if friction < needed:
         return (
             f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
             f"a stair below {math.atan(friction / TRACTION_RESERVE) / DEG:.1f}°"
         )
-    use = friction_use(stair.slope_rad, heading_rad, stair.friction)
+    use = friction_use(stair.slope_rad, heading_rad, stair.mean_friction)
     if use < 1.0:
         return None
     return (
         f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
-        f"{largest_heading_rad(stair.slope_rad, stair.friction) / DEG:.0f}°"
+        f"{largest_heading_rad(stair.slope_rad, stair.mean_friction) / DEG:.0f}°"
     )
 
 

@@ -29,31 +29,41 @@ SUBSTEPS = 5
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
-COLUMNS = 35
+COLUMNS = 36
+HULL = 35
+"""Most contacts of hull, seat and passenger in one of the tick's steps."""
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
 ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
+# Columns of a geom's friction: along and across on its left half, the same on its right half, a point on the line between the
+# halves and the unit vector to the left of it, both in the horizontal plane of the world.
+MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
+MU_COLUMNS = 8
 # What may be wrong after some ticks.
 SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
 @no_type_check
-def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu_along, mu_across):
-    """Turn each belt contact's tangents to the belt: along y × n, and across.
+def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
+    """Turn each belt contact's tangents to the belt: along y × n, and across; friction is that of the stair's geom there.
 
-    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact.
+    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact; ``mu`` has a row per geom, see ``MU``.
     """
     for i in range(count):
         row = real[i]
         first, second = whole[i, geom], whole[i, geom + 1]
         if is_belt[first]:
-            sign = 1.0
+            sign, grip = 1.0, mu[second]
         elif is_belt[second]:
-            sign = -1.0
+            sign, grip = -1.0, mu[first]
         else:
             continue
+        # A contact's place stands before its frame. Left of the geom's middle line its left half bears.
+        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
+        half = MU_LEFT if aside > 0.0 else MU_RIGHT
+        mu_along, mu_across = grip[half], grip[half + 1]
         nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
         ox, oy, oz = sign * nx, sign * ny, sign * nz
         tx = chair_y[1] * oz - chair_y[2] * oy
@@ -86,6 +96,17 @@ def weaken(count, real, whole, friction, geom, grip):
         share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
         real[i, friction] *= share
         real[i, friction + 1] *= share
+
+
+@njit(cache=True)
+@no_type_check
+def contacts_of_no_belt(count, whole, geom, is_belt):
+    """Return how many contacts are those of hull, seat and passenger: what does not move with a belt."""
+    found = 0
+    for i in range(count):
+        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            found += 1
+    return found
 
 
 @njit(cache=True)
@@ -128,7 +149,7 @@ def advance(
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
     Args:
-        mu: Friction along the belts and across.
+        mu: Friction of each geom for belts, columns as in ``MU_LEFT``.
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -156,6 +177,7 @@ def advance(
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
+        row[HULL] = 0.0
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -164,9 +186,10 @@ def advance(
             _factor(model, data)
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
-            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
+            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
+            row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))
             _constrain(model, data)
             _transmit(model, data)
             _velocity(model, data)

@@ -28,6 +28,7 @@ from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
+from treadline.sim.grip import friction_table, roughened
 from treadline.sim.native import contact_layout, contact_list, load_library
 from treadline.sim.scene import TIMESTEP_S, scene_xml
 
@@ -135,7 +136,7 @@ class MujocoPlant(InstrumentedPlant):
         )
         self._is_belt[self._belts] = True
         self._grip = np.ones(self._model.ngeom)
-        self._friction = np.array(self.staircase.friction)
+        self._friction = friction_table(self._model, self.staircase)
 
     def _pose(self) -> None:
         tracks = self._chair.tracks
@@ -157,7 +158,7 @@ class MujocoPlant(InstrumentedPlant):
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
-        self._run(ticks, log, np.full(2, SETTLE_FRICTION))
+        self._run(ticks, log, roughened(self._friction, SETTLE_FRICTION))
         self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
         self._data.qvel[:] = 0.0
         self._drives.command[:] = 0.0
@@ -199,7 +200,7 @@ class MujocoPlant(InstrumentedPlant):
             data.warning.number,
         )
 
-    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
+    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
         """Run the physics and look at what came of it.
 
         Raises:
@@ -228,7 +229,7 @@ class MujocoPlant(InstrumentedPlant):
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
-        row[kernels.ROTATION :] = rotation_of(self._data.qpos[3:7]).ravel()
+        row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
@@ -244,7 +245,7 @@ class MujocoPlant(InstrumentedPlant):
         return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
-            R_WB=row[kernels.ROTATION :].reshape(3, 3),
+            R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
             seat_rad=float(row[kernels.QPOS + 7]),
@@ -254,6 +255,7 @@ class MujocoPlant(InstrumentedPlant):
             arm_rad=float(row[kernels.ARM]),
             arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
+            hull_contacts=int(row[kernels.HULL]),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
