@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from treadline.attendant import OperatorAct, act_problem
 from treadline.chair_files import CHAIRS, chair_file
 from treadline.errors import SettingsError
 from treadline.faults import Fault
@@ -104,12 +105,13 @@ class Scenario(Settings):
     drive: Drive = Drive()
     control: Control = Control()
     sensors: Sensors = Sensors()
-    fault: tuple[Fault, ...] = ()
     step: tuple[StepOverride, ...] = ()
+    operator: tuple[OperatorAct, ...] = ()
+    fault: tuple[Fault, ...] = ()
 
     @model_validator(mode="after")
-    def _steps_can_be_built(self) -> "Scenario":
-        problem = step_problem(self.stair, self.step)
+    def _tables_of_lists_agree(self) -> "Scenario":
+        problem = step_problem(self.stair, self.step) or act_problem(self.operator)
         if problem is not None:
             raise ValueError(problem)
         return self

@@ -82,7 +82,8 @@ class Instruments:
         self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
         self._nosings_x_m = (self._nosings_W - self._p_WS) @ self._R_SW[0]
-        self._grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
+        grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
+        self._grips = None if np.all(grips == staircase.friction) else grips
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
         """What was touched of late, a ring."""
@@ -130,6 +131,8 @@ class Instruments:
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:
         """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
+        if self._grips is None:
+            return self._staircase.friction
         under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m
         if not under.any():
             return self._staircase.friction

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.attendant import rearms_until_s
 from treadline.compiling import compiling
 from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
@@ -88,6 +89,7 @@ class _Ending:
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
         self._end_x_m = flight_m - half_run_m
         self._is_up = scenario.drive.direction == "up"
+        self._rearms_until_s = rearms_until_s(scenario.operator)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
@@ -97,7 +99,7 @@ class _Ending:
         fallen = self.fall(truth)
         if fallen is not None:
             return fallen
-        if holding is not None:
+        if holding is not None and truth.t_s >= self._rearms_until_s:
             return "held", holding
         if plan.phase == "arrived":
             if self._is_there(truth):
