@@ -51,8 +51,9 @@ def act_problem(acts: Sequence[OperatorAct]) -> str | None:
             if other_number == number or not other.at_s <= act.at_s < other.at_s + other.for_s + REPORT_S:
                 continue
             until_s = other.at_s + other.for_s
+            meanwhile = f"but operator.{other_number} ({other.kind}) lasts until {until_s:g} s"
             return (
-                f"operator.{number}: a re-arm at {act.at_s:g} s, but operator.{other_number} ({other.kind}) lasts until {until_s:g} s; a "
-                f"re-arm counts from {until_s + REPORT_S:g} s on, one report of the handset later"
+                f"operator.{number}: a re-arm at {act.at_s:g} s, {meanwhile}; a re-arm counts from {until_s + REPORT_S:g} s on, "
+                "one report of the handset later"
             )
     return None

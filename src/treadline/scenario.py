@@ -26,6 +26,8 @@ SEAT_SHIFT_M = (-0.3, 0.3)
 
 
 Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
+Lean = Annotated[float, Field(ge=-0.3, le=0.3)]
+Sway = Annotated[float, Field(ge=0.0, le=0.15)]
 
 
 class Chair(Settings):
@@ -37,10 +39,41 @@ class Chair(Settings):
     """What the passenger weighs."""
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
     """Of the passenger's centre of mass from its place in the seat: forward, left, up."""
+    lean_m: tuple[Lean, Lean] = (0.0, 0.0)
+    """Lean of the passenger: the centre of mass is so much further forward and left during the run. No operator enters it."""
+    sway_m: tuple[Sway, Sway] = (0.0, 0.0)
+    """Amplitude by which the passenger sways about that, forward and left; MuJoCo only."""
+    sway_period_s: Annotated[float, Field(ge=1.0, le=20.0)] = 3.0
+    """Period of the sway."""
+    entered_payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
+    """Weight of the passenger as the operator entered it: check and mission go by it. Unset: the true one."""
+    entered_payload_offset_m: tuple[Offset, Offset, Offset] | None = None
+    """Offset of the passenger as the operator entered it, for check. Unset: the true one."""
     seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
     """Of the seat along the chair, uphill positive; ``treadline check`` proposes one."""
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
     """By which share the right belt is faster than asked."""
+
+    @property
+    def entered(self) -> "Chair":
+        """The chair as the operator entered it: what check and mission know."""
+        kg, offset_m = self.entered_payload_kg, self.entered_payload_offset_m
+        known = {
+            "payload_kg": self.payload_kg if kg is None else kg,
+            "payload_offset_m": self.payload_offset_m if offset_m is None else offset_m,
+        }
+        return self.model_copy(update=known)
+
+    @property
+    def sways(self) -> bool:
+        """Whether the passenger moves during the run."""
+        return any(self.sway_m)
+
+    def leaning(self, sway: float = 0.0) -> "Chair":
+        """Return the chair with its passenger's centre of mass where the lean puts it, plus a share of the sway, from -1 to 1."""
+        x, y, z = self.payload_offset_m
+        moved = (x + self.lean_m[0] + sway * self.sway_m[0], y + self.lean_m[1] + sway * self.sway_m[1], z)
+        return self.model_copy(update={"payload_offset_m": moved})
 
 
 class Start(Settings):

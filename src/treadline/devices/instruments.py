@@ -16,7 +16,7 @@ from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
-from treadline.scenario import Scenario
+from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
@@ -76,6 +76,7 @@ class Instruments:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
+        self._seated = scenario.chair.leaning()
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
@@ -129,6 +130,11 @@ class Instruments:
         front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
         return Support(front_m=front, rear_m=rear, left_m=left, right_m=right)
 
+    def _loading_at(self, t_s: float) -> Chair:
+        """Return the load with the passenger where the sway has it; comfort is judged by the seat, not by one's own sway."""
+        chair = self._scenario.chair
+        return chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s)) if chair.sways else self._seated
+
     def _friction_at(self, x_m: float) -> tuple[float, float]:
         """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
         if self._grips is None:
@@ -144,7 +150,7 @@ class Instruments:
         heading, heading_rate, x_m, y_m = kernels.on_stair(self._R_SW, self._p_WS, state.R_WB, state.p_WB, state.rate_B)
         (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
         along, across = self._friction_at(x_m)
-        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
+        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._seated, angle))
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
@@ -159,7 +165,7 @@ class Instruments:
             left_m_s=float(state.belts_m_s[0]),
             right_m_s=float(state.belts_m_s[1]),
             stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._scenario.chair, angle, state.arm_rad),
+                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.arm_rad),
                 (forward_z, left_z, up_z),
                 self._support_of(state),
             ).worst,

@@ -126,7 +126,7 @@ def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> M
         chair=chair,
         controller=controller,
         direction=scenario.drive.direction,
-        payload_kg=scenario.chair.payload_kg,
+        payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
         loop=scenario.control.loop,

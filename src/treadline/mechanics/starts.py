@@ -41,7 +41,7 @@ def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | N
 def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
     """Say which part of the chair would start in a wall, a step or the floor, and how deep."""
     start = standing(staircase, chair.tracks, scenario.start)
-    parts = placed_parts(vehicle(chair, scenario.chair), start, chair.tracks.approach_angle_deg * DEG)
+    parts = placed_parts(vehicle(chair, scenario.chair.entered), start, chair.tracks.approach_angle_deg * DEG)
     found = deepest_overlap(parts, staircase)
     if found is None or found.depth_m <= SUNK_M:
         return None
@@ -128,7 +128,7 @@ def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Say how deep a landing must be for a chair that starts on it not to tip off its far end."""
     depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
-    x, _, z = centre_of_mass(chair, scenario.chair, 0.0)
+    x, _, z = centre_of_mass(chair, scenario.chair.entered, 0.0)
     from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)
     needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + from_rear_m + z * math.tan(MARGIN_LIMIT_RAD)
     if scenario.start.place != "landing" or depth_m >= needed_m:

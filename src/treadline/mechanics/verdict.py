@@ -53,7 +53,7 @@ class CheckReport:
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     """Return the verdict on a scenario."""
-    stair, loading = scenario.stair, scenario.chair
+    stair, loading = scenario.stair, scenario.chair.entered
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     slope = stair.slope_rad

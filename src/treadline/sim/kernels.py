@@ -40,6 +40,9 @@ ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
 # halves and the unit vector to the left of it, both in the horizontal plane of the world.
 MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
 MU_COLUMNS = 8
+# A passenger's sway: the phase now, radians a second, seconds a step, the mass that moves, the amplitudes forward and left, and the
+# centre about which it moves.
+SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
 # What may be wrong after some ticks.
 SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
@@ -126,6 +129,35 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 
 @njit(cache=True)
 @no_type_check
+def move_payload(sway, qvel, xmat, seat_xmat, com, force):
+    """Put the payload where its sway has it, and its reaction on the seat.
+
+    The body's mass lies at ``com``, as if fixed there: MuJoCo then knows all of its acceleration but those parts that stem from its
+    own motion d(t) in the seat, d'' + 2 ω × d'. Their reaction acts on the seat at the same place.
+    """
+    phase, omega, mass = sway[SWAY_PHASE], sway[SWAY_OMEGA], sway[SWAY_KG]
+    c, s = math.cos(phase), math.sin(phase)
+    # The chassis turns by qvel[3:6] in its own frame, the seat by qvel[6] about its y besides.
+    w0, w1, w2 = qvel[3], qvel[4] + qvel[6], qvel[5]
+    wx = xmat[0] * w0 + xmat[1] * w1 + xmat[2] * w2
+    wy = xmat[3] * w0 + xmat[4] * w1 + xmat[5] * w2
+    wz = xmat[6] * w0 + xmat[7] * w1 + xmat[8] * w2
+    a, b = sway[SWAY_AMPLITUDE], sway[SWAY_AMPLITUDE + 1]
+    dx, dy, dz = (
+        seat_xmat[0] * a + seat_xmat[1] * b,
+        seat_xmat[3] * a + seat_xmat[4] * b,
+        seat_xmat[6] * a + seat_xmat[7] * b,
+    )
+    speed, push = -omega * s, -omega * omega * c
+    force[0] = -mass * (push * dx + 2.0 * speed * (wy * dz - wz * dy))
+    force[1] = -mass * (push * dy + 2.0 * speed * (wz * dx - wx * dz))
+    force[2] = -mass * (push * dz + 2.0 * speed * (wx * dy - wy * dx))
+    com[0], com[1] = sway[SWAY_REST] + a * c, sway[SWAY_REST + 1] + b * c
+    sway[SWAY_PHASE] = phase + omega * sway[SWAY_STEP]
+
+
+@njit(cache=True)
+@no_type_check
 def judge(warnings, log, room):
     """Return what is wrong: a warning of MuJoCo's, a state that is not finite, more contacts than there is ``room`` for."""
     for count in warnings:
@@ -145,6 +177,7 @@ def judge(warnings, log, room):
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
+    sway, payload_com, payload_force, seat_xmat,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -161,6 +194,10 @@ def advance(
             damping of a lost motor, the joint's own damping; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
+        sway: of the passenger, as ``move_payload`` takes it; empty for one who sits still.
+        payload_com: centre of mass in the seat's frame; changed in place.
+        payload_force: force on the seat at that centre [N], in W; changed in place.
+        seat_xmat: rotation of the seat in W, row by row.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     for k in range(ticks):
@@ -181,6 +218,8 @@ def advance(
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
+            if sway.shape[0] > 0:
+                move_payload(sway, qvel, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)
             _inertia(model, data)
             _factor(model, data)

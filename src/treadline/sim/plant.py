@@ -5,6 +5,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 """
 
 import ctypes
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,7 +23,7 @@ from treadline.errors import SettingsError, SimulationDiverged
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.scenario import Scenario
+from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, Reading
 from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
@@ -61,10 +62,14 @@ class MujocoPlant(InstrumentedPlant):
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
         self._model.geom_surfacevel[self._belts] = 0.0
+        if self._scenario.chair.sways:  # still until t = 0, at one end of the sway
+            self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
         self._pose()
         self.suffer(Damage())
         self._settle()
         self._data.time = 0.0
+        if self._scenario.chair.sways:
+            self._sway[kernels.SWAY_OMEGA] = math.tau / self._scenario.chair.sway_period_s
         self._tick = 0
         self._forget()
         self._instruments.start(self._data.qvel[:3].copy())
@@ -122,7 +127,7 @@ class MujocoPlant(InstrumentedPlant):
 
     def _build_physics(self) -> None:
         load_library()
-        scene = scene_xml(self.staircase, self._chair, self._scenario.chair)
+        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning())
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
@@ -137,6 +142,8 @@ class MujocoPlant(InstrumentedPlant):
         self._is_belt[self._belts] = True
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
+        self._seat_body = self._model.body("seat").id
+        self._sway = sway_of(self._scenario.chair, self._model.body_mass[self._seat_body], self._model.body_ipos[self._seat_body])
 
     def _pose(self) -> None:
         tracks = self._chair.tracks
@@ -198,6 +205,10 @@ class MujocoPlant(InstrumentedPlant):
             data.qpos,
             data.qvel,
             data.warning.number,
+            self._sway,
+            model.body_ipos[self._seat_body],
+            data.xfrc_applied[self._seat_body],
+            data.xmat[self._seat_body],
         )
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
@@ -266,6 +277,16 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     """Return an array laid over memory that MuJoCo owns."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
+
+
+def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+    """Return a passenger's sway as the compiled loop takes it, still; empty for one who sits still.
+
+    Args:
+        seat_kg: All that turns with the seat: its shell moves along.
+        rest_m: Centre of that mass in the seat's frame.
+    """
+    return np.array([0.0, 0.0, TIMESTEP_S, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
 
 
 def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:
