@@ -72,6 +72,8 @@ class Truth:
     """Share of the steps since the last tick in which nothing touches the chair; NaN where unknown."""
     contact_residual_m_s2: float = math.nan
     """Residual of the contact forces (Signorini's condition), largest of the steps since the last tick; NaN where unknown."""
+    hull_contacts: float = 0.0
+    """Contacts of hull, seat and passenger with stair, walls and obstacles: 0 in a regular run."""
 
 
 @runtime_checkable

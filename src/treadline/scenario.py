@@ -1,113 +1,33 @@
 """What a scenario file says, typed and checked. The simulator and the experiments read it; the mission never does."""
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal, TypeGuard
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from treadline.attendant import OperatorAct, act_problem
 from treadline.chair_files import CHAIRS, chair_file
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.models import Reconstruct
 from treadline.settings import Settings, parse_toml, settings_of
+from treadline.stair_settings import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverride
+from treadline.step_rules import step_problem
+
+__all__ = [
+    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "Drive", "Scenario", "Sensors", "Stair", "Start",
+    "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
+]  # fmt: skip
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
-RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
-"""What a staircase's rise, run and slope may be."""
-RUN_DEFAULT_M = 0.30
 SEAT_SHIFT_M = (-0.3, 0.3)
 """How far the seat may be moved along the chair."""
 
 
-class Stair(Settings):
-    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
-
-    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
-    are alike and go straight on, with a landing between any two.
-    """
-
-    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
-    """Height of a step."""
-    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
-    """Depth of a step, from nosing to nosing."""
-    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
-    """In place of ``rise_m``."""
-    steps: Annotated[int, Field(ge=2, le=2000)] = 20
-    """Of each flight; the uppermost is its landing."""
-    flights: Annotated[int, Field(ge=1, le=20)] = 1
-    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
-    """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
-    width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
-    landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
-    """Depth of the landing above the last flight."""
-    open_risers: bool = False
-    """Whether one can look through between the treads."""
-    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
-    rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
-    """Standard deviation of a step's height."""
-    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Standard deviation by which a nosing is turned about the vertical."""
-    friction: tuple[Annotated[float, Field(gt=0.0, le=2.0)], Annotated[float, Field(gt=0.0, le=2.0)]] = (
-        0.62,
-        0.5,
-    )
-    """Along the belt and across it."""
-    missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    """Counted from the floor over all flights, from 0."""
-    texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
-    """What it is made of, as the camera sees it."""
-    walls: Literal["none", "left", "right", "both"] = "left"
-    light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
-    """Gain of the light: 1 as usual, less is darker."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _rise_from_slope(cls, tables: object) -> object:
-        """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
-        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
-            return tables
-        if "rise_m" in tables:
-            raise ValueError("give rise_m or slope_deg, not both")
-        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
-        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
-            return tables  # the fields' own checks say what is wrong with them
-        rise = run * math.tan(math.radians(slope))
-        if not _within(RISE_M, rise):
-            raise ValueError(
-                f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
-                f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
-            )
-        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
-
-    @model_validator(mode="after")
-    def _steps_exist(self) -> "Stair":
-        count = self.flights * self.steps
-        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
-        if beyond and self.flights == 1:
-            raise ValueError(
-                f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
-                f"is {self.steps - 2}, for the one above it is the landing"
-            )
-        if beyond:
-            raise ValueError(
-                f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
-                f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
-            )
-        return self
-
-    @property
-    def slope_rad(self) -> float:
-        """Angle of the nosing plane."""
-        return math.atan2(self.rise_m, self.run_m)
-
-
-def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and limits[0] <= value <= limits[1]
-
-
 Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
+Lean = Annotated[float, Field(ge=-0.3, le=0.3)]
+Sway = Annotated[float, Field(ge=0.0, le=0.15)]
 
 
 class Chair(Settings):
@@ -119,10 +39,41 @@ class Chair(Settings):
     """What the passenger weighs."""
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
     """Of the passenger's centre of mass from its place in the seat: forward, left, up."""
+    lean_m: tuple[Lean, Lean] = (0.0, 0.0)
+    """Lean of the passenger: the centre of mass is so much further forward and left during the run. No operator enters it."""
+    sway_m: tuple[Sway, Sway] = (0.0, 0.0)
+    """Amplitude by which the passenger sways about that, forward and left; MuJoCo only."""
+    sway_period_s: Annotated[float, Field(ge=1.0, le=20.0)] = 3.0
+    """Period of the sway."""
+    entered_payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
+    """Weight of the passenger as the operator entered it: check and mission go by it. Unset: the true one."""
+    entered_payload_offset_m: tuple[Offset, Offset, Offset] | None = None
+    """Offset of the passenger as the operator entered it, for check. Unset: the true one."""
     seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
     """Of the seat along the chair, uphill positive; ``treadline check`` proposes one."""
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
     """By which share the right belt is faster than asked."""
+
+    @property
+    def entered(self) -> "Chair":
+        """The chair as the operator entered it: what check and mission know."""
+        kg, offset_m = self.entered_payload_kg, self.entered_payload_offset_m
+        known = {
+            "payload_kg": self.payload_kg if kg is None else kg,
+            "payload_offset_m": self.payload_offset_m if offset_m is None else offset_m,
+        }
+        return self.model_copy(update=known)
+
+    @property
+    def sways(self) -> bool:
+        """Whether the passenger moves during the run."""
+        return any(self.sway_m)
+
+    def leaning(self, sway: float = 0.0) -> "Chair":
+        """Return the chair with its passenger's centre of mass where the lean puts it, plus a share of the sway, from -1 to 1."""
+        x, y, z = self.payload_offset_m
+        moved = (x + self.lean_m[0] + sway * self.sway_m[0], y + self.lean_m[1] + sway * self.sway_m[1], z)
+        return self.model_copy(update={"payload_offset_m": moved})
 
 
 class Start(Settings):
@@ -187,7 +138,16 @@ class Scenario(Settings):
     drive: Drive = Drive()
     control: Control = Control()
     sensors: Sensors = Sensors()
+    step: tuple[StepOverride, ...] = ()
+    operator: tuple[OperatorAct, ...] = ()
     fault: tuple[Fault, ...] = ()
+
+    @model_validator(mode="after")
+    def _tables_of_lists_agree(self) -> "Scenario":
+        problem = step_problem(self.stair, self.step) or act_problem(self.operator)
+        if problem is not None:
+            raise ValueError(problem)
+        return self
 
     @model_validator(mode="after")
     def _starts_on_the_flight(self) -> "Scenario":

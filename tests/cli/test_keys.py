@@ -2,8 +2,9 @@
 
 import tomllib
 
+from treadline.attendant import OperatorAct
 from treadline.keys import meanings, tables_of
-from treadline.scenario import Scenario, Stair, read_scenario, scenario_of, shipped_scenarios
+from treadline.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
@@ -12,7 +13,7 @@ def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(outcome.out)
     assert read_scenario(path) == Scenario()
-    assert set(tomllib.loads(outcome.out)) == set(Scenario.model_fields) - {"fault"}
+    assert set(tomllib.loads(outcome.out)) == set(Scenario.model_fields) - {"fault", "step", "operator"}
     assert all(name in outcome.out.splitlines()[0] for name in shipped_scenarios())
 
 
@@ -20,7 +21,12 @@ def test_each_key_is_listed_with_unit_range_default_and_meaning(run) -> None:
     values = run("check", "--keys", "--json").values
     keys = values["keys"]
     for table, field in Scenario.model_fields.items():
-        for name in type(field.default).model_fields if table != "fault" else ("kind", "at_s", "for_s", "value"):
+        listed = {
+            "fault": ("kind", "at_s", "for_s", "value"),
+            "step": StepOverride.model_fields,
+            "operator": OperatorAct.model_fields,
+        }
+        for name in listed.get(table) or type(field.default).model_fields:
             assert f"{table}.{name}" in keys
     assert keys["stair.between_m"] == {
         "default": 2.5,

@@ -158,7 +158,7 @@ def test_masses_inertias_and_geometry_are_equal(name: str, other: str) -> None:
     np.testing.assert_allclose(theirs.com_B, ours.com_B, atol=1e-12)
     np.testing.assert_allclose(theirs.inertia_B, ours.inertia_B, atol=1e-10)
     assert set(theirs.extents) == set(ours.extents)
-    assert len(ours.extents) == 10  # five shapes of two belts
+    assert len(ours.extents) == 12  # five shapes of two belts, hull and payload
     for shape, extent in ours.extents.items():
         np.testing.assert_allclose(theirs.extents[shape].centre, extent.centre, atol=1e-12, err_msg=shape)
         np.testing.assert_allclose(theirs.extents[shape].half, extent.half, atol=1e-7, err_msg=shape)  # 1 - cos² near an axis
@@ -227,7 +227,8 @@ def test_sdf_gives_each_belt_a_link_for_the_plugin(name: str) -> None:
         for collision in links[f"{side}_track"].findall("collision"):
             ode = collision.find("surface/friction/ode")
             assert (float(ode.find("mu").text), float(ode.find("mu2").text)) == FRICTION
-    assert not links["chair"].findall("collision")  # what touches, moves
+    (hull,) = links["chair"].findall("collision")  # what moves is on links of its own
+    assert hull.get("name") == "hull"
     assert model[-1].tag == "plugin"
     names = [element.get("name") for element in model.iter() if element.tag in ("link", "joint", "collision", "visual")]
     assert len(set(names)) == len(names)

@@ -225,7 +225,7 @@ def test_a_start_in_the_floor_is_refused_with_the_first_step_that_would_do(slope
 
 def test_a_flight_too_low_for_the_track_is_entered_from_its_ends() -> None:
     report = judge(stair={"steps": 2}, start={"place": "flight", "step": 1})
-    assert_refused_only_for(report, "0.13 m below the floor, its front on step 1", "start on the floor or the landing")
+    assert_refused_only_for(report, "0.14 m below the floor, its front on step 1", "start on the floor or the landing")
 
 
 def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() -> None:

@@ -59,6 +59,10 @@ def test_a_chair_without_an_arm_is_the_chair_it_was() -> None:
     # Without walls: these have become shorter since.
     staircase = build_staircase(Stair(walls="none"), np.random.default_rng(0))
     scene = scene_xml(staircase, read_chair("wheelchair-fixed"), Chair())
+    # Bodies that collide and names of the stair's geoms came later.
+    scene = re.sub(r' *<geom class="body"[^>]*/>\n', "", scene)
+    scene = re.sub(r' *<default class="body">.*?</default>\n', "", scene, flags=re.DOTALL)
+    scene = re.sub(r' name="(stair|nosing)_\d+"', "", scene)
     # The scene as it was before there were arms. Nine digits: the last ones are the platform's sine.
     rounded = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: f"{float(number[0]):.9g}", scene)
     assert hashlib.sha256(rounded.encode()).hexdigest() == "f4314d80ba0309b5e8eceef6914d11b3633ce4a17a2f365244b6d739ad9ab29b"

@@ -146,7 +146,9 @@ def contact(rng: np.random.Generator, geoms: tuple[int, int]) -> tuple[np.ndarra
 def turn(real: np.ndarray, whole: np.ndarray, chair_y: np.ndarray) -> None:
     layout = (FRAME, FRICTION, SURFACEVEL, GEOM)
     is_belt = np.array([False, True])
-    kernels.turn_contacts(1, real, whole, *layout, is_belt, tuple(chair_y.tolist()), 0.62, 0.5)
+    kernels.turn_contacts(
+        1, real, whole, *layout, is_belt, tuple(chair_y.tolist()), np.tile([0.62, 0.5, 0.62, 0.5, 0.0, 0.0, 0.0, 1.0], (2, 1))
+    )
 
 
 @pytest.mark.parametrize("geoms", [(1, 0), (0, 1)], ids=["belt on stair", "stair on belt"])

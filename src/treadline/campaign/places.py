@@ -14,6 +14,8 @@ LABEL = "label"
 """No part of the scenario: a word that other draws may ask for, and a column of the results."""
 DERIVED = ("stair.slope_deg", "stair.tan_slope")
 DEFAULTS: dict[str, Any] = Scenario().model_dump()
+LISTS = tuple(key for key, value in DEFAULTS.items() if isinstance(value, tuple))
+"""Lists of tables: a draw replaces the whole list."""
 
 Tables = dict[str, Any]
 
@@ -22,7 +24,7 @@ def check_place(key: str, where: str) -> None:
     """Raise SettingsError unless a scenario has a value there."""
     table, _, rest = key.partition(".")
     field, _, index = rest.partition(".")
-    if key == LABEL or table == "fault":
+    if key == LABEL or table in LISTS:
         return
     if table not in DEFAULTS:
         raise SettingsError(f"{where}: no table '{table}' in a scenario; there are {', '.join(DEFAULTS)}, and 'label'")
@@ -41,7 +43,7 @@ def check_value(key: str, value: object, where: str) -> None:
     field = rest.partition(".")[0]
     if key == LABEL:
         return
-    if not field or table == "fault":
+    if not field or table in LISTS:
         settings_of({table: value} if not field else {}, Scenario, where=where)
         return
     # A scenario of this one key: rules that join several keys are checked on whole scenarios.

@@ -16,7 +16,7 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.campaign.draws import Draw, check_draw
-from treadline.campaign.places import LABEL, Tables, look, put
+from treadline.campaign.places import LABEL, LISTS, Tables, look, put
 from treadline.errors import SettingsError
 from treadline.io.plain import plain
 from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
@@ -82,7 +82,7 @@ class Spec:
             stair["run_m"] = stair["rise_m"] / math.tan(stair.pop("slope_deg") * DEG)
         scenario = scenario_of(tables, self.path, where=f"{self.path}: {name}")
         whole = scenario.model_dump()
-        keys = dict.fromkeys([draw.key for draw in self.draws if draw.key not in (LABEL, "fault")])
+        keys = dict.fromkeys([draw.key for draw in self.draws if draw.key not in (LABEL, *LISTS)])
         keys |= dict.fromkeys(SHAPE)
         values = {key: look(whole, key) for key in keys}
         return Drawn(scenario=scenario, values=({} if label is None else {LABEL: label}) | values)

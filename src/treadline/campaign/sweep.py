@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from treadline.campaign.journal import Journal
 from treadline.campaign.page import write_page
+from treadline.campaign.places import LISTS
 from treadline.campaign.pool import Runners
 from treadline.campaign.run import Flight, Row
 from treadline.campaign.sampling import Sampling, points, run_seed
@@ -127,7 +128,7 @@ def write_results(plan: Plan, folder: Path, rows: Mapping[int, Row], flights: Ma
     kept = [rows[index] for index in sorted(rows) if index in flights]
     files = write_tables(folder, kept)
     drawn = [*dict.fromkeys([draw.key for draw in plan.spec.draws]), *SHAPE]
-    choices = dict.fromkeys(draw.key for draw in plan.spec.draws if draw.choice is not None and draw.key != "fault")
+    choices = dict.fromkeys(draw.key for draw in plan.spec.draws if draw.choice is not None and draw.key not in LISTS)
     flat_rows = [flat(row) for row in kept]
     summary = summarise(flat_rows, drawn, [key for key in choices if "missing" not in key], plan.score)
     wanted = {row["index"] for row in kept if row["verdict"] != "arrived"} | {row["index"] for row in summary["worst"]}

@@ -32,7 +32,7 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
     settings = read_scenario(scenario)
     chair, loading = read_chair(settings.chair.model), settings.chair
     # The stair of a run with this seed: the plant draws it from the first of its streams.
-    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0])
+    staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step)
     start = standing(staircase, chair.tracks, settings.start)
     if to == "urdf":
         text = urdf(chair, loading)

@@ -52,13 +52,15 @@ def nodes(
         without: plant leaves the plant to somebody else: a chair's own drivers.
         out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
     """
+    from treadline.attendant import rearms_until_s
+
     check_times(pace=pace, duration=duration)
     if without is not None and transport == "inproc":
         raise SettingsError(f"--without {without} needs --transport ros1 or zenoh: in one process nobody else can be the {without}")
     settings, config = told(scenario, controller)
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":
-        return _in_one_process(config, lambda: simulated(settings, seed, plant), seconds, out)
+        return _in_one_process(config, lambda: simulated(settings, seed, plant), seconds, out, rearms_until_s(settings.operator))
     wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
@@ -67,7 +69,7 @@ def nodes(
 
     names = [name for name in DRIVING if name != without] + (["recorder"] if out is not None else [])
     running: dict[str, subprocess.Popen[bytes]] = {}
-    watch = _Watch(seconds)
+    watch = _Watch(seconds, rearms_until_s(settings.operator))
     watch.listen(wire)
     stop = stopping()
     try:
@@ -115,8 +117,9 @@ class _Watch:
     AFTER_S = 1.0
     """How long a held chair is watched."""
 
-    def __init__(self, until_s: float) -> None:
+    def __init__(self, until_s: float, rearms_until_s: float) -> None:
         self._until_s = until_s
+        self._rearms_until_s = rearms_until_s
         self.over = False
         self._phase = "search"
         self._holding: str | None = None
@@ -173,7 +176,9 @@ class _Watch:
         if state.t_s >= self._until_s:
             return  # the plant has ended: that it is silent is as it should be
         self._holding = state.holding
-        if state.holding is not None and self._held_s is None:
+        if state.holding is None:
+            self._held_s = None
+        elif self._held_s is None:
             self._held_s = state.t_s
 
     def _event(self, told: Any) -> None:
@@ -189,10 +194,11 @@ class _Watch:
 
     def _note(self, t_s: float) -> None:
         self._t_s = max(self._t_s, t_s)
-        self.over = self.over or (self._held_s is not None and self._t_s - self._held_s > self.AFTER_S)
+        held_s = 0.0 if self._held_s is None or self._t_s < self._rearms_until_s else self._t_s - self._held_s
+        self.over = self.over or held_s > self.AFTER_S
 
 
-def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None) -> Answer:
+def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
     from treadline.cli.progress import SimulatedTime
     from treadline.mission.config import build_blocks, guard_config
     from treadline.nodes.assembly import DRIVING, mount_of
@@ -204,7 +210,7 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
     plant = plant_of()
     recorder = None if out is None else RecorderNode(out, blocks.driver.period_s)
     graph = LockStep(plant, blocks, limits, beside=() if recorder is None else (recorder,), mount=mount_of(config))
-    watch = _Watch(seconds)
+    watch = _Watch(seconds, rearms_until)
     watch.listen(graph.transport)
     stop = stopping()
     t_s = 0.0

@@ -16,7 +16,7 @@ from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
-from treadline.scenario import Scenario
+from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
@@ -56,6 +56,8 @@ class ChairState:
     """As in ``Truth``; NaN where the simulator does not report it."""
     airborne_share: float = math.nan
     contact_residual_m_s2: float = math.nan
+    hull_contacts: int = 0
+    """Most contacts of hull, seat and passenger at once since the last tick; always 0 where the simulator lets them pass."""
 
     @property
     def t_s(self) -> float:
@@ -81,12 +83,16 @@ class Instruments:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
+        self._seated = scenario.chair.leaning()
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
         self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
         self._surfaces = staircase.surfaces
+        self._nosings_x_m = (self._nosings_W - self._p_WS) @ self._R_SW[0]
+        grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
+        self._grips = None if np.all(grips == staircase.friction) else grips
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
         """What was touched of late, a ring."""
@@ -144,12 +150,27 @@ class Instruments:
         )
         return Support(front_m=max(front, tip_m), rear_m=rear, left_m=left, right_m=right)
 
+    def _loading_at(self, t_s: float) -> Chair:
+        """Return the load with the passenger where the sway has it; comfort is judged by the seat, not by one's own sway."""
+        chair = self._scenario.chair
+        return chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s)) if chair.sways else self._seated
+
+    def _friction_at(self, x_m: float) -> tuple[float, float]:
+        """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
+        if self._grips is None:
+            return self._staircase.friction
+        under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m
+        if not under.any():
+            return self._staircase.friction
+        along, across = self._grips[under].min(axis=0)
+        return float(along), float(across)
+
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
         angle = state.seat_rad
         heading, heading_rate, x_m, y_m = kernels.on_stair(self._R_SW, self._p_WS, state.R_WB, state.p_WB, state.rate_B)
         (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
-        along, across = self._staircase.friction
-        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._scenario.chair, angle))
+        along, across = self._friction_at(x_m)
+        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._seated, angle))
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
@@ -164,7 +185,7 @@ class Instruments:
             left_m_s=float(state.belts_m_s[0]),
             right_m_s=float(state.belts_m_s[1]),
             stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._scenario.chair, angle, state.arm_rad),
+                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.arm_rad),
                 (forward_z, left_z, up_z),
                 self._support_of(state),
             ).worst,
@@ -175,6 +196,7 @@ class Instruments:
             contact_force_share=state.contact_force_share,
             airborne_share=state.airborne_share,
             contact_residual_m_s2=state.contact_residual_m_s2,
+            hull_contacts=float(state.hull_contacts),
         )
 
 

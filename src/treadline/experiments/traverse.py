@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.attendant import rearms_until_s
 from treadline.compiling import compiling
 from treadline.errors import SimulationDiverged
 from treadline.experiments.scores import Scores, Trace, score
@@ -91,6 +92,7 @@ class _Ending:
         self._end_x_m = flight_m - half_run_m
         self._is_up = scenario.drive.direction == "up"
         self._slide = SlideWatch(upward=self._is_up)
+        self._rearms_until_s = rearms_until_s(scenario.operator)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
         """Return that the chair has tipped or slid, or None; takes every tick once."""
@@ -104,7 +106,7 @@ class _Ending:
         fallen = self.fall(truth)
         if fallen is not None:
             return fallen
-        if holding is not None:
+        if holding is not None and truth.t_s >= self._rearms_until_s:
             return "held", holding
         if plan.phase == "arrived":
             if self._is_there(truth):
@@ -131,7 +133,7 @@ def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> M
         chair=chair,
         controller=controller,
         direction=scenario.drive.direction,
-        payload_kg=scenario.chair.payload_kg,
+        payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
         loop=scenario.control.loop,
@@ -242,6 +244,7 @@ class _Ride:
         self._estimates: list[float] = []
         self._phases: list[tuple[float, str]] = []
         self._events: list[Event] = []
+        self._touched = False
 
     def log(self, signal: Signal) -> None:
         """Take what the mission tells."""
@@ -260,6 +263,11 @@ class _Ride:
     def collect(self, plant: TruthPlant) -> None:
         """Take the truth of the ticks that have passed."""
         for sample in plant.truth():
+            if sample.hull_contacts > 0.0 and not self._touched:
+                self._touched = True
+                self.log(
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle")
+                )
             self.truth.append(sample)
             if self._sink is not None:
                 self._sink(sample)

@@ -39,8 +39,9 @@ class GazeboPlant(InstrumentedPlant):
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
         streams = np.random.default_rng(seed).spawn(6)  # as the other simulator's: a seed means the same noise
+        _refuse_what_gazebo_cannot(scenario)
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
-        self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
@@ -140,6 +141,23 @@ class GazeboPlant(InstrumentedPlant):
         pending, self._pending = self._pending, []
         for state in pending:
             yield state, 1.0
+
+
+def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
+    """Refuse keys that this plant would ignore.
+
+    Raises:
+        SettingsError: If the passenger sways, or friction is not the same all over the stair.
+    """
+    stair = scenario.stair
+    if scenario.chair.sways:
+        raise SettingsError(f"chair.sway_m is {scenario.chair.sway_m}: in Gazebo the passenger sits still; use --plant mujoco")
+    own = [step for step in scenario.step if step.friction or step.friction_left or step.friction_right]
+    if own or {stair.friction_left, stair.friction_right, stair.floor_friction} - {None, stair.friction}:
+        where = f"step {own[0].index}" if own else "stair.friction_left, friction_right or floor_friction"
+        raise SettingsError(
+            f"{where} has a friction of its own: in Gazebo the stair has one friction, {stair.friction}; use --plant mujoco"
+        )
 
 
 def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:

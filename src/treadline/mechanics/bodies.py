@@ -6,7 +6,7 @@ with the flat run.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -16,11 +16,13 @@ from treadline.angles import rotation_y, rotation_z
 from treadline.mechanics.chair import Arm, ChairDescription, Point, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.stability import payload_com, seat_mass_kg
-from treadline.mechanics.staircase import Box, Staircase
+from treadline.mechanics.staircase import Box, Staircase, Step
 from treadline.scenario import Chair, Start
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box: inside the pulleys' diameter."""
+HULL_FRICTION = 0.4
+"""Friction of hull and passenger against stair, walls and obstacles: steel on concrete has 0.3 to 0.4 (EN 12812:2004, annex A)."""
 CLEARANCE_M = 0.001
 """Between a chair that is put down and what it will stand on."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
@@ -40,7 +42,7 @@ class Shape:
     """Half extents along the shape's own axes."""
     nose_up_rad: float = 0.0
     belt: Literal["left", "right"] | None = None
-    """Whose surface runs with that belt; None is only drawn, and touches nothing."""
+    """Whose surface runs with that belt; None for hull and payload, whose surface is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,23 +246,26 @@ class Solid:
 
 def solids(staircase: Staircase) -> tuple[Solid, ...]:
     """Return the staircase as solids, floor and walls included."""
-    return tuple(_solid(box, staircase.nosing_radius_m) for box in staircase.boxes())
+    return tuple(
+        _solid(box, staircase.steps[box.index].nosing_radius_m) if box.kind in ("step", "landing") else Solid(box=box)
+        for box in staircase.boxes()
+    )
 
 
 def _solid(box: Box, radius: float) -> Solid:
-    if box.kind not in ("step", "landing"):
-        return Solid(box=box)
     (cx, cy, cz), (hx, hy, hz), yaw = box.centre_W, box.half_m, box.yaw_rad
     c, s = math.cos(yaw), math.sin(yaw)
+    level, rising = math.cos(box.pitch_rad), math.sin(box.pitch_rad)
 
-    def at(forward: float, up: float) -> Point:
+    def at(along: float, above: float) -> Point:
+        forward, up = along * level - above * rising, along * rising + above * level
         return cx + c * forward, cy + s * forward, cz + up
 
     r = radius
     start, across = at(-hx + r, hz - r), (s * hy, -c * hy)
     left = (start[0] - across[0], start[1] - across[1], start[2])
     right = (start[0] + across[0], start[1] + across[1], start[2])
-    behind = Box(kind=box.kind, index=box.index, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz), yaw_rad=yaw)
+    behind = replace(box, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz))
     return Solid(box=behind, nosing=Nosing(index=box.index, left_W=left, right_W=right, radius_m=r))
 
 
@@ -281,20 +286,35 @@ def from_edge_m(landing_m: float, tracks: Tracks) -> float:
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     """Return the pose in which a scenario starts, a hair above what the chair will stand on."""
-    heading = math.radians(start.heading_deg)
-    slope = staircase.slope_rad if start.place == "flight" else 0.0
+    heading, top = math.radians(start.heading_deg), staircase.steps[-1]
+    slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
     along = 0.5 * tracks.flat_run_m * math.cos(heading)
     R_WB = rotation_y(-slope) @ rotation_z(heading)
     if start.place == "floor":
         p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
     elif start.place == "landing":
-        top = staircase.steps[-1]
-        x = top.x_m + along + from_edge_m(staircase.landing_m, tracks)
-        p_WB = np.array([x, start.lateral_m, top.z_m + CLEARANCE_M])
+        behind_m = along + from_edge_m(staircase.landing_m, tracks)
+        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
     else:
         step = staircase.steps[start.step]
-        # The nosing plane touches the rounded nosings a little below their sharp edges.
-        drop = staircase.nosing_radius_m * (math.sin(slope) + math.cos(slope) - 1.0)
-        from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, CLEARANCE_M - drop])
+        lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
+        from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
         p_WB = np.array([step.x_m, 0.0, step.z_m]) + from_nosing
     return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)
+
+
+def rounded_off_m(nosing_radius_m: float, slope_rad: float) -> float:
+    """Return how far below the sharp edges the plane lies that touches rounded nosings."""
+    return nosing_radius_m * (math.sin(slope_rad) + math.cos(slope_rad) - 1.0)
+
+
+def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> float:
+    """Return how far the highest nosing under the belts stands out of the plane through the front one, square to it."""
+    c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
+    offsets = [
+        (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s
+        for step in staircase.steps[: front.index + 1]
+        if not step.missing and (front.x_m - step.x_m) * c <= flat_run_m
+    ]
+    highest_m = max(offsets, default=0.0)
+    return highest_m if highest_m > CLEARANCE_M else 0.0

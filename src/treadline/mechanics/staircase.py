@@ -6,13 +6,16 @@ x along S grows over the landings too: by cos β a metre.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_y
-from treadline.scenario import Stair
+from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.stair_settings import Friction, Stair, StepOverride
+from treadline.step_rules import place_of
 
 TREAD_THICKNESS_M = 0.04
 """Of an open-riser tread."""
@@ -37,19 +40,33 @@ class Step:
     yaw_rad: float
     """Of the nosing about the vertical; zero is square to the flight."""
     missing: bool
+    friction: tuple[Friction, Friction]
+    """Along and across the belt, on the left half and on the right one."""
+    nosing_radius_m: float
+    overhang_m: float = 0.0
+    """Distance by which the tread stands out over the riser."""
+    tread_slope_rad: float = 0.0
+    """Positive where the tread rises towards its back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A solid box: upright, turned about the vertical by ``yaw_rad``."""
+    """A solid box: turned about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
 
     kind: str
-    """``floor``, ``step``, ``landing`` or ``wall``."""
+    """``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing`` or
+    ``wall``."""
     index: int
     """Of the step; -1 for the rest."""
     centre_W: tuple[float, float, float]
     half_m: tuple[float, float, float]
     yaw_rad: float
+    pitch_rad: float = 0.0
+
+    @property
+    def R_WK(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of the box K in the world."""
+        return rotation_z(self.yaw_rad) @ rotation_y(-self.pitch_rad) if self.pitch_rad else rotation_z(self.yaw_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +81,9 @@ class Staircase:
     nosing_radius_m: float
     slope_rad: float
     """Of the nosing plane as designed, jitter aside."""
-    friction: tuple[float, float]
+    friction: Friction
+    """As designed, along and across; ``steps`` have what each one has."""
+    floor_friction: Friction
     walls: str
     flight_count: int = 1
 
@@ -114,27 +133,10 @@ class Staircase:
             )
         ]
         landings = {flight[-1].index for flight in self.flights}
-        for step in self.steps:
-            if step.missing:
-                continue
-            is_last = step is last
-            # Treads reach under the next step, so that a turned nosing leaves no gap; the last one is the landing.
-            back_x = end_x if is_last else step.x_m + step.depth_m + (0.03 if self.open_risers else 0.10)
-            thickness = TREAD_THICKNESS_M if self.open_risers else step.rise_m + 0.10
-            half_depth = 0.5 * (back_x - step.x_m)
-            solids.append(
-                Box(
-                    kind="landing" if step.index in landings else "step",
-                    index=step.index,
-                    centre_W=(
-                        step.x_m + half_depth * math.cos(step.yaw_rad),
-                        half_depth * math.sin(step.yaw_rad),
-                        step.z_m - 0.5 * thickness,
-                    ),
-                    half_m=(half_depth, half_width, 0.5 * thickness),
-                    yaw_rad=step.yaw_rad,
-                )
-            )
+        for step, after in zip(self.steps, (*self.steps[1:], None), strict=True):
+            if not step.missing:
+                back_x = end_x if after is None else step.x_m + step.depth_m + self._under(step, after)
+                solids += self._tread(step, back_x, "landing" if step.index in landings else "step")
         return tuple(solids) + tuple(wall for flight in self.flights for wall in self._walls(flight))
 
     @property
@@ -144,10 +146,28 @@ class Staircase:
             [
                 (x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), *box.half_m[:2], z + box.half_m[2])
                 for box in self.boxes()
-                if box.kind != "wall"
+                if box.kind not in ("wall", "riser")
                 for x, y, z in [box.centre_W]
             ]
         )
+
+    def _under(self, step: Step, after: Step) -> float:
+        """Return how far a tread reaches under the next step, so that a turned nosing leaves no gap."""
+        if self.open_risers:
+            return 0.03
+        turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad) - math.tan(step.yaw_rad))
+        return max(0.10, turned_m + 0.01) + after.overhang_m
+
+    def _tread(self, step: Step, back_x: float, kind: str) -> list[Box]:
+        """Return a step's box, or a slab and the riser below it where the tread overhangs."""
+        whole_m, half_width = step.rise_m + 0.10, 0.5 * self.width_m
+        if self.open_risers:
+            return [_behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, TREAD_THICKNESS_M))]
+        if step.overhang_m == 0.0:
+            return [_behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, whole_m))]
+        slab_m = max(TREAD_THICKNESS_M, 2.0 * step.nosing_radius_m)
+        slab = _behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, slab_m))
+        return [slab, _behind_nosing(step, "riser", half_width, back_x, step.overhang_m, (slab_m, max(whole_m, slab_m + 0.01)))]
 
     def _walls(self, flight: tuple[Step, ...]) -> list[Box]:
         """Return the walls beside a flight alone: floor and landings are rooms in which a chair can turn."""
@@ -165,24 +185,61 @@ class Staircase:
         ]
 
 
-def build_staircase(stair: Stair, rng: np.random.Generator) -> Staircase:
-    """Return the staircase a scenario asks for; jitter is drawn from ``rng``."""
-    count = stair.flights * stair.steps
+def _behind_nosing(step: Step, kind: str, half_width: float, back_x: float, front_m: float, depths_m: tuple[float, float]) -> Box:
+    """Return a box between two depths below a tread, from ``front_m`` behind the nosing to ``back_x``."""
+    c, s = math.cos(step.tread_slope_rad), math.sin(step.tread_slope_rad)
+    upper_m, lower_m = depths_m
+    half_depth, half_height = 0.5 * (back_x - step.x_m - front_m), 0.5 * (lower_m - upper_m)
+    along, below = front_m + half_depth, upper_m + half_height
+    forward = along * c + below * s
+    return Box(
+        kind=kind,
+        index=step.index,
+        centre_W=(
+            step.x_m + forward * math.cos(step.yaw_rad),
+            forward * math.sin(step.yaw_rad),
+            step.z_m + along * s - below * c,
+        ),
+        half_m=(half_depth, half_width, half_height),
+        yaw_rad=step.yaw_rad,
+        pitch_rad=step.tread_slope_rad,
+    )
+
+
+def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = ()) -> Staircase:
+    """Return the staircase a scenario asks for; jitter is drawn from ``rng``.
+
+    Args:
+        overrides: Steps that differ; what one says replaces design and jitter.
+    """
+    count = stair.count
+    own = _by_step(stair, overrides)
     rises = stair.rise_m + stair.rise_jitter_m * rng.standard_normal(count)
     yaws = stair.nosing_yaw_jitter_deg * DEG * rng.standard_normal(count)
-    heights = np.cumsum(rises)
+    longer = stair.run_jitter_m * rng.standard_normal(count) if stair.run_jitter_m else np.zeros(count)
+    for index, keys in own.items():
+        rises[index] = keys.get("rise_m", rises[index])
+        yaws[index] = keys["yaw_deg"] * DEG if "yaw_deg" in keys else yaws[index]
+        longer[index] = keys["run_m"] - stair.run_m if "run_m" in keys else longer[index]
+    longer[stair.steps - 1 :: stair.steps] = 0.0  # a landing's depth is one of the stair's own
+    heights, moved = np.cumsum(rises), np.cumsum(longer) - longer
     further_m = stair.between_m - stair.run_m
+    left, right = stair.halves
     steps = tuple(
         Step(
             index=i,
-            x_m=i * stair.run_m + i // stair.steps * further_m,
+            x_m=i * stair.run_m + i // stair.steps * further_m + float(moved[i]),
             z_m=float(heights[i]),
-            depth_m=stair.between_m if (i + 1) % stair.steps == 0 and i + 1 < count else stair.run_m,
+            depth_m=(stair.between_m if stair.is_landing(i) and i + 1 < count else stair.run_m) + float(longer[i]),
             rise_m=float(rises[i]),
             yaw_rad=float(yaws[i]),
             missing=i in stair.missing_steps,
+            friction=(keys.get("friction_left", left), keys.get("friction_right", right)),
+            nosing_radius_m=keys.get("nosing_radius_m", stair.nosing_radius_m),
+            overhang_m=keys.get("overhang_m", 0.0),
+            tread_slope_rad=keys.get("tread_slope_deg", 0.0) * DEG,
         )
-        for i in range(count)
+        for i, keys in ((i, own.get(i, {})) for i in range(count))
     )
     return Staircase(
         steps=steps,
@@ -192,6 +249,18 @@ def build_staircase(stair: Stair, rng: np.random.Generator) -> Staircase:
         nosing_radius_m=stair.nosing_radius_m,
         slope_rad=stair.slope_rad,
         friction=stair.friction,
+        floor_friction=stair.floor_friction or stair.friction,
         walls=stair.walls,
         flight_count=stair.flights,
     )
+
+
+def _by_step(stair: Stair, overrides: Sequence[StepOverride]) -> dict[int, dict[str, Any]]:
+    """Return what is given of each step, by its index; ``friction`` stands for both halves."""
+    found: dict[int, dict[str, Any]] = {}
+    for override in overrides:
+        keys = {key: value for key, value in override.model_dump(exclude={"index"}).items() if value is not None}
+        if "friction" in keys:
+            keys["friction_left"] = keys["friction_right"] = keys.pop("friction")
+        found.setdefault(place_of(stair, override), {}).update(keys)
+    return found

@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, field
 
 from treadline.angles import DEG
-from treadline.mechanics.bodies import from_edge_m
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
-from treadline.mechanics.stability import centre_of_mass, static_margins
+from treadline.mechanics.stability import static_margins
+from treadline.mechanics.starts import start_problems
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mechanics.traction import friction_use, largest_heading_rad
@@ -28,8 +28,6 @@ SIDES = ("uphill", "downhill", "left", "right")
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
 LANDING_SPARE_M = 0.60
 """Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
-SUNK_M = 0.01
-"""How deep a track may start in the floor: the second before t = 0 lifts it out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +53,7 @@ class CheckReport:
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     """Return the verdict on a scenario."""
-    stair, loading = scenario.stair, scenario.chair
+    stair, loading = scenario.stair, scenario.chair.entered
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     slope = stair.slope_rad
@@ -73,10 +71,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_steep_for_the_seat(seat_range[1], slope),
         _too_wide_a_gap(stair, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
-        _nowhere_to_go(scenario),
-        _beside_the_flight(scenario, chair.tracks),
-        _in_the_floor(scenario, chair.tracks),
-        _over_the_landings_end(scenario, chair),
+        *start_problems(scenario, chair),
     )
     return CheckReport(
         verdict="refuse" if any(reasons) else "go",
@@ -84,8 +79,8 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         track_length_margin_m=chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m),
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
-        friction_available=stair.friction[0],
-        friction_use_at_start=friction_use(slope, heading, stair.friction),
+        friction_available=stair.mean_friction[0],
+        friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
         seat_range_deg=(seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
@@ -116,18 +111,18 @@ def _too_short(stair: Stair, tracks: Tracks) -> str | None:
 
 
 def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
-    friction, needed = stair.friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
+    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
     if friction < needed:
         return (
             f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
             f"a stair below {math.atan(friction / TRACTION_RESERVE) / DEG:.1f}°"
         )
-    use = friction_use(stair.slope_rad, heading_rad, stair.friction)
+    use = friction_use(stair.slope_rad, heading_rad, stair.mean_friction)
     if use < 1.0:
         return None
     return (
         f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
-        f"{largest_heading_rad(stair.slope_rad, stair.friction) / DEG:.0f}°"
+        f"{largest_heading_rad(stair.slope_rad, stair.mean_friction) / DEG:.0f}°"
     )
 
 
@@ -210,59 +205,3 @@ def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
     if stair.flights == 1 or stair.between_m >= needed_m:
         return None
     return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
-
-
-def _nowhere_to_go(scenario: Scenario) -> str | None:
-    place, direction = scenario.start.place, scenario.drive.direction
-    if (place, direction) not in {("floor", "down"), ("landing", "up")}:
-        return None
-    other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
-    remedy = f"start on the {other}, or give drive.direction = '{turned}'"
-    return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
-
-
-def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say how far a track lies beside the flight: its outermost corner on the flight, and half a belt that is yet to enter it."""
-    start, width_m = scenario.start, scenario.stair.width_m
-    on_it = start.place == "flight"
-    reach_m = _reach_m(scenario, tracks)[1] if on_it else 0.5 * tracks.gauge_m
-    beside_m = abs(start.lateral_m) + reach_m - 0.5 * width_m
-    if beside_m <= 0.0:
-        return None
-    verb = "starts" if on_it else "would enter"
-    return f"a track {verb} {beside_m:.2f} m beside the flight, which is {width_m:g} m wide; start nearer its middle"
-
-
-def _reach_m(scenario: Scenario, tracks: Tracks) -> tuple[float, float]:
-    """Return how far the flat run's corners lie from its middle, along and across the flight."""
-    heading = abs(scenario.start.heading_deg) * DEG
-    half_width, half_run = 0.5 * (tracks.gauge_m + tracks.belt_width_m), 0.5 * tracks.flat_run_m
-    c, s = math.cos(heading), math.sin(heading)
-    return half_run * c + half_width * s, half_width * c + half_run * s
-
-
-def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say how deep a corner of the flat run lies below the floor where the front pulley is put on a low nosing."""
-    start, stair = scenario.start, scenario.stair
-    behind_m = 0.5 * tracks.flat_run_m * math.cos(start.heading_deg * DEG) + _reach_m(scenario, tracks)[0]
-    below_m = behind_m * math.sin(stair.slope_rad)
-    sunk_m = below_m - (start.step + 1) * stair.rise_m
-    if start.place != "flight" or sunk_m <= SUNK_M:
-        return None
-    least = math.ceil((below_m - SUNK_M) / stair.rise_m) - 1
-    remedy = f"start at step {least} or above" if least < stair.steps else "start on the floor or the landing"
-    return f"the rear of a track would start {sunk_m:.2f} m below the floor, its front on step {start.step}; {remedy}"
-
-
-def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
-    """Say how deep a landing must be for a chair that starts on it not to tip off its far end."""
-    depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
-    x, _, z = centre_of_mass(chair, scenario.chair, 0.0)
-    from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)
-    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + from_rear_m + z * math.tan(MARGIN_LIMIT_RAD)
-    if scenario.start.place != "landing" or depth_m >= needed_m:
-        return None
-    return (
-        f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; give it a deeper one or start on "
-        "the flight"
-    )

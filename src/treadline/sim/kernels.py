@@ -36,31 +36,44 @@ SUBSTEPS = 5
 # the largest sum of the normal forces [N], and the number of steps without any.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
 RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
-COLUMNS = 39
+HULL = 39
+"""Most contacts of hull, seat and passenger in one of the tick's steps."""
+COLUMNS = 40
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
 ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
+# Columns of a geom's friction: along and across on its left half, the same on its right half, a point on the line between the
+# halves and the unit vector to the left of it, both in the horizontal plane of the world.
+MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
+MU_COLUMNS = 8
+# A passenger's sway: the phase now, radians a second, seconds a step, the mass that moves, the amplitudes forward and left, and the
+# centre about which it moves.
+SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
 # What may be wrong after some ticks.
 SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
 @no_type_check
-def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu_along, mu_across):
-    """Turn each belt contact's tangents to the belt: along y × n, and across.
+def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
+    """Turn each belt contact's tangents to the belt: along y × n, and across; friction is that of the stair's geom there.
 
-    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact.
+    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact; ``mu`` has a row per geom, see ``MU``.
     """
     for i in range(count):
         row = real[i]
         first, second = whole[i, geom], whole[i, geom + 1]
         if is_belt[first]:
-            sign = 1.0
+            sign, grip = 1.0, mu[second]
         elif is_belt[second]:
-            sign = -1.0
+            sign, grip = -1.0, mu[first]
         else:
             continue
+        # A contact's place stands before its frame. Left of the geom's middle line its left half bears.
+        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
+        half = MU_LEFT if aside > 0.0 else MU_RIGHT
+        mu_along, mu_across = grip[half], grip[half + 1]
         nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
         ox, oy, oz = sign * nx, sign * ny, sign * nz
         tx = chair_y[1] * oz - chair_y[2] * oy
@@ -97,6 +110,17 @@ def weaken(count, real, whole, friction, geom, grip):
 
 @njit(cache=True)
 @no_type_check
+def contacts_of_no_belt(count, whole, geom, is_belt):
+    """Return how many contacts are those of hull, seat and passenger: what does not move with a belt."""
+    found = 0
+    for i in range(count):
+        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            found += 1
+    return found
+
+
+@njit(cache=True)
+@no_type_check
 def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
     """Widen ``reach`` (front, rear, left, right of B, each outward) to the belts' contacts."""
     for i in range(count):
@@ -108,6 +132,35 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
         y = xmat[1] * dx + xmat[4] * dy + xmat[7] * dz
         reach[0], reach[1] = max(reach[0], x), max(reach[1], -x)
         reach[2], reach[3] = max(reach[2], y), max(reach[3], -y)
+
+
+@njit(cache=True)
+@no_type_check
+def move_payload(sway, qvel, xmat, seat_xmat, com, force):
+    """Put the payload where its sway has it, and its reaction on the seat.
+
+    The body's mass lies at ``com``, as if fixed there: MuJoCo then knows all of its acceleration but those parts that stem from its
+    own motion d(t) in the seat, d'' + 2 ω × d'. Their reaction acts on the seat at the same place.
+    """
+    phase, omega, mass = sway[SWAY_PHASE], sway[SWAY_OMEGA], sway[SWAY_KG]
+    c, s = math.cos(phase), math.sin(phase)
+    # The chassis turns by qvel[3:6] in its own frame, the seat by qvel[6] about its y besides.
+    w0, w1, w2 = qvel[3], qvel[4] + qvel[6], qvel[5]
+    wx = xmat[0] * w0 + xmat[1] * w1 + xmat[2] * w2
+    wy = xmat[3] * w0 + xmat[4] * w1 + xmat[5] * w2
+    wz = xmat[6] * w0 + xmat[7] * w1 + xmat[8] * w2
+    a, b = sway[SWAY_AMPLITUDE], sway[SWAY_AMPLITUDE + 1]
+    dx, dy, dz = (
+        seat_xmat[0] * a + seat_xmat[1] * b,
+        seat_xmat[3] * a + seat_xmat[4] * b,
+        seat_xmat[6] * a + seat_xmat[7] * b,
+    )
+    speed, push = -omega * s, -omega * omega * c
+    force[0] = -mass * (push * dx + 2.0 * speed * (wy * dz - wz * dy))
+    force[1] = -mass * (push * dy + 2.0 * speed * (wz * dx - wx * dz))
+    force[2] = -mass * (push * dz + 2.0 * speed * (wx * dy - wy * dx))
+    com[0], com[1] = sway[SWAY_REST] + a * c, sway[SWAY_REST + 1] + b * c
+    sway[SWAY_PHASE] = phase + omega * sway[SWAY_STEP]
 
 
 @njit(cache=True)
@@ -131,11 +184,12 @@ def judge(warnings, log, room):
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
+    sway, payload_com, payload_force, seat_xmat,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
     Args:
-        mu: Friction along the belts and across.
+        mu: Friction of each geom for belts, columns as in ``MU_LEFT``.
         coulomb: Whether the contact forces are corrected, MuJoCo's number of no-slip iterations, the constraint arrays'
             pointers, acceleration, the solver's warm start, working memory.
         grip: Share of its friction that each geom has left.
@@ -149,6 +203,10 @@ def advance(
             damping of a lost motor, the joint's own damping; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
+        sway: of the passenger, as ``move_payload`` takes it; empty for one who sits still.
+        payload_com: centre of mass in the seat's frame; changed in place.
+        payload_force: force on the seat at that centre [N], in W; changed in place.
+        seat_xmat: rotation of the seat in W, row by row.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
@@ -172,17 +230,21 @@ def advance(
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
         row[RESIDUAL] = row[UNCONVERGED] = row[FORCE_MAX] = row[AIRBORNE] = 0.0
+        row[HULL] = 0.0
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
+            if sway.shape[0] > 0:
+                move_payload(sway, qvel, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)
             _inertia(model, data)
             _factor(model, data)
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
-            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
+            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
+            row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))
             _constrain(model, data)
             _project(model, data)  # the no-slip iterations crash without it; it returns at once where there are none
             _transmit(model, data)

@@ -5,6 +5,7 @@ between. All chance comes from the seed; each sensor has a stream of its own, so
 """
 
 import ctypes
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,12 +23,13 @@ from treadline.errors import SettingsError, SimulationDiverged
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.scenario import Scenario
+from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, Reading
 from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
+from treadline.sim.grip import friction_table, roughened
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.sim.scene import TIMESTEP_S, scene_xml
 
@@ -44,7 +46,7 @@ class MujocoPlant(InstrumentedPlant):
         streams = np.random.default_rng(seed).spawn(6)
         self._scenario = scenario
         self._chair = chair
-        self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)
@@ -60,10 +62,14 @@ class MujocoPlant(InstrumentedPlant):
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
         self._model.geom_surfacevel[self._belts] = 0.0
+        if self._scenario.chair.sways:  # still until t = 0, at one end of the sway
+            self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
         self._pose()
         self.suffer(Damage())
         self._settle()
         self._data.time = 0.0
+        if self._scenario.chair.sways:
+            self._sway[kernels.SWAY_OMEGA] = math.tau / self._scenario.chair.sway_period_s
         self._tick = 0
         self._forget()
         self._instruments.start(self._data.qvel[:3].copy())
@@ -121,7 +127,7 @@ class MujocoPlant(InstrumentedPlant):
 
     def _build_physics(self) -> None:
         load_library()
-        scene = scene_xml(self.staircase, self._chair, self._scenario.chair)
+        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning())
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
@@ -135,7 +141,9 @@ class MujocoPlant(InstrumentedPlant):
         )
         self._is_belt[self._belts] = True
         self._grip = np.ones(self._model.ngeom)
-        self._friction = np.array(self.staircase.friction)
+        self._friction = friction_table(self._model, self.staircase)
+        self._seat_body = self._model.body("seat").id
+        self._sway = sway_of(self._scenario.chair, self._model.body_mass[self._seat_body], self._model.body_ipos[self._seat_body])
         self._corrected = np.array([True])
         """Whether contact forces obey Coulomb's law; False leaves MuJoCo's own convex solve, to compare with."""
         self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
@@ -160,7 +168,7 @@ class MujocoPlant(InstrumentedPlant):
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         ticks = round(SETTLE_S / TICK_S)
         log = np.empty((ticks, kernels.COLUMNS))
-        self._run(ticks, log, np.full(2, SETTLE_FRICTION))
+        self._run(ticks, log, roughened(self._friction, SETTLE_FRICTION))
         self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
         self._data.qvel[:] = 0.0
         self._drives.command[:] = 0.0
@@ -208,9 +216,13 @@ class MujocoPlant(InstrumentedPlant):
             data.qpos,
             data.qvel,
             data.warning.number,
+            self._sway,
+            model.body_ipos[self._seat_body],
+            data.xfrc_applied[self._seat_body],
+            data.xmat[self._seat_body],
         )
 
-    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
+    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
         """Run the physics and look at what came of it.
 
         Raises:
@@ -268,6 +280,7 @@ class MujocoPlant(InstrumentedPlant):
             contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
             airborne_share=float(row[kernels.AIRBORNE]) / kernels.SUBSTEPS,
             contact_residual_m_s2=float(row[kernels.RESIDUAL]),
+            hull_contacts=int(row[kernels.HULL]),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
@@ -278,6 +291,16 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     """Return an array laid over memory that MuJoCo owns."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
+
+
+def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+    """Return a passenger's sway as the compiled loop takes it, still; empty for one who sits still.
+
+    Args:
+        seat_kg: All that turns with the seat: its shell moves along.
+        rest_m: Centre of that mass in the seat's frame.
+    """
+    return np.array([0.0, 0.0, TIMESTEP_S, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
 
 
 def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import quaternion_of
 from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD
-from treadline.mechanics.bodies import Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
+from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
 from treadline.mechanics.chair import Arm, ChairDescription, Point
 from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Chair
@@ -34,12 +35,11 @@ HEADER = """\
     <geom solref="0.01 1" solimp="0.95 0.99 0.001" condim="3"/>
     <default class="stair"><geom contype="0" conaffinity="1" friction="1 0 0"/></default>
     <default class="belt"><geom contype="1" conaffinity="0" priority="1" friction="{friction} 0 0" mass="0"/></default>
+    <default class="body"><geom contype="1" conaffinity="0" priority="1" friction="{hull} 0 0" mass="0" group="1"
+                           rgba="0.4 0.5 0.6 0.4"/></default>
   </default>
 """
 # jacobian="dense": MuJoCo 4.0.0's sparse Cholesky is wrong (mended in 4.0.1), and the problem is small.
-
-
-DRAWN = '    <default class="drawn"><geom contype="0" conaffinity="0" mass="0" group="1" rgba="0.4 0.5 0.6 0.4"/></default>\n'
 
 
 def seat_stiffness(seat: Body) -> tuple[float, float]:
@@ -57,25 +57,21 @@ def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair) -> 
 def model_xml(
     staircase: Staircase | None, chair: ChairDescription, loading: Chair, *, friction: float, start: Standing | None = None
 ) -> str:
-    """Return a scene to hand over: hull and payload are drawn too, the chair stands where it starts.
+    """Return a scene to hand over: the chair stands where it starts.
 
     Args:
         staircase: None leaves the chair alone.
         friction: Along the belt.
     """
-    return _scene(
-        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, start=start, drawn=True
-    )
+    return _scene(() if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, start=start)
 
 
-def _scene(
-    stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, *, start: Standing | None = None, drawn: bool = False
-) -> str:
+def _scene(stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, *, start: Standing | None = None) -> str:
     stiffness, damping = seat_stiffness(chair.seat)
-    header = HEADER.format(timestep=TIMESTEP_S, friction=friction)
-    world = "\n".join([*(line for solid in stair for line in _solid(solid)), _tree(chair, start, drawn=drawn)])
+    header = HEADER.format(timestep=TIMESTEP_S, friction=friction, hull=HULL_FRICTION)
+    world = "\n".join([*(line for number, solid in enumerate(stair) for line in _solid(solid, number)), _tree(chair, start)])
     return (
-        (header.replace("  </default>\n", DRAWN + "  </default>\n") if drawn else header)
+        header
         + f"  <worldbody>\n{world}\n  </worldbody>\n"
         + "  <actuator>\n"
         + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
@@ -84,37 +80,44 @@ def _scene(
     )
 
 
-def _solid(solid: Solid) -> list[str]:
+def stair_names(number: int) -> tuple[str, str]:
+    """Return the names of the geoms that make up a staircase's solid: its box, and the bar that rounds it off."""
+    return f"stair_{number}", f"nosing_{number}"
+
+
+def _solid(solid: Solid, number: int) -> list[str]:
     box = solid.box
-    place = f'pos="{_row(box.centre_W)}" size="{_row(box.half_m)}" euler="0 0 {float(box.yaw_rad)!r}"'
-    lines = [f'    <geom class="stair" type="box" {place}/>']
+    box_name, bar_name = stair_names(number)
+    turn = f'quat="{_row(quaternion_of(box.R_WK))}"' if box.pitch_rad else f'euler="0 0 {float(box.yaw_rad)!r}"'
+    place = f'pos="{_row(box.centre_W)}" size="{_row(box.half_m)}" {turn}'
+    lines = [f'    <geom class="stair" name="{box_name}" type="box" {place}/>']
     if solid.nosing is not None:
         ends = f"{_row(solid.nosing.left_W)} {_row(solid.nosing.right_W)}"
-        lines.append(f'    <geom class="stair" type="capsule" size="{solid.nosing.radius_m!r}" fromto="{ends}"/>')
+        lines.append(f'    <geom class="stair" name="{bar_name}" type="capsule" size="{solid.nosing.radius_m!r}" fromto="{ends}"/>')
     return lines
 
 
-def _tree(chair: Vehicle, start: Standing | None, *, drawn: bool) -> str:
+def _tree(chair: Vehicle, start: Standing | None) -> str:
     chassis = chair.chassis
     pose = "" if start is None else f' pos="{_row(start.p_WB)}" xyaxes="{_row(start.R_WB[:, 0])} {_row(start.R_WB[:, 1])}"'
     lines = [
         f'    <body name="{chassis.name}"{pose}>',
         "      <freejoint/>",
-        *(f"      {line}" for line in _contents(chassis, drawn=drawn)),
+        *(f"      {line}" for line in _contents(chassis)),
     ]
     for body, hinge in chair.turning:
         lines += [
             f'      <body name="{body.name}" pos="{_row(body.origin_m)}">',
             f"        {_hinge(body.name, hinge)}",
-            *(f"        {line}" for line in _contents(body, drawn=drawn)),
+            *(f"        {line}" for line in _contents(body)),
             "      </body>",
         ]
     return "\n".join([*lines, "    </body>"])
 
 
-def _contents(body: Body, *, drawn: bool) -> list[str]:
+def _contents(body: Body) -> list[str]:
     inertial = f'<inertial pos="{_row(body.com_m)}" mass="{body.mass_kg!r}" diaginertia="{_row(body.inertia)}"/>'
-    return [inertial, *(_geom(shape) for shape in body.shapes if drawn or shape.belt is not None)]
+    return [inertial, *(_geom(shape) for shape in body.shapes)]
 
 
 def _hinge(name: str, hinge: Hinge) -> str:
@@ -127,7 +130,7 @@ def _hinge(name: str, hinge: Hinge) -> str:
 
 
 def _geom(shape: Shape) -> str:
-    look = f'class="{"drawn" if shape.belt is None else "belt"}" name="{shape.name}" type="{shape.kind}"'
+    look = f'class="{"body" if shape.belt is None else "belt"}" name="{shape.name}" type="{shape.kind}"'
     if shape.kind == "cylinder":
         form, turn, moves = f'zaxis="0 1 0" size="{shape.half_m[0]!r} {shape.half_m[1]!r}"', "", "0 0 0 0 0 1e-9"
     else:
@@ -146,5 +149,5 @@ def _arm_servo(arm: Arm) -> str:
     )
 
 
-def _row(values: Point | Float[np.ndarray, " 3"]) -> str:
+def _row(values: Point | Float[np.ndarray, " n"]) -> str:
     return " ".join(repr(float(value)) for value in values)

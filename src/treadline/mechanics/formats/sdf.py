@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
-from treadline.mechanics.bodies import Body, Hinge, Nosing, Shape, Solid, Standing, Vehicle, sides, solids, vehicle
+from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Nosing, Shape, Solid, Standing, Vehicle, sides, solids, vehicle
 from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, Point, Tracks
 from treadline.mechanics.formats.elements import Mass, child, divided, document, roll_pitch_yaw, text
 from treadline.mechanics.staircase import Staircase
@@ -96,7 +96,9 @@ def _model(
         if body.name in words:
             _three_links(model, body, chair.tracks, words[body.name], friction)
         else:
-            _link(model, body.name, body, Mass(mass_kg=body.mass_kg, com_m=body.com_m, inertia=body.inertia), body.shapes, friction)
+            mass = Mass(mass_kg=body.mass_kg, com_m=body.com_m, inertia=body.inertia)
+            # Our plugin takes each collision of a whole body for a belt's: there hull and payload are only drawn.
+            _link(model, body.name, body, mass, body.shapes, friction, hull_collides=not is_whole)
         if body.hinge is not None:
             _hinge(model, body, body.hinge)
     # Here the surfaces are brought to move: the plugin sets the contacts' motion on left_track, right_track and the flippers.
@@ -116,7 +118,16 @@ def _three_links(model: Element, body: Body, tracks: Tracks, word: str, friction
         child(joint, "child", name)
 
 
-def _link(model: Element, name: str, body: Body, mass: Mass, shapes: tuple[Shape, ...], friction: tuple[float, float]) -> None:
+def _link(
+    model: Element,
+    name: str,
+    body: Body,
+    mass: Mass,
+    shapes: tuple[Shape, ...],
+    friction: tuple[float, float],
+    *,
+    hull_collides: bool = True,
+) -> None:
     link = child(model, "link", name=name)
     child(link, "pose", text(*body.origin_m, 0.0, 0.0, 0.0))
     inertial = child(link, "inertial")
@@ -129,10 +140,10 @@ def _link(model: Element, name: str, body: Body, mass: Mass, shapes: tuple[Shape
         child(inertia, tag, "0")
     for shape in shapes:
         _geometry(child(link, "visual", name=f"{shape.name}_visual"), shape)
-        if shape.belt is not None:
+        if shape.belt is not None or hull_collides:
             collision = child(link, "collision", name=shape.name)
             _geometry(collision, shape)
-            _surface(collision, friction)
+            _surface(collision, (HULL_FRICTION, HULL_FRICTION) if shape.belt is None else friction)
 
 
 def _geometry(element: Element, shape: Shape) -> None:
@@ -187,7 +198,7 @@ def _stair(world: Element, stair: Sequence[Solid]) -> None:
         name = f"{solid.box.kind}_{number}"
         for tag in ("collision", "visual"):
             box = child(link, tag, name=f"{name}_{tag}")
-            child(box, "pose", text(*solid.box.centre_W, 0.0, 0.0, solid.box.yaw_rad))
+            child(box, "pose", text(*solid.box.centre_W, 0.0, -solid.box.pitch_rad, solid.box.yaw_rad))
             _box(child(box, "geometry"), solid.box.half_m)
             if solid.nosing is not None:
                 _nosing(child(link, tag, name=f"nosing_{number}_{tag}"), solid.nosing)

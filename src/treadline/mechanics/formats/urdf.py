@@ -51,7 +51,7 @@ def _link(robot: Element, body: Body) -> None:
 
 
 def _shape(link: Element, shape: Shape) -> None:
-    for tag in ("visual",) if shape.belt is None else ("visual", "collision"):
+    for tag in ("visual", "collision"):
         element = child(link, tag, name=shape.name)
         is_box = shape.kind == "box"
         # URDF's cylinder stands along z: a quarter turn about x lays it along y.

@@ -36,7 +36,7 @@ class Solid:
     """A box K in the world."""
 
     kind: str
-    """``floor``, ``step``, ``landing``, ``wall`` as in a staircase, or what else stands there."""
+    """``floor``, ``step``, ``riser``, ``landing``, ``wall`` as in a staircase, or what else stands there."""
     centre_W: Float[np.ndarray, " 3"]
     half_m: Float[np.ndarray, " 3"]
     R_WK: Float[np.ndarray, "3 3"]
@@ -49,13 +49,13 @@ class Solid:
 
 
 def solids_of(boxes: Iterable[Box]) -> tuple[Solid, ...]:
-    """Return a staircase's upright boxes in their order."""
+    """Return a staircase's boxes in their order."""
     return tuple(
         Solid(
             kind=box.kind,
             centre_W=np.array(box.centre_W),
             half_m=np.array(box.half_m),
-            R_WK=rotation_z(box.yaw_rad),
+            R_WK=box.R_WK,
             index=box.index,
         )
         for box in boxes

@@ -7,6 +7,7 @@ they are.
 
 from collections.abc import Sequence
 
+from treadline.attendant import OperatorAct
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
@@ -18,13 +19,13 @@ from treadline.sim.faults.sensors import SensorFaults
 
 
 class FaultyPlant:
-    """Injects each fault from its ``at_s`` for its ``for_s``.
+    """Injects each fault from its ``at_s`` for its ``for_s``, and what the person in charge does.
 
     Raises:
         SettingsError: If a fault is one of the chair itself, and this chair cannot be broken.
     """
 
-    def __init__(self, plant: TruthPlant, faults: Sequence[Fault], seed: int) -> None:
+    def __init__(self, plant: TruthPlant, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
         physical = [fault.kind for fault in faults if fault.kind in PHYSICAL]
         self._chair = plant if isinstance(plant, Breakable) else None
         if physical and self._chair is None:
@@ -32,13 +33,14 @@ class FaultyPlant:
         self._plant = plant
         self._faults = tuple(faults)
         self._seed = seed
+        self._acts = tuple(acts)
         self._reset()
 
     def _reset(self) -> None:
         self._tick = 0
         self._readings: list[Reading] = []
         self._damage = Damage()
-        self._sensors = SensorFaults(self._faults, self._seed)
+        self._sensors = SensorFaults(self._faults, self._seed, self._acts)
         self._line = Line(self._faults)
         self._watchdog = Watchdog()
 
@@ -91,5 +93,7 @@ class FaultyPlant:
 
 
 def faulty(plant: TruthPlant, scenario: Scenario, seed: int) -> TruthPlant:
-    """Return a plant with the scenario's faults; the plant itself where there are none."""
-    return FaultyPlant(plant, scenario.fault, seed) if scenario.fault else plant
+    """Return a plant with the scenario's faults and operator; the plant itself where there are none."""
+    if not (scenario.fault or scenario.operator):
+        return plant
+    return FaultyPlant(plant, scenario.fault, seed, scenario.operator)

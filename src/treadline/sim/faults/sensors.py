@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.attendant import REPORT_S, OperatorAct, does
 from treadline.faults import SAME_TIME_S, Fault, FaultKind, Process
 from treadline.signals import (
     TICK_S,
@@ -34,8 +35,7 @@ from treadline.sim.camera.camera import RenderedFrame
 
 SIGHT = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
 """All that a camera hands over."""
-HEARTBEAT_TICKS = 10
-"""The person's handset speaks ten times a second."""
+HEARTBEAT_TICKS = round(REPORT_S / TICK_S)
 DEPTH_ENOUGH = 0.4
 """Share of a depth image from which on nobody looks at the colours, dark or not: as ``perception.quality`` does."""
 BLOTCH_PX = 12
@@ -196,12 +196,13 @@ class Burst:
 class SensorFaults:
     """All faults on the way from the sensors to the mission."""
 
-    def __init__(self, faults: Sequence[Fault], seed: int) -> None:
+    def __init__(self, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
         machines = [Machine(fault, seed, place) for place, fault in _numbered(faults) if fault.kind in SPOILT]
         order = list(SPOILT)
         self._machines = sorted(machines, key=lambda machine: order.index(machine.fault.kind))
         self._bursts = [Burst(fault) for fault in faults if fault.kind == "late_tick"]
-        self._has_operator = any(fault.kind in ("operator_stop", "link_lost") for fault in faults)
+        self._acts = acts
+        self._has_operator = bool(acts) or any(fault.kind in ("operator_stop", "link_lost") for fault in faults)
         self._next_beat = 0
 
     def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
@@ -216,7 +217,8 @@ class SensorFaults:
 
     def _heartbeat(self, until_s: float) -> Iterator[OperatorInput]:
         while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + SAME_TIME_S:
-            yield OperatorInput(t_s=t_s)
+            stop, release, rearm = (does(self._acts, kind, t_s) for kind in ("stop", "release", "rearm"))
+            yield OperatorInput(t_s=t_s, dead_man=not release, stop=stop, rearm=rearm)
             self._next_beat += 1
 
 

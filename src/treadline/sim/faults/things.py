@@ -21,7 +21,7 @@ from treadline.sim.camera.truth import SWEPT_HEIGHT_M
 from treadline.sim.faults.damage import Damage
 
 BOX_M = (0.25, 0.6, 0.5)
-"""Depth, width and height of the obstacle: a suitcase. It reaches both belts; between them the chair has no body here."""
+"""Depth, width and height of the obstacle: a suitcase that reaches both belts."""
 OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
 """Where the box waits."""
 BOX_COLOUR = (150.0, 40.0, 38.0)

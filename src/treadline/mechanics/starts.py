@@ -1,0 +1,139 @@
+"""Whether a chair can be put down where a scenario starts: ``Scenario, ChairDescription -> problems``, part of the verdict."""
+
+import math
+
+import numpy as np
+
+from treadline.angles import DEG
+from treadline.mechanics.bodies import CLEARANCE_M, from_edge_m, rounded_off_m, standing, vehicle
+from treadline.mechanics.chair import ChairDescription, Tracks
+from treadline.mechanics.overlap import Overlap, deepest_overlap, placed_parts
+from treadline.mechanics.stability import centre_of_mass
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
+from treadline.scenario import Scenario
+
+SUNK_M = 0.01
+"""How deep a part may start in the floor or the stair: the second before t = 0 lifts it out."""
+EDGE_ROUNDING_M = 1e-6
+"""Distance over an edge that is rounding."""
+PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the front section", "approach": "the front section"}
+"""Shapes of the chair in words; the rest are belts."""
+
+
+def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | None, ...]:
+    """Return what is wrong with the start, None for what is not."""
+    known = (
+        _nowhere_to_go(scenario),
+        _beside_the_flight(scenario, chair.tracks),
+        _in_the_floor(scenario, chair.tracks),
+        _over_the_landings_end(scenario, chair),
+    )
+    if any(known[1:]):
+        return known
+    # As designed: the jitter of single steps is drawn when the plant is built.
+    level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
+    staircase = build_staircase(scenario.stair.model_copy(update=level), np.random.default_rng(0), scenario.step)
+    over_edge = _over_an_edge(scenario, chair.tracks, staircase)
+    return (*known, over_edge, None if over_edge else _overlapping(scenario, chair, staircase))
+
+
+def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
+    """Say which part of the chair would start in a wall, a step or the floor, and how deep."""
+    start = standing(staircase, chair.tracks, scenario.start)
+    parts = placed_parts(vehicle(chair, scenario.chair.entered), start, chair.tracks.approach_angle_deg * DEG)
+    found = deepest_overlap(parts, staircase)
+    if found is None or found.depth_m <= SUNK_M:
+        return None
+    step = f" {found.index}" if found.index >= 0 else ""
+    into = f"{'the' if found.into == 'floor' or step else 'a'} {found.into}{step}"
+    return f"{_part(found)} would start {found.depth_m:.2f} m inside {into}; {_remedy(found, scenario)}"
+
+
+def _part(found: Overlap) -> str:
+    """Return the part's name in words, with its side if it has one."""
+    side, _, name = found.part.rpartition("_")
+    return PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
+
+
+def _remedy(found: Overlap, scenario: Scenario) -> str:
+    if found.into == "wall":
+        return "start squarer, or nearer the middle of the flight"
+    if scenario.start.place == "flight":
+        return "start squarer, or at another step"
+    return "start squarer"
+
+
+def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> str | None:
+    """Say how far a track would start beyond the front or a side of the landing: half of a belt's width may."""
+    if scenario.start.place != "landing":
+        return None
+    start = standing(staircase, tracks, scenario.start)
+    box = next(box for box in staircase.boxes() if box.kind == "landing" and box.index == staircase.steps[-1].index)
+    half_run, aside = 0.5 * tracks.flat_run_m, 0.5 * tracks.gauge_m
+    ends_B = np.array([[x, y, 0.0] for x in (-half_run, half_run) for y in (-aside, aside)])
+    ends_K = (start.p_WB + ends_B @ start.R_WB.T - np.array(box.centre_W)) @ box.R_WK
+    over_m = max(float(-box.half_m[0] - ends_K[:, 0].min()), float(np.abs(ends_K[:, 1]).max()) - box.half_m[1])
+    if over_m <= EDGE_ROUNDING_M:
+        return None
+    return f"a track would start {over_m:.2f} m over an edge of the landing; start squarer, or nearer its middle"
+
+
+def _nowhere_to_go(scenario: Scenario) -> str | None:
+    place, direction = scenario.start.place, scenario.drive.direction
+    if (place, direction) not in {("floor", "down"), ("landing", "up")}:
+        return None
+    other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
+    remedy = f"start on the {other}, or give drive.direction = '{turned}'"
+    return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
+
+
+def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Say how far a track lies beside the flight: its outermost corner on the flight, and half a belt that is yet to enter it."""
+    start, width_m = scenario.start, scenario.stair.width_m
+    on_it = start.place == "flight"
+    reach_m = _reach_m(scenario, tracks)[1] if on_it else 0.5 * tracks.gauge_m
+    beside_m = abs(start.lateral_m) + reach_m - 0.5 * width_m
+    if beside_m <= 0.0:
+        return None
+    verb = "starts" if on_it else "would enter"
+    return f"a track {verb} {beside_m:.2f} m beside the flight, which is {width_m:g} m wide; start nearer its middle"
+
+
+def _reach_m(scenario: Scenario, tracks: Tracks) -> tuple[float, float]:
+    """Return how far the flat run's corners lie from its middle, along and across the flight."""
+    heading = abs(scenario.start.heading_deg) * DEG
+    half_width, half_run = 0.5 * (tracks.gauge_m + tracks.belt_width_m), 0.5 * tracks.flat_run_m
+    c, s = math.cos(heading), math.sin(heading)
+    return half_run * c + half_width * s, half_width * c + half_run * s
+
+
+def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Say how deep a corner of the flat run lies below the floor where the front pulley is put on a low nosing."""
+    start, stair = scenario.start, scenario.stair
+    behind_m = 0.5 * tracks.flat_run_m * math.cos(start.heading_deg * DEG) + _reach_m(scenario, tracks)[0]
+    # The rear pulley turns up behind the flat run: its lowest point lies below the end of that.
+    aside = math.sin(stair.slope_rad) * math.sin(start.heading_deg * DEG)
+    rounder_m = tracks.pulley_radius_m * (math.sqrt(1.0 - aside * aside) - math.cos(stair.slope_rad))
+    lower_m = (rounded_off_m(stair.nosing_radius_m, stair.slope_rad) - CLEARANCE_M) * math.cos(stair.slope_rad)
+    below_m = behind_m * math.sin(stair.slope_rad) + rounder_m + lower_m
+    sunk_m = below_m - (start.step + 1) * stair.rise_m
+    if start.place != "flight" or sunk_m <= SUNK_M:
+        return None
+    least = math.ceil((below_m - SUNK_M) / stair.rise_m) - 1
+    remedy = f"start at step {least} or above" if least < stair.steps else "start on the floor or the landing"
+    return f"the rear of a track would start {sunk_m:.2f} m below the floor, its front on step {start.step}; {remedy}"
+
+
+def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
+    """Say how deep a landing must be for a chair that starts on it not to tip off its far end."""
+    depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
+    x, _, z = centre_of_mass(chair, scenario.chair.entered, 0.0)
+    from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)
+    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + from_rear_m + z * math.tan(MARGIN_LIMIT_RAD)
+    if scenario.start.place != "landing" or depth_m >= needed_m:
+        return None
+    return (
+        f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; give it a deeper one or start on "
+        "the flight"
+    )

@@ -1,0 +1,45 @@
+"""Friction between belts and what they stand on, as the compiled loop takes it: one row per geom of the scene.
+
+``MjModel, Staircase -> friction table``. A step has a left and a right half; floor, walls and obstacles are alike all over.
+"""
+
+import math
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from treadline.mechanics.bodies import solids
+from treadline.mechanics.staircase import Box, Staircase
+from treadline.sim import kernels
+from treadline.sim.scene import stair_names
+
+
+def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
+    """Return each geom's friction for belts; geoms that are no part of the stair have its design friction."""
+    table = np.zeros((model.ngeom, kernels.MU_COLUMNS))
+    table[:, kernels.MU_LEFT : kernels.MIDDLE] = (*staircase.friction, *staircase.friction)
+    for number, solid in enumerate(solids(staircase)):
+        row = _row(solid.box, staircase)
+        box_name, bar_name = stair_names(number)
+        table[model.geom(box_name).id] = row
+        if solid.nosing is not None:
+            table[model.geom(bar_name).id] = row
+    return table
+
+
+def _row(box: Box, staircase: Staircase) -> tuple[float, ...]:
+    x, y, _ = box.centre_W
+    leftward = (-math.sin(box.yaw_rad), math.cos(box.yaw_rad))
+    if box.index >= 0:
+        left, right = staircase.steps[box.index].friction
+    else:
+        left = right = staircase.floor_friction if box.kind == "floor" else staircase.friction
+    return (*left, *right, x, y, *leftward)
+
+
+def roughened(table: Float[np.ndarray, "g 8"], friction: float) -> Float[np.ndarray, "g 8"]:
+    """Return the table with the same friction everywhere."""
+    rough = table.copy()
+    rough[:, kernels.MU_LEFT : kernels.MIDDLE] = friction
+    return rough

@@ -1,0 +1,163 @@
+"""The ``[stair]`` and ``[[step]]`` tables of a scenario file, typed and checked."""
+
+import math
+from typing import Annotated, Literal, TypeGuard
+
+from pydantic import Field, model_validator
+
+from treadline.settings import Settings
+
+RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
+"""What a staircase's rise, run and slope may be."""
+RUN_DEFAULT_M = 0.30
+STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
+"""Rise and run of a single step: from a lip to a mounting block, and from a winder's middle to a podium."""
+STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
+"""Largest turn of a nosing (three winders turn a quarter) and largest slope of a tread."""
+OVERHANG_M = 0.10
+"""Largest overhang: three times that of usual timber treads, 30 to 40 mm."""
+FrictionCoefficient = Annotated[float, Field(gt=0.0, le=2.0)]
+Friction = tuple[FrictionCoefficient, FrictionCoefficient]
+
+
+class Stair(Settings):
+    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
+
+    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
+    are alike and go straight on, with a landing between any two.
+    """
+
+    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
+    """Height of a step."""
+    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
+    """Depth of a step, from nosing to nosing."""
+    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
+    """In place of ``rise_m``."""
+    steps: Annotated[int, Field(ge=2, le=2000)] = 20
+    """Of each flight; the uppermost is its landing."""
+    flights: Annotated[int, Field(ge=1, le=20)] = 1
+    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
+    """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
+    width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
+    landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
+    """Depth of the landing above the last flight."""
+    open_risers: bool = False
+    """Whether one can look through between the treads."""
+    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
+    rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    """Standard deviation of a step's height."""
+    run_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    """Standard deviation of a step's depth."""
+    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Standard deviation by which a nosing is turned about the vertical."""
+    friction: Friction = (0.62, 0.5)
+    """Along the belt and across it."""
+    friction_left: Friction | None = None
+    """Friction on the left half of every step, along and across; unset: friction."""
+    friction_right: Friction | None = None
+    """Friction on the right half of every step, along and across; unset: friction."""
+    floor_friction: Friction | None = None
+    """Friction of the floor before the first step, along and across; unset: friction."""
+    missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    """Counted from the floor over all flights, from 0."""
+    texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
+    """What it is made of, as the camera sees it."""
+    walls: Literal["none", "left", "right", "both"] = "left"
+    light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
+    """Gain of the light: 1 as usual, less is darker."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rise_from_slope(cls, tables: object) -> object:
+        """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
+        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
+            return tables
+        if "rise_m" in tables:
+            raise ValueError("give rise_m or slope_deg, not both")
+        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
+        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
+            return tables  # the fields' own checks say what is wrong with them
+        rise = run * math.tan(math.radians(slope))
+        if not _within(RISE_M, rise):
+            raise ValueError(
+                f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
+                f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
+            )
+        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
+
+    @model_validator(mode="after")
+    def _steps_exist(self) -> "Stair":
+        count = self.flights * self.steps
+        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
+        if beyond and self.flights == 1:
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
+                f"is {self.steps - 2}, for the one above it is the landing"
+            )
+        if beyond:
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
+                f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
+            )
+        return self
+
+    @property
+    def slope_rad(self) -> float:
+        """Angle of the nosing plane."""
+        return math.atan2(self.rise_m, self.run_m)
+
+    @property
+    def count(self) -> int:
+        """Number of steps of all flights."""
+        return self.flights * self.steps
+
+    @property
+    def halves(self) -> tuple[Friction, Friction]:
+        """Friction on the left and on the right half of the steps."""
+        return self.friction_left or self.friction, self.friction_right or self.friction
+
+    @property
+    def mean_friction(self) -> Friction:
+        """Friction that carries a chair in the middle, whose two belts bear alike."""
+        (left_along, left_across), (right_along, right_across) = self.halves
+        return 0.5 * (left_along + right_along), 0.5 * (left_across + right_across)
+
+    def is_landing(self, index: int) -> bool:
+        """Say whether a step is the uppermost of its flight."""
+        return (index + 1) % self.steps == 0
+
+
+def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and limits[0] <= value <= limits[1]
+
+
+class StepOverride(Settings):
+    """One step that differs from the others; what is not given is as the stair has it."""
+
+    index: int
+    """Which step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
+    rise_m: Annotated[float, Field(ge=STEP_RISE_M[0], le=STEP_RISE_M[1])] | None = None
+    """Height of its nosing above the one before; all that is above moves along."""
+    run_m: Annotated[float, Field(ge=STEP_RUN_M[0], le=STEP_RUN_M[1])] | None = None
+    """Depth from its nosing to the next one."""
+    yaw_deg: Annotated[float, Field(ge=-STEP_YAW_DEG, le=STEP_YAW_DEG)] | None = None
+    """Turn of its nosing about the vertical, positive anticlockwise seen from above: a winder."""
+    friction: Friction | None = None
+    """Friction along the belt and across it, on the whole step."""
+    friction_left: Friction | None = None
+    """Friction on its left half, along and across."""
+    friction_right: Friction | None = None
+    """Friction on its right half, along and across."""
+    overhang_m: Annotated[float, Field(ge=0.0, le=OVERHANG_M)] | None = None
+    """Distance by which its tread stands out over its riser."""
+    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
+    """Radius of its rounded front edge; 30 mm is badly worn."""
+    tread_slope_deg: Annotated[float, Field(ge=-STEP_SLOPE_DEG, le=STEP_SLOPE_DEG)] | None = None
+    """Slope of its tread, positive where the back is higher than the nosing, so that water runs off the front."""
+
+    @model_validator(mode="after")
+    def _frictions_do_not_overlap(self) -> "StepOverride":
+        for half in ("friction_left", "friction_right"):
+            if self.friction is not None and getattr(self, half) is not None:
+                raise ValueError(f"step {self.index} has friction and {half}; friction sets both halves, give one of the two")
+        return self

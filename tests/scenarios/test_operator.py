@@ -1,0 +1,90 @@
+"""The person in charge, written in a scenario file: stop, let go, re-arm; a hold ends the run only when no re-arm is to come."""
+
+from typing import Any
+
+import pytest
+
+from treadline.attendant import OperatorAct, does
+from treadline.errors import SettingsError
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import Traverse, traverse
+from treadline.scenario import Scenario, scenario_of
+
+FLIGHT: dict[str, Any] = {
+    "stair": {"slope_deg": 25.0, "steps": 8, "landing_m": 3.0},
+    "start": {"place": "flight", "step": 3},
+    "sensors": {"camera": "statistical"},
+    "drive": {"duration_s": 30.0},
+}
+
+
+def run(*acts: dict[str, Any], duration_s: float = 30.0) -> Traverse:
+    scenario = Scenario.model_validate(FLIGHT | {"operator": list(acts), "drive": {"duration_s": duration_s}})
+    return traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+
+
+def times(result: Traverse, name: str) -> list[float]:
+    return [event.t_s for event in result.events if event.name == name]
+
+
+@pytest.mark.parametrize("kind", ["stop", "release"])
+def test_a_stop_without_a_rearm_ends_the_run_held(kind: str) -> None:
+    result = run({"kind": kind, "at_s": 2.0})
+    assert (result.verdict, result.cause) == ("held", "operator stop")
+    assert result.scores.duration_s == pytest.approx(2.0, abs=0.1)
+
+
+def test_stop_and_go_twice_goes_on() -> None:
+    """Test: stopped at 2 and at 6 s, let go on at 4 and at 8. Expected result: two holds, two re-arms, and it climbs between."""
+    acts = [
+        {"kind": "stop", "at_s": 2.0},
+        {"kind": "rearm", "at_s": 4.0},
+        {"kind": "stop", "at_s": 6.0},
+        {"kind": "rearm", "at_s": 8.0},
+    ]
+    result = run(*acts, duration_s=11.0)
+    # The handset reports ten times a second.
+    assert times(result, "hold") == pytest.approx([2.0, 6.0], abs=0.1)
+    assert times(result, "rearmed") == pytest.approx([4.0, 8.0], abs=0.1)
+    t, x = result.trace["t_s"], result.trace["x_m"]
+    at = {s: float(x[round(s / 0.01)]) for s in (3.0, 4.0, 6.0, 7.0, 8.0)}
+    assert abs(at[4.0] - at[3.0]) < 0.01
+    assert at[6.0] - at[4.0] > 0.1
+    assert abs(at[8.0] - at[7.0]) < 0.01
+    assert float(x[-1]) - at[8.0] > 0.1
+    assert t[-1] == pytest.approx(11.0, abs=0.02)
+
+
+def test_a_hold_that_no_rearm_ends_is_the_end_once_the_last_has_passed() -> None:
+    """Test: stopped again after the last re-arm. Expected result: held, at the second stop."""
+    result = run({"kind": "stop", "at_s": 1.0}, {"kind": "rearm", "at_s": 2.0}, {"kind": "stop", "at_s": 5.0})
+    assert result.verdict == "held"
+    assert result.scores.duration_s == pytest.approx(5.0, abs=0.1)
+
+
+def test_an_act_lasts_from_its_tick_up_to_its_end() -> None:
+    act = OperatorAct(kind="stop", at_s=1.0, for_s=0.5)
+    assert [does([act], "stop", 0.1 * k) for k in range(8, 17)] == [False, False, True, True, True, True, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("acts", "said"),
+    [
+        (
+            [{"kind": "stop", "at_s": 2.0, "for_s": 3.0}, {"kind": "rearm", "at_s": 4.0}],
+            "operator.1: a re-arm at 4 s, but operator.0 (stop) lasts until 5 s; a re-arm counts from 5.1 s on",
+        ),
+        (
+            [{"kind": "rearm", "at_s": 2.0}, {"kind": "rearm", "at_s": 2.3}],
+            "operator.1: a re-arm at 2.3 s, but operator.0 (rearm) lasts until 2.5 s; a re-arm counts from 2.6 s on",
+        ),
+        ([{"kind": "go"}], "operator.0.kind: must be 'stop', 'release' or 'rearm' (got 'go')"),
+        ([{"kind": "stop", "for_s": 0.05}], "operator.0.for_s: must be a number from 0.2 to 3600 (got 0.05)"),
+        ([{"kind": "stop", "at_s": -1.0}], "operator.0.at_s: must be a number ≥ 0 (got -1.0)"),
+    ],
+)
+def test_what_a_person_cannot_do_is_refused_in_one_line(acts: list[dict[str, Any]], said: str, tmp_path: Any) -> None:
+    with pytest.raises(SettingsError) as caught:
+        scenario_of({"operator": acts}, tmp_path / "s.toml", where="s.toml")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
