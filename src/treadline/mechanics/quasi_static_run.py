@@ -1,7 +1,7 @@
 """Quasi-static run up a flight: heading and distance over time at constant belt speeds, by Coulomb friction alone.
 
 ``chair, flight, belt speeds, start -> QuasiStaticRun``. The yaw rate of ``quasi_static`` depends on the nosings under the belts and
-on the heading (at 25° with Table I's friction it falls by a fifth in one degree), so a run of some seconds is integrated.
+on the heading (at 25° with Table I's friction it falls by a quarter in one degree), so a run of some seconds is integrated.
 """
 
 import math
