@@ -8,6 +8,7 @@ force; at a heading ψ its part cos ψ lies along the belts and sin ψ across th
 import math
 
 from treadline.errors import MechanicsError
+from treadline.mechanics.chair import GRAVITY_M_S2
 
 
 def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, float]) -> float:
@@ -20,6 +21,11 @@ def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, fl
 def steepest_slope_rad(friction: tuple[float, float]) -> float:
     """Return the slope at which the chair slides straight down its belts."""
     return math.atan(friction[0])
+
+
+def slide_acceleration_m_s2(slope_rad: float, friction: tuple[float, float]) -> float:
+    """Return the acceleration g (sin β - μ cos β) of a chair that slides straight down its belts; 0 where friction holds it."""
+    return max(0.0, GRAVITY_M_S2 * (math.sin(slope_rad) - friction[0] * math.cos(slope_rad)))
 
 
 def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> float:

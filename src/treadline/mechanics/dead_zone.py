@@ -1,0 +1,96 @@
+"""Dead zone of skid steering on a flight: where Coulomb friction lets no difference of belt speeds turn the chair.
+
+``chair, loading, slope, friction -> rows of yaw rate over heading and belt difference``, from ``quasi_static``.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.quasi_static import steady_motion
+from treadline.mechanics.stance import PHASES, Stance, stair_stance
+from treadline.scenario import Chair
+
+HEADINGS_RAD = tuple(heading * DEG for heading in (0.0, 5.0, 10.0, 15.0, 30.0))
+SLOW_BELT_M_S = (0.05, 0.1, 0.2)
+DIFFERENCES_M_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SteeringResponse:
+    """Steady motion at one heading and one pair of belt speeds."""
+
+    heading_rad: float
+    slow_m_s: float
+    """Speed of the slower belt."""
+    difference_m_s: float
+    """Right belt less left belt: a positive one steers to the left."""
+    yaw_rad_s: float
+    """Yaw rate, averaged over the nosing phases."""
+    along_m_s: float
+    """Speed of mid-track along the belts, averaged over the nosing phases."""
+    turning_share: float
+    """Share of the nosing phases in which the chair turns faster than 0.01 °/s."""
+
+
+def dead_zone_table(
+    chair: ChairDescription,
+    loading: Chair,
+    slope_rad: float,
+    run_m: float,
+    friction: tuple[float, float],
+    *,
+    headings_rad: Sequence[float] = HEADINGS_RAD,
+    slow_m_s: Sequence[float] = SLOW_BELT_M_S,
+    differences_m_s: Sequence[float] = DIFFERENCES_M_S,
+    phases: int = PHASES,
+) -> list[SteeringResponse]:
+    """Return the yaw rate at each heading, slow belt speed and belt difference of either sign.
+
+    Args:
+        differences_m_s: Positive magnitudes; each is tried to the right and to the left.
+    """
+    signed = sorted([-difference for difference in differences_m_s] + list(differences_m_s))
+    rows = []
+    for heading in headings_rad:
+        stance = stair_stance(chair, loading, slope_rad, run_m / math.cos(slope_rad), heading, phases)
+        for slow in slow_m_s:
+            for difference in signed:
+                motion = steady_motion(stance, friction, slow + max(-difference, 0.0), slow + max(difference, 0.0))
+                along, _, yaw = motion.mean
+                rows.append(
+                    SteeringResponse(
+                        heading_rad=heading,
+                        slow_m_s=slow,
+                        difference_m_s=difference,
+                        yaw_rad_s=yaw,
+                        along_m_s=along,
+                        turning_share=motion.turning_share(0.01 * DEG),
+                    )
+                )
+    return rows
+
+
+def turning_room_m(slope_rad: float, friction: tuple[float, float], gauge_m: float) -> float:
+    """Return the mean distance of the carrying contacts from their median below which a chair square to the flight turns.
+
+    The slow belt sticks, and the chair starts to turn about the median of that belt's contacts at a rate ω. The fast belt slides
+    along itself; its drag across is of second order in ω. With half the load on either belt, friction under the fast belt gains
+    μ_along B ω/2, the chair's rise costs tan β B ω/2, and the slow belt's contacts, dragged across, cost μ_across m̄ ω/2, m̄ their
+    mean distance from the median. So the chair turns if (μ_along - tan β) B > μ_across m̄. The condition is sufficient, not
+    necessary: about other centres of rotation a few more phases turn, and ``steady_motion`` finds them.
+    """
+    return (friction[0] - math.tan(slope_rad)) * gauge_m / friction[1]
+
+
+def mean_distance_m(stance: Stance) -> Float[np.ndarray, " p"]:
+    """Return the load-weighted mean distance of the contacts from their median along the belts, for each nosing phase."""
+    order = np.argsort(stance.x_m, axis=1)
+    x, load = np.take_along_axis(stance.x_m, order, axis=1), np.take_along_axis(stance.load, order, axis=1)
+    middle = np.argmax(np.cumsum(load, axis=1) >= 0.5 - 1e-9, axis=1)
+    return (load * np.abs(x - np.take_along_axis(x, middle[:, None], axis=1))).sum(axis=1)

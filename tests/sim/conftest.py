@@ -1,0 +1,6 @@
+"""Test oracles are found by their modules' names."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
