@@ -1,4 +1,6 @@
-"""Make the controller that is shipped for a vehicle: excite at 28°, identify, tune with the default weights.
+"""Make the controller that is shipped for a vehicle: excite at 20°, identify, tune with the default weights.
+
+With Table I's friction no belt difference turns a chair that is square to a stair of 28°, so nothing is to be identified there.
 
     python examples/make_controller.py wheelchair
 
@@ -10,7 +12,7 @@ from dataclasses import replace
 
 from treadline.control import tune
 from treadline.experiments.excite import PERIOD_S, excite
-from treadline.experiments.plan import CONTROLLER_SLOPE_DEG, excitation
+from treadline.experiments.plan import CONTROLLER_GROUND, excitation
 from treadline.experiments.shipped import SHIPPED
 from treadline.identification import identify
 
@@ -19,13 +21,14 @@ PAYLOAD_KG = {"wheelchair": 50.0, "rescue": 3.0}
 """Table I's person; a camera head with a lamp and a radio."""
 
 vehicle = sys.argv[1] if len(sys.argv) > 1 else "wheelchair"
-scenario = excitation(CONTROLLER_SLOPE_DEG)
+scenario = excitation(CONTROLLER_GROUND)
 loading = scenario.chair.model_copy(update={"model": vehicle, "payload_kg": PAYLOAD_KG[vehicle]})
 excited = excite(scenario.model_copy(update={"chair": loading}), samples=SAMPLES, period_s=PERIOD_S, seed=SEED)
 found = identify(excited.record, method="okid-era")
 origin = {
     "made_by": f"examples/make_controller.py {vehicle}",
-    "slope_deg": CONTROLLER_SLOPE_DEG,
+    "slope_deg": CONTROLLER_GROUND.slope_deg,
+    "friction": list(CONTROLLER_GROUND.friction),
     "payload_kg": PAYLOAD_KG[vehicle],
     "seed": SEED,
     "samples": len(excited.record),

@@ -4,7 +4,7 @@ Paper: Section IV, Section VI.B, Fig. 8. Heading comes from the vision, angular 
 recording as long, with another seed, validates: what a model says about data it was fitted to proves little.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.experiments.excite import PERIOD_S
-from treadline.experiments.plan import excitation
+from treadline.experiments.plan import Ground, excitation
 from treadline.experiments.recorded import recorded_excitation
 from treadline.experiments.traverse import Opener
 from treadline.identification import identify
@@ -32,20 +32,20 @@ class ExciteJob:
     """One recording of random track speeds."""
 
     name: str
-    slope_deg: int
+    ground: Ground
     samples: int
     seed: int
     folder: Path
     image_every: int = 0
     scenario: Scenario | None = None
-    """In which to drive; None is that of the slope."""
+    """In which to drive; None is that of the ground."""
     open_plant: Opener = open_mujoco
 
     def run(self) -> "Recording":
         """Drive and return the record."""
         excited = recorded_excitation(
             self.folder,
-            self.scenario or excitation(self.slope_deg),
+            self.scenario or excitation(self.ground),
             samples=self.samples,
             period_s=PERIOD_S,
             seed=self.seed,
@@ -53,7 +53,7 @@ class ExciteJob:
             open_plant=self.open_plant,
         )
         return Recording(
-            slope_deg=self.slope_deg,
+            ground=self.ground,
             seed=self.seed,
             record=excited.record,
             verdict=excited.run.verdict,
@@ -66,7 +66,7 @@ class ExciteJob:
 class Recording:
     """A record and where it came from."""
 
-    slope_deg: int
+    ground: Ground
     seed: int
     record: InputOutputRecord
     verdict: str
@@ -75,15 +75,17 @@ class Recording:
 
 
 def evaluate(fitted: Recording, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
-    """Return the model of one slope, and Fig. 8's figures for it."""
+    """Return the model of one ground, which names it, and Fig. 8's figures for it."""
     found = identify(fitted.record, method="okid-era", validation=fresh)
-    model, report = found.model, found.report
+    origin = {"slope_deg": fitted.ground.slope_deg, "friction": list(fitted.ground.friction), "seed": fitted.seed}
+    model, report = replace(found.model, provenance=found.model.provenance | {"identified_on": origin}), found.report
     values = np.asarray(report.singular_values, dtype=float)
     steps = round(IMPULSE_S / model.dt_s)
     response = impulse_response(model, steps)
     ahead = h_step_rmse(model, fresh if fresh is not None else fitted.record, round(AHEAD_S / model.dt_s))
     figures = {
-        "slope_deg": fitted.slope_deg,
+        "slope_deg": fitted.ground.slope_deg,
+        "friction": list(fitted.ground.friction),
         "singular_values": values.tolist(),
         "rank": report.order,
         "lags": report.lags,

@@ -17,7 +17,7 @@ import numpy as np
 from treadline.experiments import fig09, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, Plan, excitation
+from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, Plan, excitation, without_images
 from treadline.experiments.pool import run_jobs
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
 from treadline.experiments.traverse import Opener
@@ -25,12 +25,11 @@ from treadline.gazebo import find_environment, open_gazebo
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
 from treadline.models import ControllerDesign, write_whole
-from treadline.scenario import Scenario
 from treadline.sim import open_plant as open_mujoco
 
 SIMULATORS: dict[str, Opener] = {"gazebo": open_gazebo, "mujoco": open_mujoco}
-EXCITE_SLOPES_DEG = (FIG10_SLOPE,)
-"""The controller's own slope is enough here."""
+GROUNDS = (CONTROLLER_GROUND,)
+"""The controller's own is enough here."""
 
 
 def job_count(plan: Plan) -> int:
@@ -50,7 +49,7 @@ def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> d
     """
     find_environment()
     started = time.monotonic()
-    plan = replace(plan, excite_slopes_deg=EXCITE_SLOPES_DEG)
+    plan = replace(plan, grounds=GROUNDS, frictions=(PAPER_FRICTION,))
     found: dict[str, dict[str, Any]] = {}
     for name, open_plant in SIMULATORS.items():
 
@@ -94,11 +93,11 @@ def summary(values: dict[str, Any]) -> list[str]:
 def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: Done) -> dict[str, Any]:
     runs = out / "runs"
     recordings: list[Recording] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
-    controller, fig08_by_slope = learn(plan, recordings, out)
+    controller, fig08_by_ground = learn(plan, recordings, out)
     results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=done)
     turns = [result for result in results if result["kind"] == "turn"]
     values: dict[str, Any] = {
-        "fig08": fig08_by_slope[FIG10_SLOPE],
+        "fig08": fig08_by_ground[CONTROLLER_GROUND],
         "fig09": fig09.rows([result for result in results if result["kind"] == "straight"]),
         "fig10": table2.fig10(turns),
         "table2": table2.rows(turns),
@@ -111,15 +110,15 @@ def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: 
 def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
     return [
         ExciteJob(
-            name=f"excite-{slope}-seed{seed}",
-            slope_deg=slope,
+            name=f"excite-{ground.name}-seed{seed}",
+            ground=ground,
             samples=plan.samples,
             seed=seed,
-            folder=runs / f"excite-{slope}-seed{seed}",
-            scenario=without_images(excitation(slope)),
+            folder=runs / f"excite-{ground.name}-seed{seed}",
+            scenario=without_images(excitation(ground)),
             open_plant=open_plant,
         )
-        for slope in EXCITE_SLOPES_DEG
+        for ground in GROUNDS
         for seed in (FIT_SEED, FRESH_SEED)
     ]
 
@@ -128,11 +127,6 @@ def _drives(plan: Plan, controller: ControllerDesign, runs: Path, open_plant: Op
     straight = [*fig09.closed_jobs(plan, controller, runs), *fig09.open_jobs(plan, runs)]
     jobs = [*straight, *table2.jobs(plan, controller, runs, "climb-safe")]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]
-
-
-def without_images(scenario: Scenario) -> Scenario:
-    """Return the scenario with a camera that says what the stair detector would say of its frames."""
-    return scenario.model_copy(update={"sensors": scenario.sensors.model_copy(update={"camera": "statistical"})})
 
 
 def _mean(rows: list[dict[str, Any]]) -> float:

@@ -12,10 +12,18 @@ from pathlib import Path
 from typing import Any
 
 from treadline.control.tune import tune
-from treadline.experiments import fig05, fig08, fig09, fig11, literal, table1, table2
+from treadline.experiments import dead_zone, fig05, fig08, fig09, fig11, literal, table1, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import CONTROLLER_SLOPE_DEG, GRAVITY_ERROR_DEG, Plan
+from treadline.experiments.plan import (
+    CONTROLLER_GROUND,
+    GRAVITY_ERROR_DEG,
+    PAPER_FRICTION,
+    Ground,
+    Plan,
+    excitation,
+    without_images,
+)
 from treadline.experiments.pool import Job, Pool
 from treadline.experiments.speed import physics_real_time_factor
 from treadline.io.plain import plain
@@ -45,9 +53,9 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
 
     with Pool(workers, done) as pool:
         excited, steerless = pool.begin(_excitations(plan, runs)), pool.begin(_steerless(plan, out))
-        controller, fig08_by_slope = learn(plan, excited(), out)
+        controller, fig08_by_ground = learn(plan, excited(), out)
         driven = pool.begin(_drives(plan, controller, runs))
-        seat, stages, printed, *opened = steerless()
+        seat, stages, printed, steered, *opened = steerless()
         safe, sliding, closed = _sorted_out(driven())
     speed = {
         "physics_real_time_factor": physics_real_time_factor(),
@@ -61,7 +69,8 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
             "paper": {"lqr": literal.facts()},
             "table1": table1.rows(),
             "fig05": stages,
-            "fig08": fig08_by_slope[CONTROLLER_SLOPE_DEG] | {"slopes": list(fig08_by_slope.values())},
+            "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
+            "dead_zone": steered["rows"],
             "fig09": fig09.rows([*closed, *opened]),
             "fig10": table2.fig10(safe),
             "table2": table2.rows(safe),
@@ -82,44 +91,47 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
 def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
     return [
         ExciteJob(
-            name=f"excite-{slope}-seed{seed}",
-            slope_deg=slope,
+            name=f"excite-{ground.name}-seed{seed}",
+            ground=ground,
             samples=plan.samples,
             seed=seed,
-            folder=runs / f"excite-{slope}-seed{seed}",
-            image_every=50 if slope == CONTROLLER_SLOPE_DEG and seed == FIT_SEED else 0,
+            folder=runs / f"excite-{ground.name}-seed{seed}",
+            image_every=50 if ground == CONTROLLER_GROUND and seed == FIT_SEED else 0,
+            # The controller is learned with rendered frames; what the other grounds are excited for needs none.
+            scenario=None if ground == CONTROLLER_GROUND else without_images(excitation(ground)),
         )
-        for slope in plan.excite_slopes_deg
+        for ground in plan.grounds
         for seed in ((FIT_SEED,) if plan.quick else (FIT_SEED, FRESH_SEED))
     ]
 
 
-def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[int, dict[str, Any]]]:
-    """Return the controller tuned on what was identified, and each slope's figures; models and controller are written to files."""
-    fresh = {item.slope_deg: item.record for item in recordings if item.seed == FRESH_SEED}
-    figures: dict[int, dict[str, Any]] = {}
+def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
+    """Return the controller tuned on what was identified, and each ground's figures; models and controller are written to files."""
+    fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
+    figures: dict[Ground, dict[str, Any]] = {}
     controller: ControllerDesign | None = None
     for recording in recordings:
         if recording.seed != FIT_SEED:
             continue
-        slope = recording.slope_deg
-        model, figures[slope] = fig08.evaluate(recording, fresh.get(slope))
-        model.save(out / f"model-{slope}.json")
-        if slope == CONTROLLER_SLOPE_DEG:
+        ground = recording.ground
+        model, figures[ground] = fig08.evaluate(recording, fresh.get(ground))
+        model.save(out / f"model-{ground.name}.json")
+        if ground == CONTROLLER_GROUND:
             controller = tune(model)
             controller.save(out / "controller.json")
     if controller is None:
-        raise ValueError(f"the plan excites {plan.excite_slopes_deg}, the controller needs {CONTROLLER_SLOPE_DEG}")
+        raise ValueError(f"the plan excites {plan.grounds}, the controller needs {CONTROLLER_GROUND}")
     return controller, figures
 
 
 def _steerless(plan: Plan, out: Path) -> list[Job[dict[str, Any]]]:
-    """Return what can be driven before anything is identified: the seat, the stages of a frame, Eq. (14), and the open loops."""
+    """Return what can be driven before anything is identified: the seat, the stages of a frame, Eq. (14), dead zone, open loops."""
     runs, seed = out / "runs", plan.seeds[0]
     return [
         fig11.SeatJob(name="seat", folder=runs / "seat-28", seed=seed),
         fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
         literal.job(plan, runs),
+        dead_zone.DeadZoneJob(name="dead-zone", seed=seed),
         *fig09.open_jobs(plan, runs),
     ]
 
@@ -128,7 +140,7 @@ def _drives(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob
     return [
         *fig09.closed_jobs(plan, controller, runs),  # the longest first: the pool ends level
         *table2.jobs(plan, controller, runs, "climb-safe"),
-        *table2.jobs(replace(plan, seeds=plan.seeds[:1]), controller, runs, "paper"),
+        *table2.jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
     ]
 
 

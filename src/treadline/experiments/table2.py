@@ -1,9 +1,11 @@
 """Table II and Fig. 10: heading from ±30° back to zero, on three slopes.
 
 Paper: Section VI.C.2, Fig. 10, Table II. "Over the 80 s, transient included" is the reading that agrees with the
-printed numbers; the paper does not say. Roll-back stands beside each figure.
+printed numbers; the paper does not say. Beside each figure stand roll-back, contact, the passenger's acceleration and the margins.
+On Table I's friction frames are rendered; on the other friction the statistical camera stands for them.
 """
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 
 from treadline import paper
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, STARTS_DEG, Plan, turn
+from treadline.experiments.plan import FIG10_SLOPE, PAPER_FRICTION, STARTS_DEG, Friction, Plan, suffix_of, turn, without_images
 from treadline.models import ControllerDesign
 
 PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
@@ -19,49 +21,66 @@ VARIANTS = {"climb-safe": "turn", "paper": "turn-rollback"}
 """Allocation: the one that keeps the chair from sliding, and the one that lets it slide for a faster turn."""
 
 
+WORST = {
+    "airborne_share": "airborne_share",
+    "max_contact_force_share": "max_contact_force_share",
+    "unconverged_share": "unconverged_share",
+    "passenger_m_s2": "passenger_max_m_s2",
+    "passenger_vertical_m_s2": "passenger_vertical_m_s2",
+    "passenger_longitudinal_m_s2": "passenger_longitudinal_m_s2",
+    "lateral_m_s2": "passenger_lateral_m_s2",
+    "belt_force_n": "max_belt_force_n",
+    "belt_power_w": "peak_power_w",
+}
+"""Key of a row and the score whose largest value over the seeds it holds."""
+
+
 def jobs(plan: Plan, controller: ControllerDesign, runs: Path, allocation: str) -> list[RunJob]:
-    """Return one job per slope, start and seed."""
-    prefix = VARIANTS[allocation]
-    made = []
-    for slope in plan.slopes_deg:
-        for start in STARTS_DEG:
-            for seed in plan.seeds:
-                name = f"{prefix}-{slope}-{'plus' if start > 0 else 'minus'}30-seed{seed}"
-                first = allocation == "climb-safe" and slope == FIG10_SLOPE and seed == plan.seeds[0]
-                made.append(
-                    RunJob(
-                        name=name,
-                        scenario=turn(slope, start, plan.turn_s, allocation=allocation),
-                        seed=seed,
-                        controller=controller,
-                        folder=runs / name,
-                        labels={
-                            "kind": prefix,
-                            "slope_deg": slope,
-                            "start_heading_deg": start,
-                            "loop": "closed",
-                        },
-                        log=first,
-                        image_every=10 if first and start > 0 else 0,
-                    )
-                )
+    """Return one job per friction, slope, start and seed."""
+    prefix, made = VARIANTS[allocation], []
+    for friction, slope, start, seed in itertools.product(plan.frictions, plan.slopes_deg, STARTS_DEG, plan.seeds):
+        name = f"{prefix}-{slope}{suffix_of(friction)}-{'plus' if start > 0 else 'minus'}30-seed{seed}"
+        rendered = friction == PAPER_FRICTION
+        first = allocation == "climb-safe" and rendered and slope == FIG10_SLOPE and seed == plan.seeds[0]
+        scenario = turn(slope, start, plan.turn_s, allocation=allocation, friction=friction)
+        made.append(
+            RunJob(
+                name=name,
+                scenario=scenario if rendered else without_images(scenario),
+                seed=seed,
+                controller=controller,
+                folder=runs / name,
+                labels={
+                    "kind": prefix,
+                    "slope_deg": slope,
+                    "friction": friction,
+                    "start_heading_deg": start,
+                    "loop": "closed",
+                    "camera": "rendered" if rendered else "statistical",
+                },
+                log=first,
+                image_every=10 if first and start > 0 else 0,
+            )
+        )
     return made
 
 
 def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return Table II: one row per slope and start, mean and standard deviation over the seeds."""
-    cells: dict[tuple[int, int], list[dict[str, Any]]] = {}
+    """Return Table II: one row per friction, slope and start, mean and standard deviation over the seeds."""
+    cells: dict[tuple[Friction, int, int], list[dict[str, Any]]] = {}
     for result in results:
-        cells.setdefault((result["slope_deg"], result["start_heading_deg"]), []).append(result)
-    return [_row(slope, start, runs) for (slope, start), runs in sorted(cells.items(), key=lambda cell: -cell[0][1])]
+        cells.setdefault((result["friction"], result["slope_deg"], result["start_heading_deg"]), []).append(result)
+    ordered = sorted(cells.items(), key=lambda cell: (cell[0][0], -cell[0][2]))
+    return [_row(friction, slope, start, runs) for (friction, slope, start), runs in ordered]
 
 
-def _row(slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
+def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
     rms = np.array([run["rms_heading_deg"] for run in runs])
     steady = [run["steady_rms_heading_deg"] for run in runs if run["steady_rms_heading_deg"] is not None]
     settle = [run["settle_s"] for run in runs]
     return {
         "slope_deg": slope,
+        "friction": list(friction),
         "start_heading_deg": start,
         "paper_label": PAPER_LABEL[start],
         "rms_heading_deg": float(rms.mean()),
@@ -76,9 +95,17 @@ def _row(slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "worst_steady_rms_heading_deg": float(np.max(steady)) if steady else None,
         "min_stability_margin_deg": float(np.min([run["min_stability_margin_deg"] for run in runs])),
         "max_friction_use": float(np.max([run["max_friction_use"] for run in runs])),
+        **{name: _worst(runs, score) for name, score in WORST.items()},
         "verdicts": sorted({run["verdict"] for run in runs}),
-        "conditions": f"{runs[0]['duration_s']:.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}",
+        "conditions": f"{runs[0]['duration_s']:.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}, "
+        f"{runs[0]['camera']} camera",
     }
+
+
+def _worst(runs: list[dict[str, Any]], score: str) -> float | None:
+    """Return the largest value of a score, or None where no run has it."""
+    values = [run[score] for run in runs if run.get(score) is not None]
+    return float(np.max(values)) if values else None
 
 
 def fig10(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -95,5 +122,9 @@ def fig10(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
         "run",
     )
     first = min(result["seed"] for result in results)
-    chosen = [result for result in results if result["slope_deg"] == FIG10_SLOPE and result["seed"] == first]
+    chosen = [
+        result
+        for result in results
+        if result["slope_deg"] == FIG10_SLOPE and result["seed"] == first and result["friction"] == PAPER_FRICTION
+    ]
     return [{key: result[key] for key in keys} for result in chosen]

@@ -16,10 +16,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from treadline import paper
-from treadline.report.results import Cell, Identified, Impulse, Straight, Turn
+from treadline.report.results import Cell, Identified, Impulse, Steered, Straight, Turn
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
-BY_SLOPE = {25: BLUE, 28: GREEN, 30: RED}
+BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
+BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
+PAPER_FRICTION = [0.62, 0.5]
 Series = Mapping[str, Float[np.ndarray, " T"]]
 IMPULSE_SHOWN_S = 20.0
 """Of Fig. 8's 60 s: by then both responses have ended."""
@@ -94,15 +96,32 @@ def singular_values(slopes: Sequence[Identified]) -> Figure:
     for item in slopes:
         values = np.asarray(item.singular_values)
         values = values[values > 1e-6 * values[0]]
-        ax.semilogy(
-            np.arange(1, len(values) + 1), values / values[0], "o-", color=_colour(item.slope_deg), label=f"{item.slope_deg:g}°"
-        )
+        style = "o-" if item.friction == PAPER_FRICTION else "s--"
+        label = f"{item.slope_deg:g}°, {item.friction[0]:g}/{item.friction[1]:g}"
+        ax.semilogy(np.arange(1, len(values) + 1), values / values[0], style, color=_colour(item.slope_deg), label=label)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.axvline(2.5, color=GREY, linestyle=":")
     ax.text(2.55, 0.5, "rank 2", color=GREY)
     ax.set_xlabel("index")
     ax.set_ylabel("σ / σ₁")
-    ax.legend(title="slope")
+    ax.legend(title="slope, friction", fontsize=7)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def dead_zone(rows: Sequence[Steered]) -> Figure:
+    """Return yaw rate over belt difference, one colour per heading: simulated (marks) and quasi-static Coulomb friction (lines)."""
+    figure, (ax,) = _figure(5.6, 3.2, 1, 1)
+    headings = sorted({row.heading_deg for row in rows})
+    for heading, colour in zip(headings, BY_HEADING, strict=False):
+        line = [row for row in rows if row.heading_deg == heading]
+        apart = [row.difference_m_s for row in line]
+        ax.plot(apart, [abs(row.theory_deg_s) for row in line], color=colour, linewidth=1.2)
+        ax.plot(apart, [abs(row.yaw_rate_deg_s) for row in line], "o", color=colour, label=f"{heading:g}°")
+    ax.set_yscale("symlog", linthresh=0.1)
+    ax.set_xlabel("belt difference [m/s]")
+    ax.set_ylabel("yaw rate towards straight [°/s]")
+    ax.legend(title="heading", fontsize=7)
     return figure
 
 
@@ -157,13 +176,18 @@ def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
 
 @mpl.rc_context(STYLE)
 def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
-    """Return Table II as bars: the paper's, ours, and ours with roll-back allowed."""
+    """Return Table II as bars on Table I's friction: the paper's, ours, and ours with roll-back allowed."""
+    rows = _on_paper_friction(rows)
     figure, axes = _figure(8.0, 3.0, 1, 2)
     place = np.arange(len(rows))
     by_start = {(cell.slope_deg, cell.start_heading_deg): cell for cell in allowed}
     sliding = [by_start.get((cell.slope_deg, cell.start_heading_deg)) for cell in rows]
     axes[0].bar(place - 0.27, [_or_gap(cell.paper_deg) for cell in rows], 0.25, color=GREY, label="paper")
-    for k, (name, cells, colour) in enumerate((("climb-safe", rows, BLUE), ("roll-back allowed", sliding, ORANGE))):
+    groups: tuple[tuple[str, Sequence[Cell | None], str], ...] = (
+        ("climb-safe", rows, BLUE),
+        ("roll-back allowed", sliding, ORANGE),
+    )
+    for k, (name, cells, colour) in enumerate(groups):
         height = [_or_gap(cell.rms_heading_deg if cell else None) for cell in cells]
         spread = [(cell.sd or 0.0) if cell else 0.0 for cell in cells]
         back = [_or_gap(cell.roll_back_m if cell else None) for cell in cells]
@@ -177,6 +201,10 @@ def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
         ax.margins(y=0.4)
         ax.legend(fontsize=7, loc="upper left")
     return figure
+
+
+def _on_paper_friction(rows: Sequence[Cell]) -> list[Cell]:
+    return [cell for cell in rows if cell.friction == PAPER_FRICTION]
 
 
 def _or_gap(value: float | None) -> float:

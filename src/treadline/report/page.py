@@ -82,6 +82,8 @@ def _whole(folder: Path) -> Path:
     if results.fig08 is not None:
         drawn["fig08"] = figures.impulse(results.fig08.impulse)
         drawn["singular-values"] = figures.singular_values(results.fig08.slopes)
+    if results.dead_zone:
+        drawn["dead-zone"] = figures.dead_zone(results.dead_zone)
     if straight:
         drawn["fig09"] = figures.straight(straight)
     if turned:

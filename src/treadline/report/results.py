@@ -70,9 +70,11 @@ class Impulse(Part):
 
 
 class Identified(Part):
-    """The model of one slope."""
+    """The model of one slope and friction."""
 
     slope_deg: float
+    friction: Pair = [0.62, 0.5]
+    """Along the belt and across; Table I's where an older file does not say."""
     singular_values: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=1)]
     rank: int
     sigma2_over_sigma3: float
@@ -89,6 +91,16 @@ class Fig08(Identified):
 
     impulse: Impulse
     slopes: list[Identified]
+
+
+class Steered(Part):
+    """One row of the dead zone: yaw rate for a belt difference at a heading, simulated and by theory."""
+
+    slope_deg: float
+    heading_deg: float
+    difference_m_s: float
+    yaw_rate_deg_s: float
+    theory_deg_s: float
 
 
 class Straight(Part):
@@ -116,9 +128,10 @@ class Turn(Part):
 
 
 class Cell(Part):
-    """Table II: one slope and start, over all seeds."""
+    """Table II: one slope, friction and start, over all seeds."""
 
     slope_deg: float
+    friction: Pair = [0.62, 0.5]
     start_heading_deg: float
     paper_label: str
     paper_deg: float | None
@@ -132,6 +145,14 @@ class Cell(Part):
     lateral_m: float
     min_stability_margin_deg: float
     max_friction_use: float
+    airborne_share: float | None = None
+    max_contact_force_share: float | None = None
+    passenger_m_s2: float | None = None
+    passenger_vertical_m_s2: float | None = None
+    passenger_longitudinal_m_s2: float | None = None
+    lateral_m_s2: float | None = None
+    belt_force_n: float | None = None
+    belt_power_w: float | None = None
     verdicts: list[str]
     conditions: str
 
@@ -186,6 +207,7 @@ class Results(Part):
     table1: list[Parameter] = []
     fig05: Sight | None = None
     fig08: Fig08 | None = None
+    dead_zone: list[Steered] = []
     fig09: list[Straight] = []
     fig10: list[Turn] = []
     table2: list[Cell] = []
