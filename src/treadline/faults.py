@@ -17,7 +17,7 @@ FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
     "imu_lost", "clock_back", "late_tick", "track_stalled", "track_slip", "low_friction", "operator_stop",
     "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "arm_lost", "arm_stuck",
-    "readings_lost",
+    "readings_lost", "gyro_ramp", "wrong_stamp",
 ]  # fmt: skip
 """New kinds come last: a kind's place chooses its stream of random numbers."""
 
@@ -36,6 +36,18 @@ class Process(IntEnum):
     """No proposal reaches the guard. A plant cannot do that: who builds the mission asks ``is_killed``."""
     SEAT = 3
     """No order reaches the seat's actuator, which goes on with its last until its watchdog stops it."""
+
+
+WRONG_STAMP_S = 1e6
+"""Stamp of a message under ``wrong_stamp``: eleven days ahead."""
+
+
+class Message(IntEnum):
+    """Which message to the guard ``wrong_stamp`` stamps."""
+
+    MAP = 0
+    PLAN = 1
+    HEALTH = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +96,17 @@ EXTENTS: dict[FaultKind, Extent] = {
     "arm_lost": Extent(means="nothing: the arm's motor is dead, its shorted windings damp one way"),
     "arm_stuck": Extent(means="nothing: the arm's motor holds"),
     "readings_lost": Extent(means="nothing: belts, seat and arm report nothing"),
+    "gyro_ramp": Extent(
+        means="the bias of the gyro about the chair's z [°/s] at the end of the fault; it grows evenly from zero",
+        default=0.6,
+        low=-10.0,
+        high=10.0,
+    ),
+    "wrong_stamp": Extent(
+        means="the message to the guard that is stamped 1e6 s: 0 stair map, 1 plan, 2 health of the heading filter",
+        high=2.0,
+        is_choice=True,
+    ),
 }  # fmt: skip
 
 
@@ -124,3 +147,9 @@ class Fault(Settings):
 def is_killed(faults: Iterable[Fault], process: Process, t_s: float) -> bool:
     """Say whether a process is dead at ``t_s``."""
     return any(fault.kind == "process_killed" and fault.size == process and fault.active(t_s) for fault in faults)
+
+
+def stamp_of(faults: Iterable[Fault], message: Message, t_s: float) -> float:
+    """Return the stamp of a message that was made at ``t_s``."""
+    wrong = any(fault.kind == "wrong_stamp" and fault.size == message and fault.active(t_s) for fault in faults)
+    return WRONG_STAMP_S if wrong else t_s

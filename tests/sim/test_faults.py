@@ -10,7 +10,7 @@ import pytest
 
 from treadline.angles import DEG, rotation_of
 from treadline.errors import SettingsError
-from treadline.faults import EXTENTS, Fault, FaultKind, Process, is_killed
+from treadline.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
 from treadline.settings import settings_of
@@ -296,6 +296,23 @@ def test_a_bias_or_a_jump_turns_gyro_and_attitude_alike(value: float, turned_deg
     assert np.abs(excess).max() <= 300.0 + 1e-9  # a gyro's range is 2000 °/s
     R = rotation_of(wrong[89].orientation) @ rotation_of(right[89].orientation).T
     assert math.atan2(R[1, 0], R[0, 0]) / DEG == pytest.approx(turned_deg, rel=1e-6)
+
+
+def test_a_gyro_ramp_grows_evenly_and_its_yaw_is_the_integral() -> None:
+    wrong, right = (of(drive_of, ImuSample) for drive_of in (run(scenario(fault("gyro_ramp", 2.0)))[0], sound()[0]))
+    on = [k for k, sample in enumerate(wrong) if within(sample.t_s)]
+    rates = [float((wrong[k].angular_velocity_rad_s - right[k].angular_velocity_rad_s)[2]) for k in on]
+    steps = np.diff(rates)
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
+    assert rates[0] == pytest.approx(0.0, abs=1e-12)
+    # One tick before its end the ramp is one tick below its end.
+    assert rates[-1] + steps[0] == pytest.approx(2.0 * DEG, rel=1e-6)
+
+
+def test_a_wrong_stamp_is_that_of_one_kind_of_message_while_it_lasts() -> None:
+    faults = [fault("wrong_stamp", 1.0, at_s=0.5, for_s=0.5)]
+    assert [stamp_of(faults, Message.PLAN, t_s) for t_s in (0.4, 0.6, 1.1)] == [0.4, 1e6, 1.1]
+    assert stamp_of(faults, Message.MAP, 0.6) == 0.6
 
 
 def test_a_clock_that_leaps_back_names_old_times_twice() -> None:

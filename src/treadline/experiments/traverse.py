@@ -5,8 +5,8 @@ This is where the two worlds meet: the mission gets the plant's sensors, the sco
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,18 +16,19 @@ from treadline.angles import DEG
 from treadline.attendant import rearms_until_s
 from treadline.compiling import compiling
 from treadline.errors import SimulationDiverged
+from treadline.estimation import HeadingHealth
 from treadline.experiments.scores import Scores, Trace, score
 from treadline.experiments.slide import LEVEL_RAD, SlideWatch
-from treadline.faults import Process, is_killed
+from treadline.faults import Fault, Message, Process, is_killed, stamp_of
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks, is_whole
 from treadline.mission.drivers import Driver
-from treadline.mission.loop import Mission, Signal, Tick
+from treadline.mission.loop import Mission, Noted, Signal, Tick
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import TICK_S, Event, Plan
+from treadline.signals import TICK_S, Event, Plan, StairMap
 from treadline.sim import open_plant as open_mujoco
 from treadline.sim.faults import faulty
 
@@ -38,6 +39,7 @@ FALLEN_SLIDE_M = 0.5
 SEAT_SHIFT_M = 0.10
 """How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
 
+MESSAGES = {StairMap: Message.MAP, Plan: Message.PLAN, HeadingHealth: Message.HEALTH}
 Opener = Callable[[Scenario, int], TruthPlant]
 """Makes a scenario's plant from a seed."""
 Sink = Callable[[Signal | Truth], None]
@@ -214,7 +216,14 @@ def traverse(
     over: tuple[str, str | None] | None = None if refusal is None else ("refused", refusal)
     held_s = 0.0
     try:
-        mission = Mission(plant, blocks, ride.log, lambda t_s: is_killed(scenario.fault, Process.CONTROLLER, t_s))
+        faults = scenario.fault
+        mission = Mission(
+            plant,
+            blocks,
+            ride.log,
+            lambda t_s: is_killed(faults, Process.CONTROLLER, t_s),
+            _stamper(faults),
+        )
         if over is not None:
             ride.collect(plant)
         while over is None or (over[0] == "held" and held_s < after_hold_s):
@@ -233,6 +242,13 @@ def traverse(
     finally:
         plant.close()
     return ride.result(over, time.process_time() - compiling().spent_s - started)
+
+
+def _stamper(faults: Sequence[Fault]) -> Callable[[Noted], Noted]:
+    """Return what stamps messages to the guard: as they are, or as a fault has it."""
+    if not any(fault.kind == "wrong_stamp" for fault in faults):
+        return lambda message: message
+    return lambda message: replace(message, t_s=stamp_of(faults, MESSAGES[type(message)], message.t_s))
 
 
 class _Ride:

@@ -129,6 +129,14 @@ def _no_log(signal: Signal) -> None:
     del signal
 
 
+Noted = StairMap | HeadingHealth | Plan
+"""Messages to the guard that carry a stamp of their own."""
+
+
+def _as_made(message: Noted) -> Noted:
+    return message
+
+
 def _never(t_s: float) -> bool:
     del t_s
     return False
@@ -143,16 +151,19 @@ class Mission:
         blocks: Blocks,
         log: Callable[[Signal], None] = _no_log,
         is_dead: Callable[[float], bool] = _never,
+        restamp: Callable[[Noted], Noted] = _as_made,
     ) -> None:
         """Take the blocks and start the plant.
 
         Args:
             is_dead: Whether the process that drives is dead at a time: what a test does to it.
+            restamp: A message as the guard gets it: what a test does to its stamp.
         """
         self._plant = plant
         self._blocks = blocks
         self._log = log
         self._is_dead = is_dead
+        self._restamp = restamp
         self._tick = 0
         self._control = Rate(blocks.driver.period_s)
         self._proposals = Proposals(blocks.driver)
@@ -185,10 +196,10 @@ class Mission:
     def _decide(self, t_s: float) -> Plan:
         blocks = self._blocks
         plan = blocks.planner.step(t_s, self._estimate)
-        blocks.guard.notice(plan)
+        blocks.guard.notice(self._restamp(plan))
         health = blocks.estimator.health
         if health is not None:
-            blocks.guard.notice(health)
+            blocks.guard.notice(self._restamp(health))
         return plan
 
     def _propose(self, plan: Plan) -> bool:
@@ -245,7 +256,7 @@ class Mission:
         self._estimate = self._blocks.estimator.step(measurement)
 
     def _feel_stair(self, stair_map: StairMap) -> None:
-        self._blocks.guard.notice(stair_map)
+        self._blocks.guard.notice(self._restamp(stair_map))
         self._blocks.planner.feel(stair_map)
 
     def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:

@@ -138,9 +138,23 @@ def _imu_bias(machine: Machine, reading: Reading) -> Passed:
     else:
         rate = size / JUMP_S if since_s < JUMP_S - SAME_TIME_S else 0.0
         turned = size * min((since_s + TICK_S) / JUMP_S, 1.0)
-    orientation = quaternion_of(rotation_z(turned) @ rotation_of(reading.orientation))
-    wrong = reading.angular_velocity_rad_s + np.array([0.0, 0.0, rate])
-    return (replace(reading, orientation=orientation, angular_velocity_rad_s=wrong),)
+    return (_turning(reading, rate, turned),)
+
+
+def _gyro_ramp(machine: Machine, reading: Reading) -> Passed:
+    """Report a turn that grows evenly."""
+    if not isinstance(reading, ImuSample):
+        return (reading,)
+    since_s = reading.t_s - machine.fault.at_s
+    growth = machine.fault.size * DEG / machine.fault.for_s
+    return (_turning(reading, growth * since_s, 0.5 * growth * since_s * (since_s + TICK_S)),)
+
+
+def _turning(reading: ImuSample, rate_rad_s: float, turned_rad: float) -> ImuSample:
+    """Return a sample with a turn about the chair's z that is none."""
+    orientation = quaternion_of(rotation_z(turned_rad) @ rotation_of(reading.orientation))
+    wrong = reading.angular_velocity_rad_s + np.array([0.0, 0.0, rate_rad_s])
+    return replace(reading, orientation=orientation, angular_velocity_rad_s=wrong)
 
 
 def _person_stops(machine: Machine, reading: Reading) -> Passed:
@@ -162,6 +176,7 @@ SPOILT: dict[FaultKind, Callable[[Machine, Reading], Passed]] = {
     "camera_dark": _dark,
     "camera_lost": partial(_lost, SIGHT),
     "imu_bias": _imu_bias,
+    "gyro_ramp": _gyro_ramp,
     "imu_stuck": partial(_stuck, (ImuSample,)),
     "imu_nan": _imu_nan,
     "imu_lost": partial(_lost, (ImuSample,)),
