@@ -10,7 +10,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 
-STILL = {name: 0.0 for name in Truth.__slots__}
+STILL = dict.fromkeys(Truth.__slots__, 0.0)
 
 
 def ride(x_m: np.ndarray, belts_m_s: float, *, pitch_deg: float = 28.0, heading_deg: float = 0.0) -> list[Truth]:
