@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.mission.guard import Guard, GuardConfig
+from treadline.mission.guard.stopping import RAMP_S
 from treadline.signals import (
     ArmCommand,
     FrameQuality,
@@ -68,13 +69,15 @@ def act(guard: Guard, kind: str, t_s: float, a: float, b: float) -> TrackCommand
 @pytest.mark.parametrize("needs_heading", [True, False])
 def test_whatever_comes_what_leaves_is_a_number_within_its_limits_and_a_hold_stays(needs_heading: bool) -> None:
     """Test: any sequence of readings, plans, commands and ticks, with any numbers and stamps. Expected result: every command is
-    finite, no belt above its limit; once held, zero and brake for ever, for nobody has re-armed; every event has a finite time."""
+    finite, no belt above its limit; once held, a ramp of at most 0.3 s, then zero and
+    brake for ever, for nobody has re-armed; every event has a finite time."""
 
     @settings(max_examples=150, deadline=None, database=None, derandomize=True)
     @given(STEPS)
     def holds(steps: list[tuple[str, float, float, float]]) -> None:
         guard = Guard(GuardConfig(needs_heading=needs_heading))
         guard.propose(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2))
+        held_s, braked = math.inf, False
         for k, (kind, offset_s, a, b) in enumerate(steps):
             held = guard.holding
             passed = act(guard, kind, 0.01 * k + offset_s, a, b)
@@ -84,7 +87,11 @@ def test_whatever_comes_what_leaves_is_a_number_within_its_limits_and_a_hold_sta
             assert math.isfinite(passed.t_s)
             assert max(abs(passed.left_m_s), abs(passed.right_m_s)) <= 1.0 + 1e-12
             if guard.holding is not None:
-                assert (passed.left_m_s, passed.right_m_s, passed.brake) == (0.0, 0.0, True)
+                held_s = min(held_s, passed.t_s)
+                braked = braked or passed.brake
+                assert passed.brake or held_s <= passed.t_s < held_s + RAMP_S
+                if braked:
+                    assert (passed.left_m_s, passed.right_m_s, passed.brake) == (0.0, 0.0, True)
         assert all(math.isfinite(event.t_s) for event in guard.take_events())
 
     holds()

@@ -18,6 +18,7 @@ from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
+from treadline.mission.guard.stopping import CauseKind
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
 from treadline.signals import FrameQuality, HeadingEstimate, Plan, StairMap, TrackCommand, TrackReading
@@ -95,12 +96,12 @@ def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
 
 def test_the_latch_keeps_its_first_cause() -> None:
     """Test: two causes, none, and a release that has nothing to release. Expected result: the first stays; events once each."""
-    latch = Latch()
+    latch = Latch(0.15)
     assert not latch.release(0.0)
-    latch.hold(1.0, None)
+    latch.hold(1.0, CauseKind.SEAT, None)
     assert latch.cause is None
-    latch.hold(2.0, "first")
-    latch.hold(3.0, "second")
+    latch.hold(2.0, CauseKind.SEAT, "first")
+    latch.hold(3.0, CauseKind.PLAN, "second")
     assert latch.cause == "first"
     assert latch.release(4.0)
     latch.slow(5.0, "a", "one")

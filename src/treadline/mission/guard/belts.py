@@ -33,6 +33,13 @@ class BeltWatch:
         self.cause: str | None = None
         """Which belt does not obey, or that the brake does not."""
 
+    @property
+    def expected_m_s(self) -> tuple[float, float]:
+        """Belt speeds that the drives should have reached, left and right, within the belts' limit."""
+        limit = self._config.belt_limit_m_s
+        left, right = (min(max(speed, -limit), limit) for speed in self._expected)
+        return left, right
+
     def ask(self, command: TrackCommand) -> None:
         """Note what the belts are told."""
         self._asked = command

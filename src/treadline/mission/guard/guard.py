@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 from treadline.estimation.health import HeadingHealth
@@ -18,6 +19,7 @@ from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.mission.guard.stopping import CauseKind
 from treadline.signals import (
     ArmCommand,
     ArmReading,
@@ -42,7 +44,7 @@ class Guard:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._latch, self._button = Latch(), Button()
+        self._latch, self._button = Latch(config.drive_lag_s), Button()
         self._stamps = Stamps(config.clock_jump_s)
         self._senses = SenseWatch(config)
         self._sight = SightWatch(config)
@@ -98,7 +100,7 @@ class Guard:
     def propose(self, command: TrackCommand) -> None:
         """Take the driver's newest command; one that was overtaken counts no more."""
         if not finite(command.t_s, command.left_m_s, command.right_m_s):
-            self._latch.hold(self._now(command.t_s), "command is not finite")
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "command is not finite")
             return
         if self._driver_s is None or command.t_s >= self._driver_s:
             self._driver_s = command.t_s
@@ -108,14 +110,16 @@ class Guard:
         """Return what may reach the belts at ``t_s``."""
         if not math.isfinite(t_s):
             t_s = self._now(t_s)
-            self._latch.hold(t_s, "mission clock is not finite")
+            self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
         late_s = self._lateness(t_s)
         self._heading_rad = math.inf if estimate is None else estimate.heading_rad
-        self._latch.hold(t_s, self._alarm(t_s, estimate))
+        for kind, cause in self._alarms(t_s, estimate):
+            self._latch.hold(t_s, kind, cause)
         passed = self._limited(t_s, estimate, late_s)
-        self._latch.hold(t_s, self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)))
+        ahead = self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s))
+        self._latch.hold(t_s, CauseKind.AHEAD, ahead)
         if self._latch.cause is not None:
-            passed = TrackCommand.stop(t_s)
+            passed = self._latch.stop(t_s, self._belts.expected_m_s)
         self._belts.ask(passed)
         return passed
 
@@ -125,7 +129,7 @@ class Guard:
         Where the chair keeps its pitch, but for its rocking over uneven steps, a seat nearly level moves slowly.
         """
         if not finite(command.t_s, command.rate_m_s):
-            self._latch.hold(self._now(command.t_s), "seat rate is not finite")
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "seat rate is not finite")
             return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
         if self._seat.cause is not None:
             return replace(command, rate_m_s=0.0)
@@ -139,7 +143,7 @@ class Guard:
         if command is None:
             return None
         if not finite(command.t_s, command.rate_rad_s):
-            self._latch.hold(self._now(command.t_s), "arm rate is not finite")
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "arm rate is not finite")
             return ArmCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
         return command if self._latch.cause is None else replace(command, rate_rad_s=0.0)
 
@@ -152,7 +156,7 @@ class Guard:
     def _is_new(self, kind: str, t_s: float) -> bool:
         now_s = t_s if self._t_s is None else self._t_s
         new = self._stamps.admit(kind, t_s, now_s)
-        self._latch.hold(self._now(now_s), self._stamps.leap)  # not by the clock that leapt
+        self._latch.hold(self._now(now_s), CauseKind.CLOCK, self._stamps.leap)  # not by the clock that leapt
         return new
 
     def _is_good(self, signal: Reading | FrameQuality) -> bool:
@@ -269,7 +273,7 @@ class Guard:
         if new:
             self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:
-            self._latch.hold(self._now(operator.t_s), "operator stop")
+            self._latch.hold(self._now(operator.t_s), CauseKind.OPERATOR, "operator stop")
         elif pressed and self._latch.release(operator.t_s):
             self._restart(operator.t_s)
         return new
@@ -292,9 +296,9 @@ class Guard:
 
     def _follow(self, plan: Plan) -> None:
         if not finite(plan.t_s, plan.speed_m_s, plan.heading_rad, plan.turn_m_s or 0.0, plan.slowest_share or 0.0, plan.easing_m_s):
-            self._latch.hold(self._now(plan.t_s), "plan is not finite")
+            self._latch.hold(self._now(plan.t_s), CauseKind.NOT_FINITE, "plan is not finite")
             return
-        self._latch.hold(plan.t_s, plan.hold)  # however old
+        self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # however old
         if plan.t_s < self._plan_s:
             return
         self._plan, self._plan_s = plan, plan.t_s
@@ -312,35 +316,34 @@ class Guard:
         if self._driver_s is None:
             self._driver_s = t_s
         if t_s < before_s - self._config.clock_jump_s:
-            self._latch.hold(t_s, f"mission clock leapt by {t_s - before_s:+.2f} s")
+            self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {t_s - before_s:+.2f} s")
         if t_s - before_s > self._config.readings_timeout_s:
             self._drives.restart(t_s)  # who was silent while the guard itself did not run?
         if t_s - before_s > self._config.driver_timeout_s:
-            self._latch.hold(t_s, f"no tick for {t_s - before_s:.2f} s")
+            self._latch.hold(t_s, CauseKind.LATE, f"no tick for {t_s - before_s:.2f} s")
         return max(t_s - before_s, t_s - self._driver_s)
 
-    def _alarm(self, t_s: float, estimate: HeadingEstimate | None) -> str | None:
+    def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[CauseKind, str | None]]:
+        """Yield every kind of cause and the cause, if there is one; the first is the one that is held for."""
         limits = self._config
         command_s = 0.0 if self._driver_s is None else t_s - self._driver_s
         if abs(command_s) > limits.driver_timeout_s:
-            return f"no command for {command_s:.2f} s"
-        phase = None if self._plan is None else self._plan.phase
-        sight = (
-            estimate_fault(estimate, t_s, limits.estimate_timeout_s),
-            self._senses.alarm(t_s, self._belts.travel_m, phase),
-            self._blind.cause,
-            askew(limits, estimate, self._plan),
-        )
-        motion = (self._drives.cause(t_s), self._belts.cause, self._slip.cause)
-        causes = (
-            self._link.cause(t_s),
-            self._processes.cause(t_s),
-            self._tilt.cause,
-            self._seat.cause,
-            *(motion if limits.watches_motion else ()),
-            *(sight if limits.needs_heading else ()),
-        )
-        return next((cause for cause in causes if cause is not None), None)
+            yield CauseKind.LATE, f"no command for {command_s:.2f} s"
+        yield CauseKind.LINK, self._link.cause(t_s)
+        yield CauseKind.PROCESS, self._processes.cause(t_s)
+        yield CauseKind.ATTITUDE, self._tilt.cause
+        yield CauseKind.SEAT, self._seat.cause
+        if limits.watches_motion:
+            yield CauseKind.BELTS, self._drives.cause(t_s)
+            yield CauseKind.BELTS, self._belts.cause
+            yield CauseKind.SLIP, self._slip.cause
+        if limits.needs_heading:
+            phase = None if self._plan is None else self._plan.phase
+            yield CauseKind.HEADING, estimate_fault(estimate, t_s, limits.estimate_timeout_s)
+            lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
+            yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
+            yield CauseKind.HEADING, self._blind.cause
+            yield CauseKind.HEADING, askew(limits, estimate, self._plan)
 
     def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
         limits, plan = self._config, self._plan

@@ -1,6 +1,7 @@
 """HOLD, and what was told: a cause stays until a person re-arms."""
 
-from treadline.signals import Event
+from treadline.mission.guard.stopping import URGENT, CauseKind, RampedStop
+from treadline.signals import Event, TrackCommand
 
 
 class Button:
@@ -18,16 +19,28 @@ class Button:
 class Latch:
     """Keeps the first cause, and the events since they were last taken."""
 
-    def __init__(self) -> None:
+    def __init__(self, drive_lag_s: float) -> None:
         self.cause: str | None = None
+        self._drive_lag_s = drive_lag_s
+        self._ramp = RampedStop(drive_lag_s)
         self._events: list[Event] = []
         self._slow = ""
 
-    def hold(self, t_s: float, cause: str | None) -> None:
-        """Hold for a cause, unless there is none or the chair is held already."""
-        if cause is not None and self.cause is None:
-            self.cause = cause
+    def hold(self, t_s: float, kind: CauseKind, cause: str | None) -> None:
+        """Hold for a cause, unless there is none or the chair is held already; an urgent one ends a ramp."""
+        if cause is None:
+            return
+        if self.cause is None:
+            self.cause, self._ramp = cause, RampedStop(self._drive_lag_s)
             self.tell(t_s, "hold", cause)
+        elif kind in URGENT and not self._ramp.is_over:
+            self.tell(t_s, "brake", cause)
+        if kind in URGENT:
+            self._ramp.brake()
+
+    def stop(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
+        """Return the command of a held chair, whose belts run at these speeds."""
+        return self._ramp.step(t_s, belts_m_s)
 
     def release(self, t_s: float) -> bool:
         """End a hold; say whether there was one."""

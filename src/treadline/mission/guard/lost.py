@@ -81,6 +81,10 @@ class SenseWatch:
             return f"camera and gyro disagree for {t_s - self._differ_s:.1f} s"
         return None
 
+    def both_lost(self, t_s: float) -> bool:
+        """Say whether neither camera nor IMU reports."""
+        return self._no_imu(t_s) is not None and t_s - self._frame_s > self._config.frame_timeout_s
+
     def doubt(self, t_s: float) -> tuple[str, str] | None:
         """Return why the chair must go slowly, as a word and a sentence; None if it need not."""
         no_imu = self._no_imu(t_s)
