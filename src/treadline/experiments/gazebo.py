@@ -80,7 +80,10 @@ def compared(gazebo: dict[str, Any], mujoco: dict[str, Any]) -> dict[str, Any]:
 
 def summary(values: dict[str, Any]) -> list[str]:
     """Return the table for people."""
-    lines = ["RMS heading [deg]          Gazebo  MuJoCo  paper"]
+    lines = [
+        "Gazebo: its tracked-vehicle plugin's turn rule and pyramid friction; MuJoCo: Coulomb friction",
+        "RMS heading [deg]          Gazebo  MuJoCo  paper",
+    ]
     for one, other in zip(values["gazebo"]["table2"], values["mujoco"]["table2"], strict=True):
         row = f"Table II {one['slope_deg']} deg from {one['start_heading_deg']:+d}"
         lines.append(f"{row:26s} {one['rms_heading_deg']:6.2f}  {other['rms_heading_deg']:6.2f}  {one['paper_deg']:5.2f}")
