@@ -179,7 +179,7 @@ def judge(warnings, log, room):
     return CROWDED if crowded else SOUND
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)  # plants of several threads advance side by side
 @no_type_check
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
