@@ -58,6 +58,12 @@ def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) ->
     assert {"stair.slope_deg", "stair.friction.0", "verdict", "min_stability_margin_deg"} <= set(table[0])
 
 
+def test_one_held_chair_of_ten_is_watched_for_a_minute(small: Path, tmp_path: Path) -> None:
+    fly(Plan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
+    assert [int(row["index"]) for row in rows(tmp_path) if float(row["watched_s"]) == 60.0] == [0, 10, 20]
+    assert {float(row["watched_s"]) for row in rows(tmp_path)} == {3.0, 60.0}
+
+
 def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
     fly(Plan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)

@@ -18,9 +18,9 @@ from treadline.mission.guard.body import SeatWatch, TiltWatch
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.lost import SenseWatch, estimate_fault
-from treadline.mission.guard.stopping import CauseKind
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.mission.guard.stopping import CauseKind
 from treadline.signals import FrameQuality, HeadingEstimate, Plan, StairMap, TrackCommand, TrackReading
 
 
