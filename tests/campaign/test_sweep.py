@@ -96,7 +96,7 @@ def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path:
         elif payload_kg > flown.BAD_KG:
             expected, cause = "diverged", "time went back"
         elif row["stair.texture"] == "dark":
-            expected, cause = "error", "ValueError: no light (flown.py:49)"
+            expected, cause = "error", "ValueError: no light (flown.py:50)"
         else:
             assert row["verdict"] in ("arrived", "held")
             continue
@@ -257,7 +257,7 @@ def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: 
     worst = summary["worst"][0]
     words = worst["replay"].split()
     assert words[:2] == ["treadline", "climb"]
-    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]))
+    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]), 3.0)
     assert again["min_stability_margin_deg"] == worst["min_stability_margin_deg"]
 
 

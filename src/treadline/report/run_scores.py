@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from treadline.report.channels import suffix
 from treadline.report.results import RunResult
 
-DIGITS = {"": 2, "°": 2, "s": 2, "m": 3, "°/s": 2, "m/s": 3, "m/s²": 2, "m/s³": 1, "ms": 1, "×": 1}
+DIGITS = {"": 2, "°": 2, "s": 2, "m": 3, "°/s": 2, "m/s": 3, "m/s²": 2, "m/s³": 1, "mm/min": 3, "ms": 1, "×": 1}
 """Decimals by unit; below a tenth one more."""
 
 SMALL = 0.1
