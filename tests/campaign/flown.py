@@ -15,7 +15,7 @@ from treadline.scenario import Scenario
 BAD_KG, DEADLY_KG = 80.0, 92.0
 
 
-def quick(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+def quick(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
     """A smooth margin with a known minimum, noise from the seed, and a verdict that follows."""
     chance = np.random.default_rng(seed)
     margin = 12.0 - 0.05 * scenario.chair.payload_kg - 0.2 * abs(scenario.start.heading_deg) + 0.01 * chance.normal()
@@ -29,17 +29,18 @@ def quick(scenario: Scenario, seed: int) -> Mapping[str, Any]:
         "settle_s": None if margin < 5.0 else 3.0,
         "phases": ((0.0, "align"), (1.0, "climb")),
         "events": [{"t_s": 1.0, "name": "note", "cause": "none"}],
+        "watched_s": watched_s,
         "real_time_factor": time.perf_counter(),
     }
 
 
-def slow(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+def slow(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
     """The same, in a while."""
     time.sleep(0.05)
-    return quick(scenario, seed)
+    return quick(scenario, seed, watched_s)
 
 
-def unlucky(scenario: Scenario, seed: int) -> Mapping[str, Any]:
+def unlucky(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
     """Some runs raise, one kind kills its process each time, another only the first time."""
     if scenario.chair.payload_kg > DEADLY_KG:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -51,4 +52,4 @@ def unlucky(scenario: Scenario, seed: int) -> Mapping[str, Any]:
     if scenario.stair.texture == "carpet" and not once.exists():
         once.touch()
         os._exit(3)
-    return quick(scenario, seed)
+    return quick(scenario, seed, watched_s)

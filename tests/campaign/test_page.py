@@ -63,8 +63,8 @@ def test_a_fall_has_a_colour_of_its_own_and_is_drawn_over_the_others(tmp_path: P
 def test_a_score_is_called_by_words_and_its_unit(tmp_path: Path) -> None:
     rows = [{"min_stability_margin_deg": 8.0 + k, "rms_heading_deg": 1.0, "stair.slope_deg": 20.0 + k} for k in range(3)]
     page = page_of(tmp_path, *rows, score="min_stability_margin_deg")
-    assert "<h2>Smallest tipping margin by stair.slope_deg</h2>" in page
-    assert ">smallest tipping margin [°]</text>" in page
+    assert "<h2>Smallest tip-over margin that lasts 0.1 s by stair.slope_deg</h2>" in page
+    assert ">smallest tip-over margin that lasts 0.1 s [°]</text>" in page
     # A root mean square of margins means nothing, one of root mean squares does.
     cells = dict(re.findall(r'<code class="key">(\w+)</code></td>(.*?)</tr>', page))
     assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]

@@ -58,6 +58,12 @@ def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) ->
     assert {"stair.slope_deg", "stair.friction.0", "verdict", "min_stability_margin_deg"} <= set(table[0])
 
 
+def test_one_held_chair_of_ten_is_watched_for_a_minute(small: Path, tmp_path: Path) -> None:
+    fly(Plan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
+    assert [int(row["index"]) for row in rows(tmp_path) if float(row["watched_s"]) == 60.0] == [0, 10, 20]
+    assert {float(row["watched_s"]) for row in rows(tmp_path)} == {3.0, 60.0}
+
+
 def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
     fly(Plan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
@@ -90,7 +96,7 @@ def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path:
         elif payload_kg > flown.BAD_KG:
             expected, cause = "diverged", "time went back"
         elif row["stair.texture"] == "dark":
-            expected, cause = "error", "ValueError: no light (flown.py:49)"
+            expected, cause = "error", "ValueError: no light (flown.py:50)"
         else:
             assert row["verdict"] in ("arrived", "held")
             continue
@@ -251,7 +257,7 @@ def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: 
     worst = summary["worst"][0]
     words = worst["replay"].split()
     assert words[:2] == ["treadline", "climb"]
-    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]))
+    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]), 3.0)
     assert again["min_stability_margin_deg"] == worst["min_stability_margin_deg"]
 
 

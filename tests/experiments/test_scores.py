@@ -109,6 +109,16 @@ def test_a_margin_counts_once_it_has_lasted_a_tenth_of_a_second() -> None:
     assert lasting_minimum(np.array([5.0, 4.0])) == 5.0
 
 
+def test_creep_is_what_a_held_chair_moves_a_minute_once_it_has_come_to_rest() -> None:
+    # 3 mm/min along and 4 across from 2 s after the hold on; before, half a metre of ramp and rocking.
+    t = np.arange(3001) / 100
+    x = np.where(t < 7.0, 0.1 * t, 0.7 + 0.003 / 60.0 * (t - 7.0))
+    held = trace(np.zeros(3001), x, 0.004 / 60.0 * t)
+    assert score(held, held_s=5.0).held_creep_mm_min == pytest.approx(5.0)
+    assert score(held, held_s=19.0).held_creep_mm_min is None
+    assert score(held).held_creep_mm_min is None
+
+
 def test_time_below_seven_degrees_counts_every_sample() -> None:
     steady = trace(np.zeros(200))
     margin = np.full(200, 8.0 * DEG)

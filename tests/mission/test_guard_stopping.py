@@ -35,9 +35,9 @@ def test_an_urgent_cause_brakes_within_its_tick_and_no_other_does(kind: CauseKin
 
 @pytest.mark.parametrize("belts", [(0.2, 0.2), (0.15, 0.25), (-0.1, -0.2)])
 def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(belts: tuple[float, float]) -> None:
-    """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to a fifth of the speed (past 0.16 s the lead
+    """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to 0.23 of the speed (past 0.11 s the lead
     would ask for reverse, is zero, and a lag alone is slower), never reverse, never faster, no more than the half-cosine's own
-    acceleration, and 30 mm of travel at 0.2 m/s to within 6 mm."""
+    acceleration, and 30 mm of travel at 0.2 m/s to within a fifth."""
     ramp, speeds, travel = RampedStop(LAG_S), list(belts), [0.0, 0.0]
     for k in range(round(RAMP_S / TICK_S)):
         command = ramp.step(k * TICK_S, belts)
@@ -48,11 +48,11 @@ def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(bel
             speeds[side] = asked + (before - asked) * math.exp(-TICK_S / LAG_S)
             travel[side] += TICK_S * speeds[side]
             assert 0.0 <= speeds[side] / belts[side] <= before / belts[side]
-            assert abs(speeds[side] / belts[side] - ideal) < 0.2
+            assert abs(speeds[side] / belts[side] - ideal) < 0.23
             # A tick's command is held for the whole tick: a tenth more than the continuous peak at most.
             assert abs(speeds[side] - before) / TICK_S <= 1.1 * abs(belts[side]) * math.pi / (2.0 * RAMP_S)
     assert ramp.step(RAMP_S, belts) == TrackCommand.stop(RAMP_S)
-    assert [abs(way) for way in travel] == [pytest.approx(0.5 * abs(speed) * RAMP_S, abs=0.006) for speed in belts]
+    assert [abs(way) for way in travel] == [pytest.approx(0.5 * abs(speed) * RAMP_S, rel=0.2) for speed in belts]
 
 
 def test_a_chair_that_stands_is_braked_at_once() -> None:

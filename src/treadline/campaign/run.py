@@ -11,10 +11,18 @@ from treadline.errors import SimulationDiverged
 from treadline.io.plain import plain
 from treadline.scenario import Scenario
 
-Fly = Callable[[Scenario, int], Mapping[str, Any]]
-"""Flies a scenario with a seed; answers with a verdict and its scores. It must be importable by name: workers look it up."""
+Fly = Callable[[Scenario, int, float], Mapping[str, Any]]
+"""Runs a scenario with a seed, watches a held chair for some seconds, and returns verdict and scores.
+
+It must be importable by name: workers look it up.
+"""
 Row = dict[str, Any]
 """A run's results as JSON values: ``index``, ``seed``, ``verdict``, ``cause``, what was drawn, scores."""
+
+WATCHED_S, WATCHED_LONG_S = 3.0, 60.0
+"""Time for which a held chair is watched: what a hold ends in is part of the verdict. The longer one is that of pass rule H."""
+LONG_EVERY = 10
+"""One run in so many is watched for the longer time, by its index."""
 
 TIMES = ("cpu_s", "real_time_factor")
 """What differs from run to run of the same thing, and so is kept apart from the results."""
@@ -30,6 +38,11 @@ class Flight:
     values: dict[str, Any]
     """What was drawn."""
 
+    @property
+    def watched_s(self) -> float:
+        """Time for which the chair is watched if it holds."""
+        return WATCHED_LONG_S if self.index % LONG_EVERY == 0 else WATCHED_S
+
 
 def run_one(fly: Fly, flight: Flight) -> Row:
     """Return the row of a run; a run that fails in an unforeseen way is a row too, with the error as its cause.
@@ -38,7 +51,7 @@ def run_one(fly: Fly, flight: Flight) -> Row:
     """
     started = time.process_time()
     try:
-        result = dict(fly(flight.scenario, flight.seed))
+        result = dict(fly(flight.scenario, flight.seed, flight.watched_s))
     except SimulationDiverged as error:
         result = {"verdict": "diverged", "cause": str(error)}
     except Exception as error:  # noqa: BLE001 - see above

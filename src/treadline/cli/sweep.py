@@ -13,9 +13,6 @@ from treadline.cli.progress import Progress
 if TYPE_CHECKING:
     from treadline.scenario import Scenario
 
-WATCHED_S = 3.0
-"""How long a chair that holds is watched on: what a hold ends in is part of the verdict."""
-
 
 def sweep(
     spec: str,
@@ -95,14 +92,14 @@ def scores() -> tuple[str, ...]:
     return tuple(field.name for field in fields(Scores) if field.name != "phases")
 
 
-def fly(scenario: "Scenario", seed: int) -> Mapping[str, Any]:
+def fly(scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
     """Return what one traversal came to; here the campaign gets its simulator, as the mission gets its plant."""
     from treadline.experiments.shipped import shipped_controller
     from treadline.experiments.traverse import traverse
     from treadline.mechanics.chair import read_chair
 
     controller = shipped_controller(read_chair(scenario.chair.model).name)
-    return traverse(scenario, controller=controller, seed=seed, after_hold_s=WATCHED_S).summary()
+    return traverse(scenario, controller=controller, seed=seed, after_hold_s=watched_s).summary()
 
 
 class _Left:

@@ -20,6 +20,10 @@ RESIDUAL_M_S2 = 0.01
 """Residual of the contact forces above which a tick counts as not converged: a thousandth of gravity."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
+CREEP_FROM_S = 2.0
+"""After a hold: the ramp of 0.3 s is over, and what rocks on its nosings has come to rest."""
+CREEP_LEAST_S = 10.0
+"""Shortest time over which a creep is told: at 0.1 mm/min a chair moves 17 µm in it, far above rounding."""
 MARGIN_TICKS = 10
 """Duration of a tip-over margin that counts, 0.1 s: with the centre of mass 0.5 m above the edge, a chair that is δ beyond its
 balance turns by g t²/2h = 0.1 δ meanwhile."""
@@ -96,6 +100,8 @@ class Scores:
     """Largest sum of the normal contact forces, as a share of the weight."""
     unconverged_share: float | None
     """Share of the ticks in which the residual of the contact forces exceeds 0.01 m/s²."""
+    held_creep_mm_min: float | None
+    """Creep of a held chair over the stair, from 2 s after the hold to the end; None if it was watched for less than 10 s then."""
     phases: tuple[tuple[float, str], ...]
     """When each phase began."""
 
@@ -129,12 +135,17 @@ UNMOVED = Scores(
     airborne_share=None,
     max_contact_force_share=None,
     unconverged_share=None,
+    held_creep_mm_min=None,
     phases=(),
 )
 
 
-def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True) -> Scores:
-    """Return the figures of a run; the phases are the mission's own word. A run that ended before its first row moved nothing."""
+def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True, held_s: float | None = None) -> Scores:
+    """Return the figures of a run; the phases are the mission's own word. A run that ended before its first row moved nothing.
+
+    Args:
+        held_s: Time of the hold that ended the run, if one did.
+    """
     if not len(trace["t_s"]):
         return UNMOVED
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
@@ -173,6 +184,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         airborne_share=_reported(trace["airborne_share"], np.mean),
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
         unconverged_share=_reported(trace["contact_residual_m_s2"] > RESIDUAL_M_S2, np.mean, trace["contact_residual_m_s2"]),
+        held_creep_mm_min=None if held_s is None else creep(trace, held_s),
         phases=phases,
     )
 
@@ -190,6 +202,18 @@ def comfort_of(trace: Trace) -> Comfort:
     """Return the passenger's accelerations over a run."""
     place_W = np.stack([trace[f"passenger_{axis}_m"] for axis in "xyz"])
     return comfort(place_W, trace["yaw_rad"])
+
+
+def creep(trace: Trace, held_s: float) -> float | None:
+    """Return the creep of a chair held since ``held_s`` [mm/min], along and across the stair together; None if it is too short."""
+    watched = np.flatnonzero(trace["t_s"] >= held_s + CREEP_FROM_S)
+    if watched.size == 0:
+        return None
+    first, last = watched[0], watched[-1]
+    minutes = float(trace["t_s"][last] - trace["t_s"][first]) / 60.0
+    if minutes * 60.0 < CREEP_LEAST_S:
+        return None
+    return 1000.0 * float(np.hypot(*(trace[name][last] - trace[name][first] for name in ("x_m", "y_m")))) / minutes
 
 
 def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:

@@ -288,6 +288,11 @@ class _Ride:
             if self._sink is not None:
                 self._sink(sample)
 
+    def _held_s(self) -> float | None:
+        """Return the time of the last hold, unless a person re-armed after it."""
+        last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
+        return last.t_s if last is not None and last.name == "hold" else None
+
     def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
         """Return the run."""
         trace = Trace.of(self.truth)
@@ -296,7 +301,7 @@ class _Ride:
             seed=self._seed,
             verdict=over[0],
             cause=over[1],
-            scores=score(trace, tuple(self._phases), upward=self._scenario.drive.direction == "up"),
+            scores=score(trace, tuple(self._phases), upward=self._scenario.drive.direction == "up", held_s=self._held_s()),
             trace=trace,
             estimate_rad=np.array(self._estimates),
             events=tuple(self._events),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from treadline.report.channels import suffix
 from treadline.report.results import RunResult
 
-DIGITS = {"": 2, "°": 2, "s": 2, "m": 3, "°/s": 2, "m/s": 3, "m/s²": 2, "m/s³": 1, "ms": 1, "×": 1}
+DIGITS = {"": 2, "°": 2, "s": 2, "m": 3, "°/s": 2, "m/s": 3, "m/s²": 2, "m/s³": 1, "mm/min": 3, "ms": 1, "×": 1}
 """Decimals by unit; below a tenth one more."""
 
 SMALL = 0.1
@@ -72,9 +72,9 @@ GROUPS: dict[str, dict[str, Word]] = {
         "max_pitch_rate_deg_s": Word("largest pitch rate of the chair", "°/s"),
         "max_pitch_jolt_deg_s": Word("largest pitch rate of a single 10 ms sample", "°/s"),
         "passenger_max_m_s2": Word("largest acceleration of the passenger, three axes together", "m/s²"),
-        "passenger_vertical_m_s2": Word("vertical", "m/s²"),
-        "passenger_longitudinal_m_s2": Word("horizontal, along the chair", "m/s²"),
-        "passenger_lateral_m_s2": Word("horizontal, across the chair", "m/s²"),
+        "passenger_vertical_m_s2": Word("vertical acceleration of the passenger", "m/s²"),
+        "passenger_longitudinal_m_s2": Word("acceleration of the passenger along the chair", "m/s²"),
+        "passenger_lateral_m_s2": Word("acceleration of the passenger across the chair", "m/s²"),
         "passenger_jerk_m_s3": Word("jerk of the passenger, 99th percentile", "m/s³"),
         "seat_rms_deg": Word("seat off level, RMS", "°"),
         "seat_max_deg": Word("seat off level, largest", "°"),
@@ -82,6 +82,7 @@ GROUPS: dict[str, dict[str, Word]] = {
     "Safety": {
         "min_stability_margin_deg": Word("smallest tip-over margin that lasts 0.1 s", "°"),
         "seconds_below_7_deg": Word("tip-over margin below 7° for", "s"),
+        "held_creep_mm_min": Word("creep while held", "mm/min"),
         "max_friction_use": Word("largest share of the friction used (1 slides)"),
     },
     "Replay against the recording": {

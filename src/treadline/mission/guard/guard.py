@@ -114,7 +114,8 @@ class Guard:
         late_s = self._lateness(t_s)
         self._heading_rad = math.inf if estimate is None else estimate.heading_rad
         for kind, cause in self._alarms(t_s, estimate):
-            self._latch.hold(t_s, kind, cause)
+            if cause is not None:
+                self._latch.hold(t_s, kind, cause)
         passed = self._limited(t_s, estimate, late_s)
         ahead = self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s))
         self._latch.hold(t_s, CauseKind.AHEAD, ahead)
