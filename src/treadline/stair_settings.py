@@ -111,8 +111,8 @@ class Stair(Settings):
             return self
         if not 2 <= self.flights <= TURNING_FLIGHTS:
             raise ValueError(
-                f"turn is '{self.turn}' with {self.flights} flights; give 2 to {TURNING_FLIGHTS}: they turn at the landings between "
-                "flights, and a fifth would lie above the first"
+                f"turn is '{self.turn}' with {self.flights} flights; give 2 to {TURNING_FLIGHTS}: they turn at the landings "
+                "between flights, and a fifth would lie above the first"
             )
         if self.between_m < self.width_m:
             raise ValueError(
