@@ -2,8 +2,8 @@
 
 Steps many chairs at once on a 28° flight, one thread per core, the compiled loop without the interpreter lock; beside it
 ``mujoco.rollout`` on the same scene, which is MuJoCo's own uncorrected step. ``--warp`` also runs the scene that
-``treadline model SCENARIO --to mjcf`` exports, unchanged, on mujoco-warp (``pip install mujoco-warp``): on a GPU where there is one,
-on the CPU otherwise, where its speed says nothing; the state after 100 steps is compared with MuJoCo's.
+``treadline model SCENARIO --to mjcf`` exports, unchanged, on mujoco-warp (``pip install mujoco-warp``): on a GPU where there is
+one, on the CPU otherwise, where its speed says nothing; the state after 100 steps is compared with MuJoCo's.
 """
 
 import argparse
@@ -113,9 +113,8 @@ def main() -> None:
     options = parser.parse_args()
     plants = [climbing(seed) for seed in range(options.plants)]
     plants[0].advance(0.1)  # compiles, or loads what was compiled
-    print(
-        f"{options.plants} chairs on 28°, {options.threads} threads, MuJoCo {mujoco.__version__}; steps/s of wall clock, median of {REPEATS}"
-    )
+    print(f"{options.plants} chairs on 28°, {options.threads} threads, MuJoCo {mujoco.__version__}")
+    print(f"steps/s of wall clock, median of {REPEATS}")
     ours, alone = plant_rate(plants, options.threads), plant_rate([climbing(0)], 1)
     peer = rollout_rate(plants, options.threads)
     for name, rates in (

@@ -49,7 +49,7 @@ class Truth:
     """Of the chassis against the level, left side up positive."""
     pitch_rate_rad_s: float
     x_m: float
-    """Position of B along the stair (S), up the flight."""
+    """Position of B along the stair (S), up the flight; where flights turn, S is that of the flight that the chair is on."""
     y_m: float
     """Position of B across the stair (S), left."""
     seat_pitch_rad: float

@@ -10,6 +10,8 @@ from treadline.settings import Settings
 RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
 """What a staircase's rise, run and slope may be."""
 RUN_DEFAULT_M = 0.30
+TURNING_FLIGHTS = 4
+"""Most flights where they turn: after four quarters one would lie above the first."""
 STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
 """Rise and run of a single step: from a lip to a mounting block, and from a winder's middle to a podium."""
 STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
@@ -24,7 +26,7 @@ class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
     The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
-    are alike and go straight on, with a landing between any two.
+    are alike, with a landing between any two.
     """
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
@@ -38,6 +40,8 @@ class Stair(Settings):
     flights: Annotated[int, Field(ge=1, le=20)] = 1
     between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
+    turn: Literal["none", "left", "right"] = "none"
+    """Way each next flight goes: straight on, or a quarter to one side (quarter landings)."""
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
     """Depth of the landing above the last flight."""
@@ -98,6 +102,22 @@ class Stair(Settings):
             raise ValueError(
                 f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
                 f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _landings_can_turn(self) -> "Stair":
+        if self.turn == "none":
+            return self
+        if not 2 <= self.flights <= TURNING_FLIGHTS:
+            raise ValueError(
+                f"turn is '{self.turn}' with {self.flights} flights; give 2 to {TURNING_FLIGHTS}: they turn at the landings "
+                "between flights, and a fifth would lie above the first"
+            )
+        if self.between_m < self.width_m:
+            raise ValueError(
+                f"turn is '{self.turn}' and between_m = {self.between_m:g}; a quarter landing must be at least as deep as the next "
+                f"flight is wide, width_m = {self.width_m:g}"
             )
         return self
 

@@ -17,10 +17,10 @@ from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.formats import sdf_model, sdf_world, urdf
 from treadline.mechanics.formats.elements import divided, roll_pitch_yaw
 from treadline.mechanics.stability import centre_of_mass
-from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.staircase import Staircase, as_designed, build_staircase
 from treadline.scenario import Chair, Scenario, Stair, Start
 from treadline.sim import open_plant
-from treadline.sim.scene import model_xml
+from treadline.sim.scene import model_xml, scene_xml
 
 CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")
 LOADING = Chair(payload_kg=4.0, payload_offset_m=(0.01, 0.02, 0.03), seat_shift_m=0.05)
@@ -162,6 +162,23 @@ def test_masses_inertias_and_geometry_are_equal(name: str, other: str) -> None:
     for shape, extent in ours.extents.items():
         np.testing.assert_allclose(theirs.extents[shape].centre, extent.centre, atol=1e-12, err_msg=shape)
         np.testing.assert_allclose(theirs.extents[shape].half, extent.half, atol=1e-7, err_msg=shape)  # 1 - cos² near an axis
+
+
+def test_a_sloping_winding_overhanging_stair_is_the_same_in_mjcf_and_sdf() -> None:
+    steps = ({"index": 1, "tread_slope_deg": 3.0, "yaw_deg": 5.0}, {"index": 2, "overhang_m": 0.03})
+    scenario = Scenario.model_validate({"stair": {"steps": 4, "flights": 2, "turn": "left"}, "step": steps})
+    staircase, chair = as_designed(scenario.stair, scenario.step), read_chair("wheelchair")
+    model = mujoco.MjModel.from_xml_string(scene_xml(staircase, chair, LOADING))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    link = fromstring(sdf_world(staircase, chair, LOADING)).find("world/model[@name='stair']/link")
+    boxes = [element for element in link.findall("collision") if element.find("geometry/box") is not None]
+    assert len(boxes) == len(staircase.boxes())
+    for number, element in enumerate(boxes):
+        geom = model.geom(f"stair_{number}").id
+        pose = numbers(element.find("pose"), "")
+        np.testing.assert_allclose(pose[:3], data.geom_xpos[geom], atol=1e-12)
+        np.testing.assert_allclose(turned(pose[3:]), data.geom_xmat[geom].reshape(3, 3), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", CHAIRS)

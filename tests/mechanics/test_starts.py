@@ -65,6 +65,17 @@ def test_a_high_step_ahead_of_the_start_is_met_by_the_front_section() -> None:
     assert "inside the step 8" in reason
 
 
+def test_a_step_so_long_that_a_track_leaves_the_others_is_refused() -> None:
+    """Test: one tread of 1.2 m in a flight. Expected: the track of 0.95 m cannot touch two nosings there; 0.33 m may be."""
+    tables: dict[str, Any] = {"stair": {"slope_deg": 20, "steps": 14}}
+    assert reasons(**tables, step=[{"index": 6, "run_m": 0.33}]) == []
+    found = reasons(**tables, step=[{"index": 6, "run_m": 1.2}])
+    rise_m = 0.30 * math.tan(math.radians(20.0))
+    needed_m = math.hypot(1.2 + 0.3, 2.0 * rise_m)
+    gap = f"steps of their own leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans 0.95 m; mend the steps"
+    assert any(gap in reason for reason in found)
+
+
 BOX = Box(kind="wall", index=-1, centre_W=(1.0, 0.0, 0.0), half_m=(0.5, 0.2, 0.3), yaw_rad=0.0)
 PART = PlacedPart(name="hull", centre_W=np.zeros(3), half_m=np.array([0.4, 0.1, 0.1]), R_WK=np.eye(3))
 

@@ -87,10 +87,17 @@ class Instruments:
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
-        self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
+        frames = [staircase.stair_frame(k) for k in range(staircase.flight_count)]
+        self._frames = [(np.ascontiguousarray(R_WS.T), p_WS, along_m) for R_WS, p_WS, along_m in frames]
         self._nosings_W = staircase.nosings_W
         self._surfaces = staircase.surfaces
-        self._nosings_x_m = (self._nosings_W - self._p_WS) @ self._R_SW[0]
+        there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
+        self._nosings_x_m = np.array(
+            [
+                self._frames[k][2] + self._frames[k][0][0] @ (p - self._frames[k][1])
+                for k, p in zip(there, self._nosings_W, strict=True)
+            ]
+        )
         grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
         self._grips = None if np.all(grips == staircase.friction) else grips
         self._velocity_W = np.zeros(3)
@@ -167,7 +174,9 @@ class Instruments:
 
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
         angle = state.seat_rad
-        heading, heading_rate, x_m, y_m = kernels.on_stair(self._R_SW, self._p_WS, state.R_WB, state.p_WB, state.rate_B)
+        R_SW, p_WS, along_m = self._frames[self._staircase.flight_at(state.p_WB, state.R_WB)]
+        heading, heading_rate, x_m, y_m = kernels.on_stair(R_SW, p_WS, state.R_WB, state.p_WB, state.rate_B)
+        x_m += along_m
         (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
         along, across = self._friction_at(x_m)
         passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._seated, angle))

@@ -89,7 +89,8 @@ class Geometry:
         self._camera = calibration
         steps = [step for step in staircase.steps if not step.missing]
         self._numbers = np.array([step.index for step in steps])
-        self._flights = self._numbers * staircase.flight_count // len(staircase.steps)
+        places = np.array([place for place, step in enumerate(staircase.steps) if not step.missing])
+        self._flights = places * staircase.flight_count // len(staircase.steps)
         self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
@@ -206,6 +207,26 @@ class Geometry:
         left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
         right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
         return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
+
+
+class TurningGeometry:
+    """A staircase of flights that turn, in front of a camera on a chair: each flight is seen as if there were no other."""
+
+    def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
+        self._staircase = staircase
+        self._frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
+        self._flights = [Geometry(staircase.alone(k), calibration) for k in range(staircase.flight_count)]
+
+    def outlook(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Outlook | None:
+        """Return what is in view of the chair's own flight, or else of a neighbour's; None if that is no stair."""
+        own = self._staircase.flight_at(p_WB, R_WB)
+        for k in (own, own + 1, own - 1):
+            if 0 <= k < len(self._flights):
+                R_WF, p_WF = self._frames[k]
+                seen = self._flights[k].outlook(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
+                if seen is not None:
+                    return seen
+        return None
 
 
 def crossings(

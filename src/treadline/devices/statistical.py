@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.angles import DEG
-from treadline.devices.outlook import LEAST_NOSINGS, Geometry, Outlook, Wall
+from treadline.devices.outlook import LEAST_NOSINGS, Geometry, Outlook, TurningGeometry, Wall
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import HeadingMeasurement, PinholeCamera, StairMap
 
@@ -41,7 +41,7 @@ class StatisticalCamera:
     """
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
-        self._geometry = Geometry(staircase, calibration)
+        self._geometry = (TurningGeometry if staircase.turn else Geometry)(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)

@@ -3,7 +3,6 @@
 This is where the two worlds meet: the mission gets the plant's sensors, the scores get the plant's truth.
 """
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -21,6 +20,7 @@ from treadline.experiments.scores import Scores, Trace, score
 from treadline.experiments.slide import LEVEL_RAD, SlideWatch
 from treadline.faults import Fault, Message, Process, is_killed, stamp_of
 from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks, is_whole
 from treadline.mission.drivers import Driver
@@ -83,15 +83,10 @@ class _Ending:
     def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
         self._slope_rad = scenario.stair.slope_rad
         self._duration_s = scenario.drive.duration_s
-        stair = scenario.stair
-        pitch_m = float(np.hypot(stair.rise_m, stair.run_m))
-        half_run_m = 0.5 * chair.tracks.flat_run_m
-        flight_m = (stair.steps - 1) * pitch_m
-        # Along S, from the first nosing of a flight to that of the next: over the landing x grows by its share.
-        further_m = flight_m + stair.between_m * math.cos(self._slope_rad) + stair.rise_m * math.sin(self._slope_rad)
-        self._last_x_m = flight_m + (stair.flights - 1) * further_m
+        staircase = as_designed(scenario.stair, scenario.step)
+        self._last_x_m = staircase.last_nosing_m
         # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
-        self._end_x_m = flight_m - half_run_m
+        self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
         self._is_up = scenario.drive.direction == "up"
         self._slide = SlideWatch(upward=self._is_up)
         self._rearms_until_s = rearms_until_s(scenario.operator)

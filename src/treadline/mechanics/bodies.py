@@ -285,7 +285,10 @@ def from_edge_m(landing_m: float, tracks: Tracks) -> float:
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the pose in which a scenario starts, a hair above what the chair will stand on."""
+    """Return the pose in which a scenario starts, a hair above what the chair will stand on.
+
+    On the landing, heading and lateral place are those against the last flight.
+    """
     heading, top = math.radians(start.heading_deg), staircase.steps[-1]
     slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
     along = 0.5 * tracks.flat_run_m * math.cos(heading)
@@ -300,6 +303,9 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
         lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
         from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
         p_WB = np.array([step.x_m, 0.0, step.z_m]) + from_nosing
+    if start.place == "landing":
+        R_WF, p_WF = staircase.flight_frame(staircase.flight_count - 1)
+        p_WB, R_WB = p_WF + R_WF @ p_WB, R_WF @ R_WB
     return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)
 
 

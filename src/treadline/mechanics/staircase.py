@@ -2,24 +2,27 @@
 
 Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width.
 Several flights go straight on, alike but for their jitter, with a landing between any two; S stays the frame of the first, so that
-x along S grows over the landings too: by cos β a metre.
+x along S grows over the landings too: by cos β a metre. Where the flights turn (quarter landings), each has a frame of its own, F:
+like W, below its first nosing. Places of steps are then in F, and S belongs to a flight.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.angles import DEG, rotation_y, rotation_z, wrap
 from treadline.stair_settings import Friction, Stair, StepOverride
 from treadline.step_rules import place_of
 
 TREAD_THICKNESS_M = 0.04
 """Of an open-riser tread."""
 WALL_HEIGHT_M = 2.2
+STOREY_M = 0.3
+"""Height above or below a flight within which a chair may still be on it: more than a pulley and its arm lift it."""
 FLOOR_LENGTH_M = 6.0
 """Of floor before the first step."""
 
@@ -30,7 +33,7 @@ class Step:
 
     index: int
     x_m: float
-    """Of the nosing's front at mid-width."""
+    """Of the nosing's front at mid-width, along its flight (F)."""
     z_m: float
     """Of the tread."""
     depth_m: float
@@ -86,12 +89,63 @@ class Staircase:
     floor_friction: Friction
     walls: str
     flight_count: int = 1
+    turn: int = 0
+    """Turn at each landing: 1 a quarter to the left, -1 to the right, 0 straight on."""
 
     @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:
         """The steps of each flight, the lowest first; the uppermost step of each is its landing."""
         each = len(self.steps) // self.flight_count
         return tuple(self.steps[k * each : (k + 1) * each] for k in range(self.flight_count))
+
+    def alone(self, flight: int) -> "Staircase":
+        """Return one flight with its landing, as if there were no other: the world is then F."""
+        steps = self.flights[flight]
+        landing_m = self.landing_m if steps[-1] is self.steps[-1] else steps[-1].depth_m
+        return replace(self, steps=steps, landing_m=landing_m, flight_count=1, turn=0)
+
+    def flight_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+        """Return rotation and origin of a flight's frame F in the world."""
+        R_WF, p_WF = np.eye(3), np.zeros(3)
+        if self.turn:
+            for landing in (steps[-1] for steps in self.flights[:flight]):
+                # The next flight leaves the landing by its side, flush with its far end.
+                beyond = np.array([landing.x_m + landing.depth_m - 0.5 * self.width_m, self.turn * 0.5 * self.width_m, 0.0])
+                p_WF = p_WF + R_WF @ beyond
+                R_WF = np.round(R_WF @ rotation_z(self.turn * 0.5 * math.pi))  # quarters: the entries are whole numbers
+        return R_WF, p_WF
+
+    def stair_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], float]:
+        """Return a flight's S: rotation, origin, and how far along the stair its origin lies, across the landings before."""
+        if not self.turn:
+            return self.R_WS, self.p_WS, 0.0
+        R_WF, p_WF = self.flight_frame(flight)
+        first, c, s = self.flights[flight][0], math.cos(self.slope_rad), math.sin(self.slope_rad)
+        along_m = sum((steps[-1].x_m + steps[-1].depth_m) * c for steps in self.flights[:flight])
+        origin = p_WF + R_WF @ np.array([first.x_m, 0.0, first.z_m])
+        return R_WF @ self.R_WS, origin, along_m + (first.z_m - self.steps[0].z_m) * s
+
+    def flight_at(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> int:
+        """Return the flight that a chair is on; on a landing that of the two to whose course it is turned."""
+        if not self.turn:
+            return 0
+        yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
+        level_m = float(p_WB[2])
+        near = [
+            k
+            for k, steps in enumerate(self.flights)
+            if steps[0].z_m - steps[0].rise_m - STOREY_M <= level_m <= steps[-1].z_m + STOREY_M
+        ]
+        askew = {k: abs(wrap(yaw - k * self.turn * 0.5 * math.pi)) for k in near or range(self.flight_count)}
+        return min(askew, key=lambda k: (askew[k], k))
+
+    @property
+    def last_nosing_m(self) -> float:
+        """Place of the uppermost nosing along the stair (S), from the first one, over the landings."""
+        R_WS, p_WS, along_m = self.stair_frame(self.flight_count - 1)
+        R_WF, p_WF = self.flight_frame(self.flight_count - 1)
+        last = self.steps[-1]
+        return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ np.array([last.x_m, 0.0, last.z_m]) - p_WS))
 
     @property
     def R_WS(self) -> Float[np.ndarray, "3 3"]:
@@ -106,7 +160,17 @@ class Staircase:
     @property
     def nosings_W(self) -> Float[np.ndarray, "N 3"]:
         """Points on the nosings at mid-width, missing steps left out."""
-        return np.array([[step.x_m, 0.0, step.z_m] for step in self.steps if not step.missing])
+        if not self.turn:
+            return np.array([[step.x_m, 0.0, step.z_m] for step in self.steps if not step.missing])
+        frames = [self.flight_frame(k) for k in range(self.flight_count)]
+        return np.array(
+            [
+                p_WF + R_WF @ np.array([step.x_m, 0.0, step.z_m])
+                for (R_WF, p_WF), steps in zip(frames, self.flights, strict=True)
+                for step in steps
+                if not step.missing
+            ]
+        )
 
     @property
     def pitch_m(self) -> float:
@@ -120,6 +184,13 @@ class Staircase:
 
         The plant rounds the nosings off; the camera draws them as they are here.
         """
+        if self.turn:
+            return tuple(
+                _placed(box, *self.flight_frame(k))
+                for k in range(self.flight_count)
+                for box in self.alone(k).boxes()
+                if k == 0 or box.kind != "floor"
+            )
         last = self.steps[-1]
         end_x = last.x_m + max(self.landing_m, last.depth_m)
         half_width = 0.5 * self.width_m
@@ -185,6 +256,13 @@ class Staircase:
         ]
 
 
+def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
+    """Return a box of one flight in the world."""
+    x, y, z = p_WF + R_WF @ np.array(box.centre_W)
+    yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])
+    return replace(box, centre_W=(float(x), float(y), float(z)), yaw_rad=yaw_rad)
+
+
 def _behind_nosing(step: Step, kind: str, half_width: float, back_x: float, front_m: float, depths_m: tuple[float, float]) -> Box:
     """Return a box between two depths below a tread, from ``front_m`` behind the nosing to ``back_x``."""
     c, s = math.cos(step.tread_slope_rad), math.sin(step.tread_slope_rad)
@@ -225,10 +303,13 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
     heights, moved = np.cumsum(rises), np.cumsum(longer) - longer
     further_m = stair.between_m - stair.run_m
     left, right = stair.halves
+    turn = {"none": 0, "left": 1, "right": -1}[stair.turn]
+    first = np.arange(0, count, stair.steps)
+    begins = first * stair.run_m + np.arange(stair.flights) * further_m + moved[first] if turn else np.zeros(stair.flights)
     steps = tuple(
         Step(
             index=i,
-            x_m=i * stair.run_m + i // stair.steps * further_m + float(moved[i]),
+            x_m=i * stair.run_m + i // stair.steps * further_m + float(moved[i]) - begins[i // stair.steps],
             z_m=float(heights[i]),
             depth_m=(stair.between_m if stair.is_landing(i) and i + 1 < count else stair.run_m) + float(longer[i]),
             rise_m=float(rises[i]),
@@ -252,7 +333,14 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         floor_friction=stair.floor_friction or stair.friction,
         walls=stair.walls,
         flight_count=stair.flights,
+        turn=turn,
     )
+
+
+def as_designed(stair: Stair, overrides: Sequence[StepOverride] = ()) -> Staircase:
+    """Return the staircase without jitter: what is known before it is built."""
+    level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
+    return build_staircase(stair.model_copy(update=level), np.random.default_rng(0), overrides)
 
 
 def _by_step(stair: Stair, overrides: Sequence[StepOverride]) -> dict[int, dict[str, Any]]:

@@ -9,7 +9,7 @@ from treadline.mechanics.bodies import CLEARANCE_M, from_edge_m, rounded_off_m, 
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.overlap import Overlap, deepest_overlap, placed_parts
 from treadline.mechanics.stability import centre_of_mass
-from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.staircase import Staircase, as_designed
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.scenario import Scenario
 
@@ -31,9 +31,8 @@ def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | N
     )
     if any(known[1:]):
         return known
-    # As designed: the jitter of single steps is drawn when the plant is built.
-    level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
-    staircase = build_staircase(scenario.stair.model_copy(update=level), np.random.default_rng(0), scenario.step)
+    # The jitter of single steps is drawn when the plant is built.
+    staircase = as_designed(scenario.stair, scenario.step)
     over_edge = _over_an_edge(scenario, chair.tracks, staircase)
     return (*known, over_edge, None if over_edge else _overlapping(scenario, chair, staircase))
 

@@ -11,6 +11,7 @@ from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
 from treadline.mechanics.stability import static_margins
+from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.starts import start_problems
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
@@ -57,8 +58,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     slope = stair.slope_rad
-    pitch = math.hypot(stair.rise_m, stair.run_m)
-    widest_m = _widest_spacing(stair, 1) * pitch
+    widest_m = _widest_spacing_m(scenario, 1)
     margins = static_margins(chair, loading, slope, widest_m, heading)
     shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if margins.worst < MARGIN_LIMIT_RAD else None
     seat_range = SeatLinkage(chair.seat).angle_range
@@ -69,7 +69,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_unstable(margins, loading, shift),
         _too_heavy_for_the_brakes(chair, loading.payload_kg, slope),
         _too_steep_for_the_seat(seat_range[1], slope),
-        _too_wide_a_gap(stair, chair.tracks),
+        _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
         *start_problems(scenario, chair),
     )
@@ -175,28 +175,31 @@ def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
     return f"the seat reaches {reach_rad / DEG:.0f}°, the stair needs {needed / DEG:.0f}°; lengthen its stroke"
 
 
-def _too_wide_a_gap(stair: Stair, tracks: Tracks) -> str | None:
-    """Say where missing steps leave a track on one nosing: it must span any three neighbouring ones to touch two."""
-    needed_m = _widest_spacing(stair, 2) * math.hypot(stair.rise_m, stair.run_m)
-    if not stair.missing_steps or tracks.flat_run_m > needed_m:
+def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Say where missing or long steps leave a track on one nosing: it must span any three neighbouring ones to touch two."""
+    needed_m = _widest_spacing_m(scenario, 2)
+    if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
         return None
+    what = "missing steps" if scenario.stair.missing_steps else "steps of their own"
     return (
-        f"missing steps leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans "
+        f"{what} leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans "
         f"{tracks.flat_run_m:.2f} m; mend the steps or use a longer track"
     )
 
 
-def _widest_spacing(stair: Stair, neighbours: int) -> int:
-    """Return the widest distance from a nosing to the next, or the next but one, in pitches.
+def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
+    """Return the widest distance from a nosing to the next, or the next but one.
 
-    Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last.
+    Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last, a pitch away.
     """
-    widest = 0
-    for first in range(0, stair.flights * stair.steps, stair.steps):
-        missing = {index - first for index in stair.missing_steps if first <= index < first + stair.steps}
-        there = [index for index in range(-1, stair.steps + 1) if index not in missing]
-        widest = max(widest, *(later - index for index, later in zip(there, there[neighbours:], strict=False)))
-    return widest
+    stair, widest_m = scenario.stair, 0.0
+    for steps in as_designed(stair, scenario.step).flights:
+        there = [(step.x_m, step.z_m) for step in steps if not step.missing]
+        first, last = steps[0], steps[-1]
+        there.insert(0, (first.x_m - stair.run_m, first.z_m - stair.rise_m))
+        there.append((last.x_m + stair.run_m, last.z_m + stair.rise_m))
+        widest_m = max(widest_m, *(math.dist(*pair) for pair in zip(there, there[neighbours:], strict=False)))
+    return widest_m
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:

@@ -112,7 +112,7 @@ def box_ahead(
     half = 0.5 * np.array(BOX_M)
     far = near + rotation_z(yaw)[:, 0] * BOX_M[0]
     centre = 0.5 * (near + far)
-    centre[2] = min(_ground_m(staircase, float(near[0])), _ground_m(staircase, float(far[0]))) + half[2]
+    centre[2] = min(_ground_m(staircase, near), _ground_m(staircase, far)) + half[2]
     return Solid(kind="bag", centre_W=centre, half_m=half, R_WK=rotation_z(yaw), colour=BOX_COLOUR, texture="dark")
 
 
@@ -166,6 +166,14 @@ def _looked_at(staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float
     return np.asarray(staircase.p_WS + staircase.R_WS @ np.array([min(max(p_S[0], 0.0), length), p_S[1], 0.0]))
 
 
-def _ground_m(staircase: Staircase, x_m: float) -> float:
-    """Return the height of what one stands on at ``x_m``."""
-    return max((step.z_m for step in staircase.steps if step.x_m <= x_m and not step.missing), default=0.0)
+def _ground_m(staircase: Staircase, p_W: Float[np.ndarray, " 3"]) -> float:
+    """Return the height of what one stands on at a place; where flights turn, on the flight that is nearest below it."""
+    if not staircase.turn:
+        return max((step.z_m for step in staircase.steps if step.x_m <= p_W[0] and not step.missing), default=0.0)
+    heights = [0.0]
+    for k, steps in enumerate(staircase.flights):
+        R_WF, p_WF = staircase.flight_frame(k)
+        x_m, y_m, _ = R_WF.T @ (p_W - p_WF)
+        if abs(y_m) <= 0.5 * staircase.width_m and x_m <= steps[-1].x_m + steps[-1].depth_m:
+            heights += [step.z_m for step in steps if step.x_m <= x_m and not step.missing and step.z_m <= p_W[2] + step.rise_m]
+    return max(heights)

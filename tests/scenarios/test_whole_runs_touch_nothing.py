@@ -1,0 +1,17 @@
+"""Hull, seat and passenger collide; a regular traversal, up and down, still touches with its belts alone."""
+
+import pytest
+
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import traverse
+from treadline.scenario import read_scenario
+
+
+@pytest.mark.parametrize("name", ["up-28", "down-28"])
+def test_a_shipped_traversal_logs_no_contact_but_that_of_its_belts(name: str) -> None:
+    asked = read_scenario(name)
+    asked = asked.model_copy(update={"sensors": asked.sensors.model_copy(update={"camera": "statistical"})})
+    result = traverse(asked, controller=shipped_controller("wheelchair"), seed=0)
+    assert result.verdict == "arrived", result.cause
+    assert result.trace["hull_contacts"].max() == 0.0
+    assert "hull_contact" not in [event.name for event in result.events]
