@@ -94,13 +94,14 @@ def plant(mismatch: float = 0.02) -> MujocoPlant:
 def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
-    compiled._is_belt[:] = False  # no contact is turned: what is left is MuJoCo's own step
+    compiled._is_belt[:] = False  # no contact is turned
+    compiled._corrected[:] = False  # no force is corrected: what is left is MuJoCo's own step
     compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
     log = np.empty((1, kernels.COLUMNS))
     for _ in range(150):
         compiled._run(1, log, compiled._friction)
         reference.ctrl[:] = compiled._data.ctrl
-        for _ in range(kernels.SUBSTEPS):
+        for _ in range(compiled._physics.substeps):
             mujoco.mj_step(compiled._model, reference)
     assert reference.ncon > 0
     np.testing.assert_array_equal(reference.qpos, compiled._data.qpos)
@@ -115,7 +116,7 @@ def test_turned_contacts_differ_from_mj_step() -> None:
     reference = copy.copy(compiled._data)
     compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
     compiled._run(20, np.empty((20, kernels.COLUMNS)), compiled._friction)
-    for _ in range(20 * kernels.SUBSTEPS):
+    for _ in range(20 * compiled._physics.substeps):
         mujoco.mj_step(compiled._model, reference)
     assert (reference.qvel != compiled._data.qvel).any()
 

@@ -81,7 +81,7 @@ def normal_force(count, whole, address, pointers):
 
 @njit(cache=True)
 @no_type_check
-def solve_contacts(model, data, count, real, whole, fields, pointers, acceleration, warm_start, shift, softness):
+def solve_contacts(model, data, count, real, whole, fields, pointers, acceleration, warm_start, shift, softness, accuracy):
     """Solve the contacts of a step so that they obey Coulomb's law.
 
     Args:
@@ -93,11 +93,13 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
         warm_start: From where MuJoCo's solver starts.
         shift: Working memory, two numbers per contact: reference acceleration of the normal, and its correction.
         softness: 1 with MuJoCo's regularised friction; 0 with no-slip iterations, which take the regularisation out.
+        accuracy: Accepted residual [m/s²] and largest number of solves.
 
     Returns:
         Residual of the fixed point [m/s²], largest over the contacts that carry load.
     """
     friction, address = fields[0], fields[1]
+    tolerance, max_solves = accuracy
     nv = acceleration.shape[0]
     rows = 3 * real.shape[0]
     J, R = _doubles(pointers[0], rows * nv), _doubles(pointers[1], rows)
@@ -111,7 +113,7 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
         shift[i, 1] = _tangent_speed(row, real[i, friction : friction + 2], J, R, aref, force, acceleration, 0.0)
         aref[row] = shift[i, 0] - shift[i, 1]
     relaxation, before = 1.0, math.inf
-    for solve in range(MAX_SOLVES):
+    for solve in range(max_solves):
         _solve(model, data)
         force = _doubles(pointers[3], rows)
         change = 0.0
@@ -123,7 +125,7 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
             if force[row] > 0.0:
                 change = max(change, abs(wanted - shift[i, 1]))
             shift[i, 1] += relaxation * (wanted - shift[i, 1])
-        if change < TOLERANCE_M_S2 or solve == MAX_SOLVES - 1:
+        if change < tolerance or solve == max_solves - 1:
             return change
         if change > SLOW_CONVERGENCE * before:
             relaxation = max(RELAXATION_CUT * relaxation, RELAXATION_MIN)

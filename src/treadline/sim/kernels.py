@@ -10,7 +10,7 @@ from typing import no_type_check
 from numba import njit, types
 
 from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, LEFT, RIGHT, SEAT_ANGLE, STROKE, act, rotation
-from treadline.sim.contact_kernels import TOLERANCE_M_S2, normal_force, solve_contacts
+from treadline.sim.contact_kernels import normal_force, solve_contacts
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -28,8 +28,6 @@ _integrate = types.ExternalFunction("mj_implicit", _STAGE)
 
 NOSLIP_ITERATIONS = 3
 """While the brake holds: three bring the creep of a chair on 28° from millimetres a minute to micrometres."""
-SUBSTEPS = 5
-"""MuJoCo steps of 2 ms in a tick of 10 ms."""
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
@@ -184,7 +182,7 @@ def judge(warnings, log, room):
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
-    sway, payload_com, payload_force, seat_xmat,
+    sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -207,6 +205,8 @@ def advance(
         payload_com: centre of mass in the seat's frame; changed in place.
         payload_force: force on the seat at that centre [N], in W; changed in place.
         seat_xmat: rotation of the seat in W, row by row.
+        substeps: MuJoCo steps in a tick.
+        accuracy: of the contact forces, as ``solve_contacts`` takes it.
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
@@ -231,7 +231,7 @@ def advance(
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
         row[RESIDUAL] = row[UNCONVERGED] = row[FORCE_MAX] = row[AIRBORNE] = 0.0
         row[HULL] = 0.0
-        for _ in range(SUBSTEPS):
+        for _ in range(substeps):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
             if sway.shape[0] > 0:
@@ -253,10 +253,10 @@ def advance(
             _accelerate(model, data)
             if corrected[0]:
                 residual = solve_contacts(
-                    model, data, count[0], real, whole, fields, pointers, acceleration, warm_start, shift, softness
+                    model, data, count[0], real, whole, fields, pointers, acceleration, warm_start, shift, softness, accuracy
                 )
                 row[RESIDUAL] = max(row[RESIDUAL], residual)
-                row[UNCONVERGED] += residual > TOLERANCE_M_S2
+                row[UNCONVERGED] += residual > accuracy[0]
             else:
                 _solve(model, data)
             total = normal_force(count[0], whole, fields[1], pointers)

@@ -31,7 +31,8 @@ from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.grip import friction_table, roughened
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
-from treadline.sim.scene import TIMESTEP_S, scene_xml
+from treadline.sim.physics import NOMINAL, Physics
+from treadline.sim.scene import scene_xml
 
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
@@ -42,10 +43,11 @@ CONTACTS_MAX = 128
 class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
-    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
         streams = np.random.default_rng(seed).spawn(6)
         self._scenario = scenario
         self._chair = chair
+        self._physics = physics
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
@@ -127,7 +129,7 @@ class MujocoPlant(InstrumentedPlant):
 
     def _build_physics(self) -> None:
         load_library()
-        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning())
+        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning(), self._physics)
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
@@ -143,7 +145,12 @@ class MujocoPlant(InstrumentedPlant):
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
         self._seat_body = self._model.body("seat").id
-        self._sway = sway_of(self._scenario.chair, self._model.body_mass[self._seat_body], self._model.body_ipos[self._seat_body])
+        self._sway = sway_of(
+            self._scenario.chair,
+            self._model.body_mass[self._seat_body],
+            self._model.body_ipos[self._seat_body],
+            self._physics.timestep_s,
+        )
         self._corrected = np.array([True])
         """Whether contact forces obey Coulomb's law; False leaves MuJoCo's own convex solve, to compare with."""
         self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
@@ -220,6 +227,8 @@ class MujocoPlant(InstrumentedPlant):
             model.body_ipos[self._seat_body],
             data.xfrc_applied[self._seat_body],
             data.xmat[self._seat_body],
+            self._physics.substeps,
+            (self._physics.tolerance_m_s2, self._physics.max_solves),
         )
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
@@ -229,7 +238,7 @@ class MujocoPlant(InstrumentedPlant):
             SimulationDiverged: If that is no physics any more.
         """
         began_s = self._data.time
-        expected_s = began_s + ticks * kernels.SUBSTEPS * TIMESTEP_S
+        expected_s = began_s + ticks * self._physics.substeps * self._physics.timestep_s
         fault = kernels.advance(ticks, friction, log, *self._memory)
         in_time = abs(self._data.time - expected_s) <= 1e-6 * max(1.0, expected_s)
         if fault == kernels.SOUND and in_time:
@@ -278,7 +287,7 @@ class MujocoPlant(InstrumentedPlant):
             arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
             contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
-            airborne_share=float(row[kernels.AIRBORNE]) / kernels.SUBSTEPS,
+            airborne_share=float(row[kernels.AIRBORNE]) / self._physics.substeps,
             contact_residual_m_s2=float(row[kernels.RESIDUAL]),
             hull_contacts=int(row[kernels.HULL]),
         )
@@ -293,22 +302,29 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
 
 
-def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
     """Return a passenger's sway as the compiled loop takes it, still; empty for one who sits still.
 
     Args:
         seat_kg: All that turns with the seat: its shell moves along.
         rest_m: Centre of that mass in the seat's frame.
+        timestep_s: MuJoCo's step.
     """
-    return np.array([0.0, 0.0, TIMESTEP_S, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
+    return np.array([0.0, 0.0, timestep_s, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
 
 
-def open_plant(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> MujocoPlant:
+def open_plant(
+    scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None, physics: Physics = NOMINAL
+) -> MujocoPlant:
     """Return a simulated chair on the scenario's stair.
+
+    Args:
+        chair: As it is, where that differs from the file that the scenario names and the mission knows.
+        physics: Step size and contact stiffness.
 
     Raises:
         SettingsError: If it is given a scenario's name, not the scenario.
     """
     if not isinstance(scenario, Scenario):
         raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario makes one of a name or a file")
-    return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair)
+    return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, physics)

@@ -16,8 +16,8 @@ from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Shape, Solid,
 from treadline.mechanics.chair import Arm, ChairDescription, Point
 from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Chair
+from treadline.sim.physics import NOMINAL, Physics
 
-TIMESTEP_S = 0.002
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
 
@@ -32,7 +32,7 @@ HEADER = """\
     <flag multiccd="disable" island="disable"/>
   </option>
   <default>
-    <geom solref="0.01 1" solimp="0.95 0.99 0.001" condim="3"/>
+    <geom solref="{time_constant} 1" solimp="0.95 0.99 0.001" condim="3"/>
     <default class="stair"><geom contype="0" conaffinity="1" friction="1 0 0"/></default>
     <default class="belt"><geom contype="1" conaffinity="0" priority="1" friction="{friction} 0 0" mass="0"/></default>
     <default class="body"><geom contype="1" conaffinity="0" priority="1" friction="{hull} 0 0" mass="0" group="1"
@@ -49,9 +49,9 @@ def seat_stiffness(seat: Body) -> tuple[float, float]:
     return inertia * SEAT_STIFFNESS_RAD_S**2, 2.0 * inertia * SEAT_STIFFNESS_RAD_S
 
 
-def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair) -> str:
+def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, physics: Physics = NOMINAL) -> str:
     """Return the whole scene as MJCF, the chair at the world's origin."""
-    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.arm)
+    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.arm, physics)
 
 
 def model_xml(
@@ -63,12 +63,18 @@ def model_xml(
         staircase: None leaves the chair alone.
         friction: Along the belt.
     """
-    return _scene(() if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, start=start)
+    return _scene(
+        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, NOMINAL, start=start
+    )
 
 
-def _scene(stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, *, start: Standing | None = None) -> str:
+def _scene(
+    stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, physics: Physics, *, start: Standing | None = None
+) -> str:
     stiffness, damping = seat_stiffness(chair.seat)
-    header = HEADER.format(timestep=TIMESTEP_S, friction=friction, hull=HULL_FRICTION)
+    header = HEADER.format(
+        timestep=physics.timestep_s, time_constant=physics.contact_time_constant_s, friction=friction, hull=HULL_FRICTION
+    )
     world = "\n".join([*(line for number, solid in enumerate(stair) for line in _solid(solid, number)), _tree(chair, start)])
     return (
         header

@@ -1,0 +1,206 @@
+"""The runs behind the uncertainty budget: turns, straight climb, excitation, traversals, a braked chair and a slide."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.angles import DEG
+from treadline.errors import RecordError, SimulationDiverged
+from treadline.experiments import plan
+from treadline.experiments.excite import PERIOD_S, excite
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import ready, traverse
+from treadline.experiments.variations import Variation
+from treadline.identification import identify
+from treadline.io.plain import plain
+from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
+from treadline.models import write_whole
+from treadline.ports import TruthPlant
+from treadline.scenario import Drive, Scenario, Stair, Start, read_scenario
+from treadline.signals import SeatCommand, TrackCommand
+
+CHAIR = "wheelchair"
+START_DEG = 30
+SLIDE_DEG = 32.4
+"""0.6° beyond atan 0.62, the slope from which a braked chair slides."""
+SLIDE_S = 3.0
+SLID_M = 0.5
+"""A braked chair that moves further than this slides and does not creep."""
+SCORES = (
+    "rms_heading_deg",
+    "roll_back_m",
+    "passenger_max_m_s2",
+    "settle_s",
+    "lateral_m",
+    "max_pitch_rate_deg_s",
+    "min_stability_margin_deg",
+    "seat_max_deg",
+    "unconverged_share",
+)
+Outcome = tuple[str, dict[str, float | None]]
+"""A verdict, ``ok`` where the run has its figures, and the figures."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spans:
+    """Durations [s] and the number of samples of the runs."""
+
+    turn_s: float = 80.0
+    straight_s: float = 60.0
+    hold_s: float = 60.0
+    samples: int = 400
+
+
+WHOLE, QUICK = Spans(), Spans(turn_s=20.0, straight_s=10.0, hold_s=10.0, samples=120)
+
+
+def _driven(variation: Variation, nominal: Scenario, wanted: str) -> Outcome:
+    """Return the scores of a run by the shipped controller; a run that ends otherwise than wanted has none."""
+    scenario = variation.scenario(plan.without_images(nominal))
+    run = traverse(
+        scenario, controller=shipped_controller(CHAIR), seed=variation.seed, open_plant=variation.opener(scenario.chair.model)
+    )
+    if run.verdict != wanted:
+        return f"{run.verdict}: {run.cause}", {}
+    return "ok", {name: getattr(run.scores, name) for name in SCORES}
+
+
+def _turn(slope_deg: int, friction: plan.Friction) -> Callable[[Variation, Spans], Outcome]:
+    return lambda variation, spans: _driven(variation, plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction), "time_up")
+
+
+def _straight(variation: Variation, spans: Spans) -> Outcome:
+    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "closed", spans.straight_s), "time_up")
+
+
+def _traversal(name: str) -> Callable[[Variation, Spans], Outcome]:
+    def run(variation: Variation, spans: Spans) -> Outcome:
+        del spans
+        # The operator asked check about the nominal chair and friction, and shifted the seat for them.
+        scenario, refusal, _ = ready(read_scenario(name), read_chair(CHAIR))
+        if refusal is not None:
+            return f"refused: {refusal}", {}
+        return _driven(
+            variation, scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"check": False})}), "arrived"
+        )
+
+    return run
+
+
+def _identified(variation: Variation, spans: Spans) -> Outcome:
+    nominal = plan.without_images(plan.excitation(plan.CONTROLLER_GROUND))
+    scenario = variation.scenario(nominal)
+    excited = excite(
+        scenario,
+        samples=spans.samples,
+        period_s=PERIOD_S,
+        seed=variation.seed,
+        open_plant=variation.opener(scenario.chair.model),
+    )
+    if len(excited.record) < spans.samples:
+        return f"{excited.run.verdict}: {excited.run.cause}", {}
+    report = identify(excited.record, method="okid-era").report
+    # The heading integrates: its pole lies near 1. The next one is the chair's and its drives'.
+    poles = sorted((math.hypot(*pole) for pole in report.poles), reverse=True)
+    return "ok", {
+        "yaw_rate_vaf_percent": report.one_step_vaf_percent["yaw_rate_rad_s"],
+        "yaw_rate_pole": poles[1] if len(poles) > 1 else None,
+    }
+
+
+def _braked(variation: Variation, slope_deg: float) -> TruthPlant:
+    """Return a started plant on a flight, brakes on from the first tick."""
+    scenario = Scenario(
+        stair=Stair(slope_deg=slope_deg, run_m=0.30, steps=30, width_m=2.4),
+        start=Start(place="flight", step=22),
+        drive=Drive(check=False),
+    )
+    scenario = variation.scenario(plan.without_images(scenario))
+    plant = variation.opener(scenario.chair.model)(scenario, variation.seed)
+    plant.start()
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0, brake=True), SeatCommand(t_s=0.0, rate_m_s=0.0))
+    return plant
+
+
+def _creep(variation: Variation, spans: Spans) -> Outcome:
+    plant = _braked(variation, float(plan.FIG10_SLOPE))
+    try:
+        plant.advance(1.0)  # the contacts take up the load
+        first_m = last_m = plant.truth()[-1].x_m
+        for second in range(2, round(spans.hold_s) + 2):
+            plant.advance(float(second))
+            last_m = plant.truth()[-1].x_m
+            if abs(last_m - first_m) > SLID_M:
+                return "slides", {}
+    finally:
+        plant.close()
+    return "ok", {"creep_mm_min": 1000.0 * abs(last_m - first_m) / (spans.hold_s / 60.0)}
+
+
+def _slide(variation: Variation, spans: Spans) -> Outcome:
+    del spans
+    plant = _braked(variation, SLIDE_DEG)
+    try:
+        plant.advance(SLIDE_S)
+        x_m = np.array([sample.x_m for sample in plant.truth()[-11:]])
+    finally:
+        plant.close()
+    speed = float(x_m[0] - x_m[-1]) / 0.1
+    along = 0.62 * variation.friction[0]
+    slope = SLIDE_DEG * DEG
+    # The speed over the last 0.1 s is that at its middle.
+    theory = (SLIDE_S - 0.05) * GRAVITY_M_S2 * (math.sin(slope) - along * math.cos(slope))
+    gap = 100.0 * (speed / theory - 1.0) if theory > 0.0 else None
+    return "ok" if gap is not None else "holds, as Coulomb's law says", {"slide_speed_m_s": speed, "slide_gap_percent": gap}
+
+
+RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+    **{f"turn-{slope}": _turn(slope, plan.PAPER_FRICTION) for slope in plan.SLOPES_DEG},
+    "turn-28-mu0.9-0.5": _turn(plan.FIG10_SLOPE, plan.GOOD_GRIP),
+    "straight-28": _straight,
+    "excite-20": _identified,
+    "up-28": _traversal("up-28"),
+    "down-28": _traversal("down-28"),
+    "creep-28": _creep,
+    "slide-32.4": _slide,
+}
+QUICK_RUNS = ("turn-28", "straight-28", "creep-28", "slide-32.4")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetJob:
+    """One run of one variation; its outcome is kept in a file, so that an interrupted budget goes on."""
+
+    variation: Variation
+    run_name: str
+    spans: Spans
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """Variation and run."""
+        return f"{self.variation.name}: {self.run_name}"
+
+    @property
+    def path(self) -> Path:
+        """File of the outcome."""
+        stem = "".join(letter if letter.isalnum() or letter in "+-." else "_" for letter in self.variation.name)
+        return self.folder / stem / f"{self.run_name}.json"
+
+    def run(self) -> dict[str, Any]:
+        """Return ``variation``, ``run``, ``verdict`` and ``figures``."""
+        if self.path.exists():
+            return dict(json.loads(self.path.read_text(encoding="utf-8")))
+        try:
+            verdict, figures = RUNS[self.run_name](self.variation, self.spans)
+        except (SimulationDiverged, RecordError) as error:
+            verdict, figures = f"diverged: {error}", {}
+        found = {"variation": self.variation.name, "run": self.run_name, "verdict": verdict, "figures": plain(figures)}
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(self.path, json.dumps(found, indent=1) + "\n")
+        return found

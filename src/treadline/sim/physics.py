@@ -1,0 +1,54 @@
+"""Numerical settings of the contact physics: step size, contact stiffness, and how far the contact forces are iterated."""
+
+from dataclasses import dataclass
+
+from treadline.errors import SettingsError
+from treadline.signals import TICK_S
+from treadline.sim.contact_kernels import MAX_SOLVES, TOLERANCE_M_S2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Physics:
+    """Settings of a plant that belong to no scenario: they are numerics, and a figure must not depend on them."""
+
+    timestep_s: float = 0.002
+    """MuJoCo's step; a tick of 10 ms is a whole number of steps."""
+    contact_time_constant_s: float = 0.01
+    """Time constant of a contact's critically damped spring (MuJoCo's ``solref[0]``); stiffness goes with its inverse square."""
+    tolerance_m_s2: float = TOLERANCE_M_S2
+    """Accepted residual of the contact correction."""
+    max_solves: int = MAX_SOLVES
+    """Largest number of contact solves per step."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be integrated.
+
+        Raises:
+            SettingsError: One line with the setting, its number, the bound and the reason.
+        """
+        steps = TICK_S / self.timestep_s if self.timestep_s > 0.0 else 0.0
+        if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
+            raise SettingsError(
+                f"timestep_s is {self.timestep_s:g} s; a tick of {TICK_S:g} s is a whole number of steps: "
+                "0.005, 0.0025, 0.002, 0.001 and so on"
+            )
+        bound = 2.0 * self.timestep_s
+        if not self.contact_time_constant_s >= bound * (1.0 - 1e-9):
+            raise SettingsError(
+                f"contact_time_constant_s is {self.contact_time_constant_s:g} s; a step of {self.timestep_s:g} s integrates at "
+                f"least 2 × timestep_s = {bound:g} s: a stiffer spring is unstable, and MuJoCo would soften it unasked"
+            )
+        if not self.tolerance_m_s2 > 0.0:
+            raise SettingsError(
+                f"tolerance_m_s2 is {self.tolerance_m_s2:g} m/s²; it must be above 0: an iteration reaches no residual of exactly 0"
+            )
+        if self.max_solves < 1:
+            raise SettingsError(f"max_solves is {self.max_solves}; a step needs at least 1 contact solve")
+
+    @property
+    def substeps(self) -> int:
+        """Number of MuJoCo steps in a tick."""
+        return round(TICK_S / self.timestep_s)
+
+
+NOMINAL = Physics()
