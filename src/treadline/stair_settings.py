@@ -45,6 +45,8 @@ class Stair(Settings):
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
     """Depth of the landing above the last flight."""
+    end_wall: bool = False
+    """Whether a wall stands across the far end of that landing."""
     open_risers: bool = False
     """Whether one can look through between the treads."""
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01

@@ -1,7 +1,7 @@
 """Logs: what goes in comes out, the same in gives the same bytes, and a damaged file is one LogFormatError."""
 
 import errno
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +89,21 @@ def log(tmp_path: Path) -> Path:
 
 def test_every_signal_comes_back_as_it_went_in(log: Path) -> None:
     assert [comparable(signal) for signal in read_log(log)] == [comparable(signal) for signal in SIGNALS]
+
+
+def test_a_truth_from_before_bodies_collided_is_still_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: a log whose ground truth has no contacts of the hull, and one without a pitch. Expected: read as 0; refused by name."""
+    truth = next(signal for signal in SIGNALS if isinstance(signal, Truth))
+    for gone, said in (("hull_contacts", None), ("pitch_rad", "the ground truth lacks pitch_rad")):
+        with monkeypatch.context() as patch:
+            patch.setattr("treadline.io.messages.TRUTH_NAMES", tuple(name for name in TRUTH_NAMES if name != gone))
+            path = write(tmp_path / f"{gone}.mcap", [truth])
+        if said is None:
+            (back,) = read_log(path)
+            assert back == replace(truth, hull_contacts=0.0)
+        else:
+            with pytest.raises(LogFormatError, match=said):
+                list(read_log(path))
 
 
 @pytest.mark.parametrize("t_s", [0.0, 1e-9, 0.123456789, 59.99, 3600.000000001])

@@ -118,6 +118,14 @@ def test_camera_and_plant_stand_on_the_same_boxes() -> None:
         np.testing.assert_allclose(corner_W(stood.box, -1, 1) - box.R_WK @ [radius, 0, 0], corner_W(box, -1, 1), atol=1e-12)
 
 
+def test_a_wall_at_the_end_stands_on_the_landing_and_closes_it() -> None:
+    staircase = build(end_wall=True, landing_m=2.0, walls="none")
+    (wall,) = (box for box in staircase.boxes() if box.kind == "wall")
+    assert wall.centre_W[0] - wall.half_m[0] == pytest.approx(staircase.steps[-1].x_m + 2.0)
+    assert wall.centre_W[2] - wall.half_m[2] == pytest.approx(staircase.steps[-1].z_m)
+    assert 2.0 * wall.half_m[1] == pytest.approx(1.2)
+
+
 def test_frictions_go_to_the_halves_they_name() -> None:
     staircase = build(
         {"index": 1, "friction": [0.36, 0.3]},

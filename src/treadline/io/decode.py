@@ -326,8 +326,11 @@ def _measurement(r: CdrReader) -> HeadingMeasurement:
 
 
 def _truth(r: CdrReader) -> Truth:
-    t_s, _, places, _ = _joints(r)
-    return Truth(t_s=t_s, **dict(zip(TRUTH_NAMES, _counted(places, len(TRUTH_NAMES)), strict=True)))
+    t_s, _, values = _named(r)
+    missing = [name for name in TRUTH_NAMES if name not in {"hull_contacts", *values}]
+    if missing:
+        raise LogFormatError(f"the ground truth lacks {missing[0]}; is it of another version?")
+    return Truth(t_s=t_s, **{name: values[name] for name in TRUTH_NAMES if name in values})
 
 
 def _quality(r: CdrReader) -> FrameQuality:

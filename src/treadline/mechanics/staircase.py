@@ -88,6 +88,8 @@ class Staircase:
     """As designed, along and across; ``steps`` have what each one has."""
     floor_friction: Friction
     walls: str
+    end_wall: bool = False
+    """Whether a wall stands across the far end of the uppermost landing."""
     flight_count: int = 1
     turn: int = 0
     """Turn at each landing: 1 a quarter to the left, -1 to the right, 0 straight on."""
@@ -101,8 +103,9 @@ class Staircase:
     def alone(self, flight: int) -> "Staircase":
         """Return one flight with its landing, as if there were no other: the world is then F."""
         steps = self.flights[flight]
-        landing_m = self.landing_m if steps[-1] is self.steps[-1] else steps[-1].depth_m
-        return replace(self, steps=steps, landing_m=landing_m, flight_count=1, turn=0)
+        is_last = steps[-1] is self.steps[-1]
+        landing_m = self.landing_m if is_last else steps[-1].depth_m
+        return replace(self, steps=steps, landing_m=landing_m, end_wall=self.end_wall and is_last, flight_count=1, turn=0)
 
     def flight_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
         """Return rotation and origin of a flight's frame F in the world."""
@@ -208,7 +211,12 @@ class Staircase:
             if not step.missing:
                 back_x = end_x if after is None else step.x_m + step.depth_m + self._under(step, after)
                 solids += self._tread(step, back_x, "landing" if step.index in landings else "step")
-        return tuple(solids) + tuple(wall for flight in self.flights for wall in self._walls(flight))
+        solids += [wall for flight in self.flights for wall in self._walls(flight)]
+        if self.end_wall:
+            half_height = 0.5 * WALL_HEIGHT_M
+            wall_W = (end_x + 0.05, 0.0, last.z_m + half_height)
+            solids.append(Box(kind="wall", index=-1, centre_W=wall_W, half_m=(0.05, half_width, half_height), yaw_rad=0.0))
+        return tuple(solids)
 
     @property
     def surfaces(self) -> Float[np.ndarray, "N 7"]:
@@ -332,6 +340,7 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         friction=stair.friction,
         floor_friction=stair.floor_friction or stair.friction,
         walls=stair.walls,
+        end_wall=stair.end_wall,
         flight_count=stair.flights,
         turn=turn,
     )

@@ -71,6 +71,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_steep_for_the_seat(seat_range[1], slope),
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
+        _turning_flights(stair),
         *start_problems(scenario, chair),
     )
     return CheckReport(
@@ -200,6 +201,14 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
         there.append((last.x_m + stair.run_m, last.z_m + stair.rise_m))
         widest_m = max(widest_m, *(math.dist(*pair) for pair in zip(there, there[neighbours:], strict=False)))
     return widest_m
+
+
+def _turning_flights(stair: Stair) -> str | None:
+    """Say where flights turn: the mission drives straight on over a landing, and would drive off its far end."""
+    if stair.turn == "none":
+        return None
+    where = f"{stair.flights} flights turn {stair.turn} at their landings"
+    return f"{where}, and the chair drives straight on over a landing; take another way"
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
