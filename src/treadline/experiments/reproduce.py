@@ -25,6 +25,7 @@ from treadline.experiments.plan import (
     without_images,
 )
 from treadline.experiments.pool import Job, Pool
+from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
 from treadline.experiments.speed import physics_real_time_factor
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
@@ -84,6 +85,7 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
             **provenance(),
         }
     )
+    values = with_sensitivity(values, read_sensitivity())
     write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
     return values
 

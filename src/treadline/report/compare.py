@@ -8,6 +8,7 @@ import numpy as np
 from treadline import paper
 from treadline.report.comparison import NO_TARGET, Comparison, judged
 from treadline.report.results import Cell, Identified, Results, Straight
+from treadline.report.sensitivity import with_moves
 
 QUICK = "quick run: not judged"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
@@ -41,7 +42,7 @@ def comparisons(results: Results) -> list[Comparison]:
         *_speed(results),
     ]
     if not results.quick:
-        return rows
+        return [with_moves(row, results.sensitivity) for row in rows]
     return [replace(row, verdict=QUICK) if row.from_runs and row.verdict != NO_TARGET else row for row in rows]
 
 
@@ -101,6 +102,12 @@ def _on(cells: Sequence[Cell]) -> str:
     return f"friction {along:g}/{across:g}"
 
 
+def _part(cells: Sequence[Cell]) -> str:
+    """Return the key under which the sensitivity of some cells' figures stands."""
+    along, across = cells[0].friction
+    return f"table2/{along:g}-{across:g}"
+
+
 def _comfort(cells: Sequence[Cell]) -> list[Comparison]:
     known = [cell for cell in cells if cell.passenger_m_s2 is not None]
     if not known:
@@ -115,6 +122,7 @@ def _comfort(cells: Sequence[Cell]) -> list[Comparison]:
             "m/s²",
             target=PASSENGER_M_S2,
             conditions=f"largest mean over 50 ms, at {worst.slope_deg:g}°{split}; {worst.conditions}",
+            figure=f"{_part(cells)}/passenger_m_s2",
         )
     ]
 
@@ -137,6 +145,7 @@ def _average(cells: Sequence[Cell], start_deg: float) -> Comparison:
         target=RMS_TARGETS.get(cells[0].friction[0]) if whole else None,
         printed="–" if printed is None else f"{printed}°",
         conditions=f"climb-safe; world yaw {_mean(cells, lambda cell: cell.rms_yaw_deg):.2f}°; {cells[0].conditions}",
+        figure=f"{_part(cells)}/rms_heading_deg" if whole else "",
     )
 
 
@@ -170,6 +179,7 @@ def _turn(cells: Sequence[Cell]) -> list[Comparison]:
             "m",
             target=back,
             conditions=conditions,
+            figure=f"{_part(cells)}/{slope:g}/roll_back_m",
         ),
         judged(
             f"settling to ±2° at {slope:g}°, {_on(cells)}",
@@ -178,6 +188,7 @@ def _turn(cells: Sequence[Cell]) -> list[Comparison]:
             target=None,
             printed="10–20 s (Fig. 10)" if slope == paper.FIG10_SLOPE_DEG else "–",
             conditions=conditions,
+            figure=f"{_part(cells)}/{slope:g}/settle_s",
         ),
     ]
 
@@ -211,8 +222,18 @@ def _straight(runs: Sequence[Straight]) -> list[Comparison]:
         conditions = f"{_span(closed)}, worst of {_listed([run.slope_deg for run in closed])}"
         rms, aside = max(run.rms_heading_deg for run in closed), max(run.lateral_m for run in closed)
         made += [
-            judged("Fig. 9: closed loop, RMS heading", rms, "°", target=0.15, printed="near zero", conditions=conditions),
-            judged("Fig. 9: closed loop, lateral drift", aside, "m", target=0.15, conditions=conditions),
+            judged(
+                "Fig. 9: closed loop, RMS heading",
+                rms,
+                "°",
+                target=0.15,
+                printed="near zero",
+                conditions=conditions,
+                figure="fig09/28/rms_heading_deg",
+            ),
+            judged(
+                "Fig. 9: closed loop, lateral drift", aside, "m", target=0.15, conditions=conditions, figure="fig09/28/lateral_m"
+            ),
         ]
     if opened:
         final, largest = (
@@ -242,7 +263,15 @@ def _identified(item: Identified) -> list[Comparison]:
     gap, vaf, ahead = MODEL_TARGETS
     return [
         judged(f"Fig. 8: σ₂/σ₃ {at}", ratio, "", target=gap, at_least=True, printed="rank 2", conditions=where),
-        judged(f"yaw rate one step ahead {at}, VAF", share, "%", target=vaf, at_least=True, conditions=where),
+        judged(
+            f"yaw rate one step ahead {at}, VAF",
+            share,
+            "%",
+            target=vaf,
+            at_least=True,
+            conditions=where,
+            figure=f"fig08/{item.slope_deg:g}/yaw_rate_vaf_percent",
+        ),
         judged(f"heading five seconds ahead {at}, RMSE", item.heading_5s_rmse_deg, "°", target=ahead, conditions=where),
     ]
 

@@ -21,6 +21,8 @@ class Comparison:
     conditions: str = ""
     from_runs: bool = True
     """Whether a shortened run changes what is measured."""
+    figure: str = ""
+    """Key of the figure in ``results.json``'s ``sensitivity``; empty for one that no budget has."""
 
 
 def judged(
@@ -33,6 +35,7 @@ def judged(
     printed: str = "–",
     conditions: str = "",
     from_runs: bool = True,
+    figure: str = "",
 ) -> Comparison:
     """Return a row whose verdict follows from value and target; no value misses every target."""
     known = value is not None and math.isfinite(value)
@@ -42,6 +45,7 @@ def judged(
         paper=printed,
         conditions=conditions,
         from_runs=from_runs,
+        figure=figure,
     )
     if target is None:
         return row

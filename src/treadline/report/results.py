@@ -204,6 +204,21 @@ class Speed(Part):
     loop_cpu_s_per_s: float
 
 
+class Moves(Part):
+    """How far a headline figure moves with its three largest sources of uncertainty; None where a source leaves no figure."""
+
+    unit: str
+    conditions: str = ""
+    """Where the moves were measured: a row may rest on more starts and seeds."""
+    step: float | None = None
+    stiffness: float | None = None
+    friction: float | None = None
+    lost: list[str] = []
+    """Variations in which the runs end without the figure."""
+    exceeded: list[str] = []
+    """Sources that move the figure by more than its margin to the target."""
+
+
 class Results(Part):
     """``results.json`` of a reproduce folder; parts that are None or empty were not measured."""
 
@@ -221,6 +236,8 @@ class Results(Part):
     controller: Controller | None = None
     speed: Speed | None = None
     gravity_error_deg: float = 0.0
+    sensitivity: dict[str, Moves] = {}
+    """By figure, from the uncertainty budget that comes with the package."""
     wall_s: float | None = None
     versions: dict[str, str] = {}
     git_commit: str | None = None

@@ -1,0 +1,184 @@
+"""Uncertainty budget: how far numerics, friction, masses and lags move each headline figure, one source at a time.
+
+Run: ``python benchmarks/uncertainty.py`` (about 22 minutes of one core; an interrupted run goes on where it stopped).
+``--publish`` writes ``docs/evidence/uncertainty.md`` and ``src/treadline/data/sensitivity.json``.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from tables import table
+
+from treadline.experiments.budget_runs import QUICK, QUICK_RUNS, RUNS, WHOLE, BudgetJob
+from treadline.experiments.pool import run_jobs
+from treadline.experiments.uncertainty import Results, Row, budget
+from treadline.experiments.variations import QUICK_VARIATIONS, SEED_GROUP, SOURCES, VARIATIONS
+from treadline.io.provenance import git_commit
+from treadline.models import write_whole
+
+ROOT = Path(__file__).parents[1]
+EVIDENCE = ROOT / "docs" / "evidence" / "uncertainty.md"
+SENSITIVITY = ROOT / "src" / "treadline" / "data" / "sensitivity.json"
+FIRST = ("step", "stiffness", "residual", "solves", "coarse step", SEED_GROUP)
+"""Sources of the first table, numerics; the second has the chair and the stair."""
+
+METHOD = """\
+One source at a time is varied in the plant; the mission keeps the nominal chair file, the entered weight and the shipped
+controller. Each cell is the largest absolute move of the figure over the source's variations:
+
+| source | variations (nominal) |
+| --- | --- |
+| step | 1 and 2.5 ms (2 ms); 4 ms does not fill a tick of 10 ms |
+| coarse step | 5 ms, the largest step that the contact's time constant of 0.01 s allows; not in the sum |
+| stiffness | time constant of the contact 0.005 and 0.02 s (0.01 s): stiffness goes with its inverse square |
+| residual | accepted residual of the contact correction 0.001 and 0.1 m/s² (0.01) |
+| solves | largest number of contact solves per step 3 and 20 (10) |
+| friction | ±20 % along and across together; "along" and "across" alone are its parts and not in the sum |
+| chassis mass, passenger mass | ±10 % each; the operator entered the nominal weight |
+| centre along, centre up | centre of mass of chassis and passenger ±2 cm forward and up |
+| lag | lag of the belts' drives ×0.5 and ×2 (0.15 s) |
+| seed | seeds 1 and 2 (0): sensor noise alone. A move no larger than this is no effect of its source; not in the sum |
+
+Runs: Table II from +30°, 80 s, at 25°, 28° and 30° with friction 0.62/0.5 and at 28° with 0.9/0.5; straight up 28° for 60 s with
+a belt mismatch of 2 %; 400 samples of excitation at 20°; the scenarios up-28 and down-28; a braked chair on 28° for 60 s and on
+32.4° for 3 s. Statistical camera. RSS is the root sum of squares over step, stiffness, residual, solves, friction, masses, centre
+and lag.
+The phase of belt lugs is not varied: belts are smooth.
+
+**Bold**: the source moves the figure by more than its margin to the target. "–": the runs end without the figure. Blank: not run.
+"""
+
+
+def main() -> None:
+    """Run the budget and print it."""
+    options = _options()
+    variations, runs = (QUICK_VARIATIONS, QUICK_RUNS) if options.quick else (VARIATIONS, tuple(RUNS))
+    folder = Path(options.out) / ("quick" if options.quick else "whole")
+    spans = QUICK if options.quick else WHOLE
+    jobs = [BudgetJob(variation=item, run_name=name, spans=spans, folder=folder) for item in variations for name in runs]
+    done: list[str] = []
+
+    def on_done(name: str) -> None:
+        done.append(name)
+        print(f"\r{len(done)} of {len(jobs)}: {name:50}", end="", file=sys.stderr, flush=True)
+
+    if options.stored:
+        jobs = [job for job in jobs if job.path.exists()]
+    found = run_jobs(jobs, workers=options.workers, done=on_done)
+    print(file=sys.stderr)
+    outcomes: dict[str, dict[str, Any]] = {}
+    for result in found:
+        outcomes.setdefault(result["variation"], {})[result["run"]] = result
+    rows = budget(outcomes)
+    _print(rows)
+    for line in _lost(outcomes):
+        print(line)
+    if options.publish:
+        publish(rows, outcomes)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Measure how far each source of uncertainty moves each headline figure.")
+    parser.add_argument("--quick", action="store_true", help="run four variations of four short runs, to see that all works")
+    parser.add_argument("--workers", type=int, default=1, choices=(1, 2), help="number of processes; default 1")
+    parser.add_argument("--out", default="uncertainty", help="folder of the runs' outcomes; those that are there are kept")
+    parser.add_argument(
+        "--stored", action="store_true", help="run nothing: print what the folder has, with gaps where it has nothing"
+    )
+    parser.add_argument("--publish", action="store_true", help="write docs/evidence/uncertainty.md and sensitivity.json")
+    options = parser.parse_args()
+    if options.quick and options.publish:
+        parser.error("--publish needs the whole budget: a quick one has four variations of shortened runs")
+    return options
+
+
+def publish(rows: Sequence[Row], outcomes: Mapping[str, Results]) -> None:
+    """Write the evidence and the package's data."""
+    EVIDENCE.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(EVIDENCE, markdown(rows, outcomes))
+    data = {row.figure.key: row.as_json() for row in rows}
+    write_whole(SENSITIVITY, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+    print(f"wrote {EVIDENCE.relative_to(ROOT)} and {SENSITIVITY.relative_to(ROOT)}")
+
+
+def markdown(rows: Sequence[Row], outcomes: Mapping[str, Results]) -> str:
+    """Return the page of evidence."""
+    second = [name for name in SOURCES if name not in FIRST]
+    parts = [
+        "# Uncertainty budget of the headline figures",
+        f"{datetime.now(tz=UTC):%Y-%m-%d}, commit {(git_commit() or 'unknown')[:12]}: "
+        "`python benchmarks/uncertainty.py --publish` (nice, two workers; outcomes do not depend on their number).",
+        METHOD.rstrip(),
+        "## Figures that move by more than their margin\n\n" + _reading(rows),
+        "## Numerics and seed\n\n" + _table(rows, FIRST, with_target=True),
+        "## Chair and stair\n\n" + _table(rows, second, with_target=False),
+        "## Variations in which a run ends without its figures\n\n" + ("\n".join(_lost(outcomes)) or "None."),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _reading(rows: Sequence[Row]) -> str:
+    lines = []
+    for row in rows:
+        nominal, unit = f"{_number(row.nominal)} {row.figure.unit}".strip(), row.figure.unit
+        if row.margin is None:
+            continue
+        if row.margin < 0.0:
+            lines.append(
+                f"* {row.figure.what}: {nominal} **misses its target** of {row.figure.target:g} {unit} before any variation."
+            )
+        elif row.exceeded:
+            told = ", ".join(f"{name} ({_number(row.moves[name])})" for name in row.exceeded)
+            lines.append(f"* {row.figure.what}: {nominal}, margin {_number(row.margin)}; moved further by {told}.")
+    return "\n".join(lines) or "None."
+
+
+def _table(rows: Sequence[Row], names: Sequence[str], *, with_target: bool) -> str:
+    columns = ["nominal", "target", *names] if with_target else [*names, "RSS"]
+    lines = [f"| figure | {' | '.join(columns)} |", "| --- " * (len(columns) + 1) + "|"]
+    for row in rows:
+        marked = [f"**{_cell(row, name)}**" if name in row.exceeded else _cell(row, name) for name in names]
+        shown = [_number(row.nominal), _target(row), *marked] if with_target else [*marked, _number(row.rss)]
+        unit = f" [{row.figure.unit}]" if row.figure.unit else ""
+        lines.append(f"| {row.figure.what}{unit} | {' | '.join(shown)} |")
+    return "\n".join(lines)
+
+
+def _cell(row: Row, name: str) -> str:
+    return _number(row.moves[name]) if name in row.moves else ""
+
+
+def _lost(outcomes: Mapping[str, Results]) -> list[str]:
+    return [
+        f"* {variation}, {name}: {result['verdict']}"
+        for variation, runs in outcomes.items()
+        for name, result in runs.items()
+        if result["verdict"] != "ok"
+    ]
+
+
+def _print(rows: Sequence[Row]) -> None:
+    body = []
+    for row in rows:
+        cells = [_cell(row, name) + ("!" if name in row.exceeded else "") for name in SOURCES]
+        body.append([f"{row.figure.what} [{row.figure.unit}]", _number(row.nominal), _target(row), *cells, _number(row.rss)])
+    table("Largest move by source; ! beyond the margin to the target", ["figure", "nominal", "target", *SOURCES, "RSS"], body)
+
+
+def _target(row: Row) -> str:
+    return "–" if row.figure.target is None else f"{'≥' if row.figure.at_least else '≤'} {row.figure.target:g}"
+
+
+def _number(value: float | None) -> str:
+    return (
+        "–" if value is None else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.2g}" if abs(value) < 1.0 else f"{value:.3g}"
+    )
+
+
+if __name__ == "__main__":
+    main()
