@@ -22,7 +22,7 @@ class Plant(Protocol):
         """Step the simulation, or wait, until the mission clock shows ``until_s``."""
 
     def read(self) -> Sequence[Reading]:
-        """Return every sample since the last call, in time order."""
+        """Return every sample that arrived since the last call, each kind in the order of its stamps; a camera's arrive late."""
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
         """Send commands; they hold until the next call. Without one the arm stands; a chair without an arm has none to move."""
@@ -63,6 +63,11 @@ class Truth:
     """Of the payload's centre of mass in W, level: what comfort is judged by."""
     passenger_z_m: float
     """The same, height."""
+    left_force_n: float = 0.0
+    """Traction of the belt, forward positive, mean over the last tick."""
+    right_force_n: float = 0.0
+    power_w: float = 0.0
+    """Electric power drawn from the battery, its own loss included."""
 
 
 @runtime_checkable

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.devices import kernels
 from treadline.devices.imu import IMUS, Imu
+from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass, payload_place
 from treadline.mechanics.staircase import Staircase
@@ -49,6 +50,10 @@ class ChairState:
     arm_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
     """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+    traction_n: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
+    """Force of the stair on each belt along it, forward [N], mean over the last tick; zero where a simulator does not tell it."""
+    power_w: float = 0.0
+    """Drawn from the battery."""
 
     @property
     def t_s(self) -> float:
@@ -63,6 +68,8 @@ class Streams:
     imu: np.random.Generator
     seat: np.random.Generator
     arm: np.random.Generator
+    link: np.random.Generator
+    """Latency and loss of the camera's readings."""
 
 
 Look = Callable[[ChairState], Sequence[Reading]]
@@ -77,6 +84,8 @@ class Instruments:
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
+        self._link = CameraLink(scenario.realism, streams.link)
+        self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
         self._R_SW, self._p_WS = np.ascontiguousarray(staircase.R_WS.T), staircase.p_WS
         self._nosings_W = staircase.nosings_W
         self._velocity_W = np.zeros(3)
@@ -88,6 +97,7 @@ class Instruments:
         """Forget what came before."""
         self._velocity_W = velocity_W
         self._ticks = 0
+        self._link.clear()
 
     def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
         """Return what the sensors say at a tick, and the truth.
@@ -100,12 +110,14 @@ class Instruments:
         pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
         readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
         right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
-        readings.append(TrackReading(t_s=t_s, left_m_s=truth.left_m_s, right_m_s=right_m_s, brake_on=state.brake_on))
+        left, right = (encoder.speed_m_s(v) for encoder, v in zip(self._encoders, (truth.left_m_s, right_m_s), strict=True))
+        readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
         if self._chair.arm is not None:
             torque = state.arm_torque_n_m + ARM_TORQUE_NOISE_N_M * float(self._streams.arm.standard_normal())
             readings.append(ArmReading(t_s=t_s, angle_rad=state.arm_rad, torque_n_m=torque))
-        if state.tick % CAMERA_TICKS == 0:
-            readings.extend(self._look(state))
+        if state.tick % CAMERA_TICKS == 0 and not self._link.is_dropped():
+            self._link.send(state.tick, self._look(state))
+        readings.extend(self._link.arrived(state.tick))
         return readings, truth
 
     def _imu_sample(self, state: ChairState) -> ImuSample:
@@ -151,6 +163,9 @@ class Instruments:
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
             passenger_x_m=float(passenger_W[0]),
             passenger_z_m=float(passenger_W[2]),
+            left_force_n=float(state.traction_n[0]),
+            right_force_n=float(state.traction_n[1]),
+            power_w=state.power_w,
         )
 
 

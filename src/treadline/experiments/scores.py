@@ -75,6 +75,12 @@ class Scores:
     """Largest acceleration of the passenger, level and upright together, as a mean over 50 ms."""
     passenger_jerk_m_s3: float
     """99th percentile of how fast that changes: it is a jolt that lasts, not one sample's noise."""
+    energy_wh: float
+    """Drawn from the battery for the belts, its own loss included; zero for a chair without [motor]."""
+    peak_power_w: float
+    """Largest power drawn from the battery in a tick."""
+    max_belt_force_n: float
+    """Largest traction of one belt, either way, as a mean over 50 ms."""
     phases: tuple[tuple[float, str], ...]
     """When each phase began."""
 
@@ -101,6 +107,9 @@ UNMOVED = Scores(
     aligned_max_heading_deg=None,
     passenger_max_m_s2=0.0,
     passenger_jerk_m_s3=0.0,
+    energy_wh=0.0,
+    peak_power_w=0.0,
+    max_belt_force_n=0.0,
     phases=(),
 )
 
@@ -138,6 +147,9 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
         passenger_max_m_s2=peak,
         passenger_jerk_m_s3=jerk,
+        energy_wh=float(trace["power_w"].sum()) * TICK_S / 3600.0,
+        peak_power_w=float(trace["power_w"].max()),
+        max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
 

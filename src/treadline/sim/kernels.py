@@ -9,7 +9,22 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, SEAT_ANGLE, STROKE, act, rotation
+from treadline.devices.kernels import (
+    ARM_LOST,
+    ARM_RATE,
+    ARM_TARGET,
+    BRAKED,
+    POWER_CUT,
+    SEAT_ANGLE,
+    STALLED,
+    STROKE,
+    act,
+    rotation,
+)
+from treadline.devices.motor_kernels import CHARGE, limit_belts
+from treadline.devices.motor_kernels import POWER as ELECTRIC_POWER
+from treadline.devices.motor_kernels import TRACTION as CONTACT_FORCE
+from treadline.sim.traction_kernels import add_traction
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -29,7 +44,8 @@ SUBSTEPS = 5
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
-COLUMNS = 35
+TRACTION, POWER = 35, 37
+COLUMNS = 38
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
@@ -124,6 +140,7 @@ def judge(warnings, log, room):
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
+    belt_side, force_pointer, motor, electric,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -140,10 +157,21 @@ def advance(
             damping of a lost motor, the joint's own damping; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
+        belt_side: of each geom: 0 left, 1 right, -1 no belt.
+        force_pointer: word of mjData that points to the constraint forces.
+        motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
+        electric: their state, likewise; changed in place.
     """
+    traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     for k in range(ticks):
+        before = (state[0], state[1])
         act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
+        if motor.shape[0] > 0:
+            held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
+            limit_belts(before, state[:2], held, motor, electric)
+            if electric[CHARGE] == 0.0:
+                state[POWER_CUT] = 1.0  # an empty battery lets the brakes fall in
         for side in range(2):
             actual = state[side] * (1.0 + mismatch[side])
             for j in range(3):
@@ -156,6 +184,7 @@ def advance(
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
+        traction[:] = 0.0
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -173,8 +202,12 @@ def advance(
             _actuate(model, data)
             _accelerate(model, data)
             _solve(model, data)
+            add_traction(count[0], real, whole, layout, belt_side, chair_y, force_pointer, traction)
             _integrate(model, data)
 
+        traction /= SUBSTEPS
+        row[TRACTION : TRACTION + 2] = traction
+        row[POWER] = electric[ELECTRIC_POWER]
         row[QPOS : QPOS + 8] = qpos[:8]
         row[QVEL : QVEL + 7] = qvel[:7]
         row[BELTS] = state[0] * (1.0 + mismatch[0])

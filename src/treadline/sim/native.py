@@ -36,6 +36,8 @@ class ContactLayout:
     friction: int
     surfacevel: int
     geom: int
+    efc_address: int
+    """Of a contact's first row among the constraints, -1 without one."""
 
 
 def _library() -> str:
@@ -93,6 +95,7 @@ def contact_layout() -> ContactLayout:
         friction=offset("friction"),
         surfacevel=offset("surfacevel"),
         geom=offset("geom"),
+        efc_address=offset("efc_address"),
     )
 
 
@@ -105,3 +108,34 @@ def contact_list(data: mujoco.MjData) -> int:
     if data.ncon == 0:
         raise SimulationDiverged("the chair touches nothing at its start; check [start] and the staircase")
     return int(data.contact.dist.__array_interface__["data"][0])
+
+
+POINTERS = ("efc_force", "efc_J", "efc_aref", "efc_R", "qacc")
+POINTER_WORDS = 200
+"""Words of mjData after its energies that are searched: 181 reach the last pointer in MuJoCo 4.0."""
+
+
+@cache
+def pointer_offsets() -> dict[str, int]:
+    """Return the offsets [bytes] in mjData of ``POINTERS`` and of the count ``nefc``, measured: constraints move at every step.
+
+    Raises:
+        SimulationDiverged: If one cannot be measured without doubt.
+    """
+    model = mujoco.MjModel.from_xml_string(PROBE)
+    data = mujoco.MjData(model)
+    data.qpos[9] = 0.09
+    mujoco.mj_forward(model, data)
+    begin = data._address  # noqa: SLF001 - the binding's only way to the struct
+    start = int(data.energy.__array_interface__["data"][0])
+    words = np.frombuffer(ctypes.string_at(start, 8 * POINTER_WORDS), dtype=np.uint64)
+    # Four more counts follow that of the contacts: equalities, frictions, limits, and all constraints.
+    offsets = {"nefc": contact_layout().count_offset + 16}
+    counted = ctypes.c_int32.from_address(begin + offsets["nefc"]).value == data.nefc > 0
+    for name in POINTERS:
+        found = np.flatnonzero(words == getattr(data, name).__array_interface__["data"][0])
+        # Empty arrays before an array have its address, too; the arena's are all filled.
+        if found.size == 0 or (found.size > 1 and name != "qacc") or not counted:
+            raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: no unique place of {name} in mjData; use 3.11 to 4.0")
+        offsets[name] = start + 8 * int(found[-1]) - begin
+    return offsets

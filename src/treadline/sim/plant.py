@@ -28,7 +28,7 @@ from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
-from treadline.sim.native import contact_layout, contact_list, load_library
+from treadline.sim.native import contact_layout, contact_list, load_library, pointer_offsets
 from treadline.sim.scene import TIMESTEP_S, scene_xml
 
 SETTLE_S = 1.0
@@ -41,14 +41,14 @@ class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
-        streams = np.random.default_rng(seed).spawn(6)
+        streams = np.random.default_rng(seed).spawn(7)
         self._scenario = scenario
         self._chair = chair
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)
-        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
+        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5], link=streams[6])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
@@ -170,6 +170,8 @@ class MujocoPlant(InstrumentedPlant):
             if self._data.ncon > 0:
                 break
             mujoco.mj_step(self._model, self._data)
+        belt_side = np.full(self._model.ngeom, -1)
+        belt_side[self._belts] = [[0], [1]]
         base, data, model = contact_list(self._data), self._data, self._model
         self._memory = (
             np.uintp(model._address),  # noqa: SLF001 - the binding's only way to the struct
@@ -177,7 +179,7 @@ class MujocoPlant(InstrumentedPlant):
             _view(data._address + layout.count_offset, 1, 1, np.int32)[0],  # noqa: SLF001 - as above
             _view(base, CONTACTS_MAX, layout.stride // 8, np.float64),
             _view(base, CONTACTS_MAX, layout.stride // 4, np.int32),
-            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4]),
+            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4, layout.efc_address // 4]),
             self._is_belt,
             data.xmat[1],
             self._grip,
@@ -197,6 +199,10 @@ class MujocoPlant(InstrumentedPlant):
             data.qpos,
             data.qvel,
             data.warning.number,
+            belt_side,
+            _view(data._address + pointer_offsets()["efc_force"], 1, 1, np.uintp)[0],  # noqa: SLF001 - as above
+            self._drives.motor,
+            self._drives.electric,
         )
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
@@ -228,7 +234,7 @@ class MujocoPlant(InstrumentedPlant):
         row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
-        row[kernels.ROTATION :] = rotation_of(self._data.qpos[3:7]).ravel()
+        row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.arm is not None:
             row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
             row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
@@ -244,7 +250,7 @@ class MujocoPlant(InstrumentedPlant):
         return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
-            R_WB=row[kernels.ROTATION :].reshape(3, 3),
+            R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
             seat_rad=float(row[kernels.QPOS + 7]),
@@ -254,6 +260,8 @@ class MujocoPlant(InstrumentedPlant):
             arm_rad=float(row[kernels.ARM]),
             arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
+            traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
+            power_w=float(row[kernels.POWER]),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
