@@ -72,3 +72,26 @@ def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
     quaternion = np.array(forms[best])
     quaternion /= math.sqrt(float(quaternion @ quaternion))
     return quaternion if quaternion[0] >= 0.0 else -quaternion
+
+
+UP = np.array([0.0, 0.0, 1.0])
+UP.setflags(write=False)
+
+
+def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """Return the shortest turn, as a rotation vector, that points a force up."""
+    axis = np.cross(force, UP)
+    sine, cosine = float(np.linalg.norm(axis)), float(force @ UP)
+    if sine < 1e-12 * abs(cosine):
+        return np.array([0.0 if cosine > 0.0 else np.pi, 0.0, 0.0])
+    return axis * (np.arctan2(sine, cosine) / sine)
+
+
+def rotation_about(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation by a rotation vector: its length is the angle (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = vector / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)

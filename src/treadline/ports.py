@@ -23,7 +23,7 @@ class Plant(Protocol):
         """Step the simulation, or wait, until the mission clock shows ``until_s``."""
 
     def read(self) -> Sequence[Reading]:
-        """Return every sample since the last call, in time order."""
+        """Return every sample that arrived since the last call, each kind in the order of its stamps; a camera's arrive late."""
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
         """Send commands; they hold until the next call. Without one the arm stands; a chair without an arm has none to move."""
@@ -74,6 +74,11 @@ class Truth:
     """Residual of the contact forces (Signorini's condition), largest of the steps since the last tick; NaN where unknown."""
     hull_contacts: float = 0.0
     """Contacts of hull, seat and passenger with stair, walls and obstacles: 0 in a regular run."""
+    left_force_n: float = 0.0
+    """Traction of the belt, forward positive, mean over the last tick."""
+    right_force_n: float = 0.0
+    power_w: float = 0.0
+    """Electric power drawn from the battery, its own loss included."""
 
 
 @runtime_checkable

@@ -11,6 +11,7 @@ from treadline.chair_files import CHAIRS, chair_file
 from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.models import Reconstruct
+from treadline.realism import Realism
 from treadline.settings import Settings, parse_toml, settings_of
 from treadline.stair_settings import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverride
 from treadline.step_rules import step_problem
@@ -126,7 +127,7 @@ class Sensors(Settings):
     imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
     """Whose noise and bias it has."""
     gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Constant tilt of the IMU's idea of down, in a direction drawn from the seed."""
+    """Tilt error of a level chair's attitude by the bias of the accelerometer, in a direction drawn from the seed."""
 
 
 class Scenario(Settings):
@@ -140,6 +141,7 @@ class Scenario(Settings):
     sensors: Sensors = Sensors()
     step: tuple[StepOverride, ...] = ()
     operator: tuple[OperatorAct, ...] = ()
+    realism: Realism = Realism()
     fault: tuple[Fault, ...] = ()
 
     @model_validator(mode="after")

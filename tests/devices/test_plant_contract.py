@@ -15,6 +15,7 @@ from treadline.angles import DEG
 from treadline.errors import SimulationDiverged
 from treadline.gazebo import open_gazebo
 from treadline.ports import TruthPlant
+from treadline.realism import Realism
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.signals import (
     ArmCommand,
@@ -44,6 +45,7 @@ def started(request: pytest.FixtureRequest) -> Iterator[Opened]:
                 chair=Chair(belt_mismatch=mismatch),
                 start=Start(place="flight", step=6, heading_deg=heading_deg),
                 control=Control(vision="truth"),
+                realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
             )
             plant: TruthPlant = request.param(scenario, seed)
             stack.callback(plant.close)

@@ -23,6 +23,7 @@ from treadline.gazebo import Environment, GazeboPlant, find_environment, server
 from treadline.gazebo.world import world_sdf
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
+from treadline.realism import Realism
 from treadline.scenario import Control, Scenario, Sensors, Start
 from treadline.signals import RgbdFrame
 from treadline.sim import open_plant as open_mujoco
@@ -192,7 +193,8 @@ def test_two_simulators_are_compared_row_by_row() -> None:
 
 
 def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(tmp_path: Path) -> None:
-    scenario = Scenario(start=Start(place="flight", step=4), sensors=Sensors(camera="kinect1"))
+    prompt = Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0)
+    scenario = Scenario(start=Start(place="flight", step=4), sensors=Sensors(camera="kinect1"), realism=prompt)
     other, chair = open_mujoco(scenario, 3), read_chair("wheelchair")
     other.start()
     there = ChairState(

@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.devices import kernels
+from treadline.devices import kernels, motor_kernels
 from treadline.errors import MechanicsError, SettingsError, SimulationDiverged
-from treadline.mechanics.chair import Arm, ChairDescription
+from treadline.mechanics.chair import GRAVITY_M_S2, Arm, ChairDescription
 from treadline.mechanics.linkage import SeatLinkage
+from treadline.mechanics.loading import Loading
 from treadline.scenario import Scenario
 from treadline.signals import TICK_S, ArmCommand, SeatCommand, TrackCommand
 
@@ -47,6 +48,9 @@ class Drives:
         self.arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
         self.state = np.zeros(kernels.DRIVES)
         self.command = np.zeros(5)
+        self.motor = _motor_limits(scenario, chair)
+        self.electric = np.zeros(motor_kernels.ELECTRIC)
+        self._charge = scenario.realism.battery_charge
 
     def rest(self, seat_rad: float, arm_rad: float) -> None:
         """Stand still, with the seat and the arm at an angle.
@@ -59,6 +63,10 @@ class Drives:
         self.state[kernels.SEAT_ANGLE] = seat_rad
         self.state[kernels.ARM_TARGET] = arm_rad
         self.command[:] = 0.0
+        self.electric[:] = 0.0
+        self.electric[motor_kernels.CHARGE] = self._charge
+        if self.motor.size:
+            motor_kernels.draw(0.0, self.motor, self.electric)
 
     def _stroke(self, seat_rad: float) -> float:
         try:
@@ -94,3 +102,28 @@ def _arm_limits(arm: Arm) -> Float[np.ndarray, " n"]:
     low, high = (angle * DEG for angle in arm.range_deg)
     wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
     return np.array([low, high, arm.max_rate_deg_s * DEG, wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD])
+
+
+def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:
+    """Return motors, brakes and battery as the compiled loop takes them; empty where the belts follow at any load."""
+    motor, battery = chair.motor, chair.battery
+    if motor is None or battery is None or not scenario.realism.motor_limits:
+        return np.array([])
+    # Each belt carries half of the chair.
+    carried_kg = 0.5 * Loading(chair=chair, payload_kg=scenario.chair.payload_kg).weight_n / GRAVITY_M_S2
+    return np.array(
+        [
+            motor.peak_force_n,
+            motor.no_load_speed_m_s,
+            motor.continuous_force_n,
+            motor.thermal_time_s,
+            motor.moving_mass_kg,
+            carried_kg,
+            chair.drives.brake_hold_n,
+            motor.nominal_v,
+            battery.full_v,
+            battery.empty_v,
+            battery.resistance_ohm,
+            3600.0 * battery.capacity_wh,
+        ]
+    )

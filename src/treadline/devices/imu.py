@@ -2,7 +2,10 @@
 
 MPU-6050 figures: gyro noise 0.005 °/s/√Hz, bias a Gauss–Markov process of 0.005 °/s and 100 s, 0.02 °/s left after the
 bias was taken at rest, scale error 1 %. Track vibration of 0.3 °/s RMS while the belts move is an assumption; vibration is
-motion, so what is felt is the rate of an angle that stays within a hundredth of a degree (docs/decisions/0011).
+motion, so the measured rate is that of an angle that stays within a hundredth of a degree (docs/decisions/0011).
+
+The attitude is computed from those samples: a complementary filter levels the integrated gyro with the accelerometer, so that
+accelerations of the chair tilt it and a gyro bias turns its yaw (docs/realism.md). The ideal IMU alone reports the true attitude.
 """
 
 import cmath
@@ -12,8 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.angles import DEG, levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
 from treadline.devices import kernels
+from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import TICK_S, ImuSample
 
 
@@ -29,9 +33,9 @@ class ImuErrors:
     vibration_rad_s: float
     """RMS of the rate at which the chassis shakes while the belts move."""
     accelerometer_noise_m_s2: float
-    tilt_noise_rad: float
-    """Of the attitude filter, correlated over ``tilt_time_s``."""
-    tilt_time_s: float = 1.0
+    attitude_time_s: float | None = 2.0
+    """Time constant of the attitude filter, from gyro to accelerometer; None: the true attitude. As ``estimation.tilt``: longer
+    than a step's jolt, shorter than the time in which a gyro bias of 0.05 °/s turns 0.1°."""
     vibration_hz: float = 8.0
     """Cleats 25 mm apart at 0.2 m/s."""
     vibration_damping: float = 0.15
@@ -45,7 +49,6 @@ MPU6050 = ImuErrors(
     scale=0.01,
     vibration_rad_s=0.3 * DEG,
     accelerometer_noise_m_s2=0.03,
-    tilt_noise_rad=0.05 * DEG,
 )
 IMUS = {
     "mpu6050": MPU6050,
@@ -58,9 +61,13 @@ IMUS = {
         scale=0.0,
         vibration_rad_s=0.0,
         accelerometer_noise_m_s2=0.0,
-        tilt_noise_rad=0.0,
+        attitude_time_s=None,
     ),
 }
+
+
+ALIGNMENT_TICKS = 100
+"""Samples at rest from which the attitude filter takes its first tilt."""
 
 
 class Imu:
@@ -74,11 +81,21 @@ class Imu:
         self._bias_left = errors.bias_left_rad_s * draw[:3]
         self._memory[kernels.BIAS : kernels.BIAS + 3] = errors.bias_wander_rad_s * draw[3:6]
         self._scale = 1.0 + errors.scale * (2.0 * rng.random(3) - 1.0)
-        self._memory[kernels.YAW] = rng.uniform(-math.pi, math.pi)
+        self._yaw_rad = rng.uniform(-math.pi, math.pi)
         direction = float(rng.uniform(-math.pi, math.pi))
-        tilt = gravity_error_rad
-        self._R_tilt = rotation_x(tilt * math.cos(direction)) @ rotation_y(tilt * math.sin(direction))
-        self._memory[kernels.TILT : kernels.TILT + 2] = errors.tilt_noise_rad * draw[6:8]
+        error = math.tan(gravity_error_rad) * GRAVITY_M_S2
+        # Across the chair's z axis, so that a level chair is measured to be tilted by the gravity error.
+        self._force_bias = error * np.array([math.cos(direction), math.sin(direction), 0.0])
+        self._alignment_rad = errors.accelerometer_noise_m_s2 / math.sqrt(ALIGNMENT_TICKS) / GRAVITY_M_S2 * draw[6:8]
+        self._is_aligned = False
+
+    def _align(self, R_WB: Float[np.ndarray, "3 3"]) -> None:
+        """Start the attitude filter: tilt from the mean specific force of a chair at rest, yaw from an arbitrary zero."""
+        force = R_WB[2] * GRAVITY_M_S2 + self._force_bias
+        noise = rotation_x(float(self._alignment_rad[0])) @ rotation_y(float(self._alignment_rad[1]))
+        R = noise @ rotation_about(levelling(R_WB @ force)) @ R_WB
+        self._memory[kernels.ATTITUDE : kernels.ATTITUDE + 4] = quaternion_of(rotation_z(self._yaw_rad) @ R)
+        self._is_aligned = True
 
     def sample(
         self,
@@ -90,6 +107,8 @@ class Imu:
         moving: bool,
     ) -> ImuSample:
         """Return the sample of one instant."""
+        if not self._is_aligned:
+            self._align(R_WB)
         orientation, rate, force = kernels.imu_sample(
             self._rng.standard_normal(kernels.DRAWS),
             R_WB,
@@ -99,7 +118,7 @@ class Imu:
             self._figures,
             self._scale,
             self._bias_left,
-            self._R_tilt,
+            self._force_bias,
             self._memory,
         )
         return ImuSample(t_s=t_s, orientation=orientation, angular_velocity_rad_s=rate, linear_acceleration_m_s2=force)
@@ -108,12 +127,9 @@ class Imu:
 def _figures(errors: ImuErrors) -> Float[np.ndarray, " n"]:
     """Return a data sheet's figures per tick, as the compiled sample takes them."""
     figures = np.empty(kernels.FIGURES)
-    for kept, added, time_s, sigma in (
-        (kernels.BIAS_KEPT, kernels.BIAS_ADDED, errors.bias_time_s, errors.bias_wander_rad_s),
-        (kernels.TILT_KEPT, kernels.TILT_ADDED, errors.tilt_time_s, errors.tilt_noise_rad),
-    ):
-        keep = math.exp(-TICK_S / time_s)
-        figures[kept], figures[added] = keep, sigma * math.sqrt(1.0 - keep * keep)
+    keep = math.exp(-TICK_S / errors.bias_time_s)
+    figures[kernels.BIAS_KEPT], figures[kernels.BIAS_ADDED] = keep, errors.bias_wander_rad_s * math.sqrt(1.0 - keep * keep)
+    figures[kernels.FORCE_SHARE] = 0.0 if errors.attitude_time_s is None else TICK_S / errors.attitude_time_s
     figures[kernels.GYRO_NOISE] = errors.gyro_noise_rad_s_rthz * math.sqrt(0.5 / TICK_S)
     figures[kernels.FORCE_NOISE] = errors.accelerometer_noise_m_s2
     # The chassis shakes as a damped resonance that the belts drive.

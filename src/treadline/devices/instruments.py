@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.devices import kernels
 from treadline.devices.imu import IMUS, Imu
+from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass, payload_place
 from treadline.mechanics.staircase import Staircase
@@ -58,6 +59,10 @@ class ChairState:
     contact_residual_m_s2: float = math.nan
     hull_contacts: int = 0
     """Most contacts of hull, seat and passenger at once since the last tick; always 0 where the simulator lets them pass."""
+    traction_n: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
+    """Force of the stair on each belt along it, forward [N], mean over the last tick; zero where a simulator does not tell it."""
+    power_w: float = 0.0
+    """Drawn from the battery."""
 
     @property
     def t_s(self) -> float:
@@ -72,6 +77,8 @@ class Streams:
     imu: np.random.Generator
     seat: np.random.Generator
     arm: np.random.Generator
+    link: np.random.Generator
+    """Latency and loss of the camera's readings."""
 
 
 Look = Callable[[ChairState], Sequence[Reading]]
@@ -89,6 +96,8 @@ class Instruments:
         self._look = look
         frames = [staircase.stair_frame(k) for k in range(staircase.flight_count)]
         self._frames = [(np.ascontiguousarray(R_WS.T), p_WS, along_m) for R_WS, p_WS, along_m in frames]
+        self._link = CameraLink(scenario.realism, streams.link)
+        self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
         self._nosings_W = staircase.nosings_W
         self._surfaces = staircase.surfaces
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
@@ -109,6 +118,7 @@ class Instruments:
         """Forget what came before."""
         self._velocity_W = velocity_W
         self._ticks = 0
+        self._link.clear()
 
     def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
         """Return what the sensors say at a tick, and the truth.
@@ -121,12 +131,14 @@ class Instruments:
         pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
         readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
         right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
-        readings.append(TrackReading(t_s=t_s, left_m_s=truth.left_m_s, right_m_s=right_m_s, brake_on=state.brake_on))
+        left, right = (encoder.speed_m_s(v) for encoder, v in zip(self._encoders, (truth.left_m_s, right_m_s), strict=True))
+        readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
         if self._chair.arm is not None:
             torque = state.arm_torque_n_m + ARM_TORQUE_NOISE_N_M * float(self._streams.arm.standard_normal())
             readings.append(ArmReading(t_s=t_s, angle_rad=state.arm_rad, torque_n_m=torque))
-        if state.tick % CAMERA_TICKS == 0:
-            readings.extend(self._look(state))
+        if state.tick % CAMERA_TICKS == 0 and not self._link.is_dropped():
+            self._link.send(state.tick, self._look(state))
+        readings.extend(self._link.arrived(state.tick))
         return readings, truth
 
     def _imu_sample(self, state: ChairState) -> ImuSample:
@@ -206,6 +218,9 @@ class Instruments:
             airborne_share=state.airborne_share,
             contact_residual_m_s2=state.contact_residual_m_s2,
             hull_contacts=float(state.hull_contacts),
+            left_force_n=float(state.traction_n[0]),
+            right_force_n=float(state.traction_n[1]),
+            power_w=state.power_w,
         )
 
 

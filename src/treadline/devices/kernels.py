@@ -21,15 +21,18 @@ STALLED, POWER_CUT, SEAT_STUCK, ARM_STUCK = 6, 8, 9, 10
 SEAT_ANGLE, ARM_RATE, BRAKED = 11, 12, 13
 DRIVES = 14
 
-# An IMU's figures per tick: how much of its bias stays and how much is added; the same of its tilt; noise of the gyro and of the
-# accelerometer; the turn of the shaking chassis, as a complex number, and the belts' push.
-BIAS_KEPT, BIAS_ADDED, TILT_KEPT, TILT_ADDED, GYRO_NOISE, FORCE_NOISE, SHAKE_TURN, SHAKE_PUSH = 0, 1, 2, 3, 4, 5, 6, 8
-FIGURES = 9
-# What it remembers: bias, error of its yaw, its tilt about x and y, the shaking angles and their quadrature.
-BIAS, YAW, TILT, ANGLE, QUADRATURE = 0, 3, 4, 6, 9
-MEMORY = 12
-DRAWS = 17
-"""Normal numbers that a sample takes."""
+# An IMU's figures per tick: how much of its bias stays and how much is added; weight of the accelerometer in the attitude filter,
+# zero for an attitude without error; noise of the gyro and of the accelerometer; the turn of the shaking chassis, as a complex
+# number, and the belts' push.
+BIAS_KEPT, BIAS_ADDED, FORCE_SHARE, GYRO_NOISE, FORCE_NOISE, SHAKE_TURN, SHAKE_PUSH = 0, 1, 2, 3, 4, 5, 7
+FIGURES = 8
+# Its memory: gyro bias, the gyro's last sample, the filter's attitude (w, x, y, z), the shaking angles and their quadrature.
+BIAS, LAST_RATE, ATTITUDE, ANGLE, QUADRATURE = 0, 3, 6, 10, 13
+MEMORY = 16
+DRAWS = 15
+"""Normal numbers per sample."""
+AT_REST = 0.1
+"""Relative deviation of the specific force from g up to which the attitude filter uses it (as ``estimation.tilt``)."""
 
 
 @njit(cache=True)
@@ -95,16 +98,16 @@ def act(command, drives, state, seat, angles, arm, arm_angle):
 
 @njit(cache=True)
 @no_type_check
-def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, R_tilt, memory):
-    """Return an IMU's orientation (w, x, y, z), angular velocity and specific force; its ``memory`` goes on by a tick.
+def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, force_bias, memory):
+    """Return an IMU's orientation (w, x, y, z), angular velocity and specific force; its ``memory`` advances by a tick.
 
     Args:
-        draw: Normal numbers: of the bias, gyro, shaking, accelerometer, tilt, and the shaking's quadrature.
+        draw: Normal numbers: gyro bias, gyro, shaking, accelerometer, and the shaking's quadrature.
         rate: True angular velocity in B; ``acceleration`` in W.
         moving: Whether the belts shake the chassis.
-        scale: Of each axis.
-        bias_left: What calibration has left.
-        R_tilt: Error of its idea of down.
+        scale: Gyro scale of each axis.
+        bias_left: Gyro bias that the calibration has left.
+        force_bias: Accelerometer bias.
     """
     measured, force = np.empty(3), np.empty(3)
     upward = np.array((acceleration[0], acceleration[1], acceleration[2] + GRAVITY_M_S2))
@@ -117,19 +120,67 @@ def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left
         memory[QUADRATURE + i] = fused(turn, aside, turn_aside * angle)
         if moving:
             memory[ANGLE + i] += figures[SHAKE_PUSH] * draw[6 + i]
-            memory[QUADRATURE + i] += figures[SHAKE_PUSH] * draw[14 + i]
+            memory[QUADRATURE + i] += figures[SHAKE_PUSH] * draw[12 + i]
         noise = figures[GYRO_NOISE] * draw[3 + i] + (memory[ANGLE + i] - angle) / TICK_S
         measured[i] = scale[i] * rate[i] + bias_left[i] + memory[BIAS + i] + noise
-        force[i] = dot(R_WB[:, i], upward) + figures[FORCE_NOISE] * draw[9 + i]
-    # The attitude's tilt is held by gravity; its yaw is what the gyro makes of it.
-    memory[YAW] += TICK_S * dot(R_WB[2], measured - rate)
-    for i in range(2):
-        memory[TILT + i] = figures[TILT_KEPT] * memory[TILT + i] + figures[TILT_ADDED] * draw[12 + i]
-    about_x, about_y = memory[TILT], memory[TILT + 1]
-    small = np.array(((1.0, 0.0, about_y), (0.0, 1.0, -about_x), (-about_y, about_x, 1.0)))
-    c, s = math.cos(memory[YAW]), math.sin(memory[YAW])
-    R_yaw = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
-    return quaternion(product(product(product(R_yaw, R_WB), R_tilt), small)), measured, force
+        force[i] = dot(R_WB[:, i], upward) + force_bias[i] + figures[FORCE_NOISE] * draw[9 + i]
+    attitude = memory[ATTITUDE : ATTITUDE + 4]
+    blend_attitude(attitude, memory[LAST_RATE : LAST_RATE + 3], measured, force, figures[FORCE_SHARE])
+    if figures[FORCE_SHARE] == 0.0:
+        exact = product(about_up(heading_of(attitude) - math.atan2(R_WB[1, 0], R_WB[0, 0])), R_WB)
+        attitude[:] = quaternion(exact)
+    return attitude.copy(), measured, force
+
+
+@njit(cache=True)
+@no_type_check
+def blend_attitude(attitude, last_rate, rate, force, share):
+    """Advance an attitude (w, x, y, z) by a tick: a complementary filter with the gain of Mahony's proportional term.
+
+    The mean of two gyro samples turns the attitude; the accelerometer then levels it by ``share`` of the angle between the
+    measured specific force and the vertical, while the force is within ``AT_REST`` of g.
+    """
+    half = 0.25 * TICK_S * (last_rate + rate)  # half of the angle: the mean rate times half a tick
+    last_rate[:] = rate
+    turned = compose(attitude, np.array((1.0, half[0], half[1], half[2])))
+    length = math.sqrt(dot(force, force))
+    if abs(length - GRAVITY_M_S2) < AT_REST * GRAVITY_M_S2:
+        turned /= math.sqrt(dot(turned, turned))
+        R = np.empty((3, 3))
+        rotation(turned[0], turned[1], turned[2], turned[3], R)
+        # The shortest turn that points the force up is about force × up.
+        x, y = dot(R[1], force) / length, -dot(R[0], force) / length
+        turned = compose(np.array((1.0, 0.5 * share * x, 0.5 * share * y, 0.0)), turned)
+    attitude[:] = turned / math.sqrt(dot(turned, turned))
+
+
+@njit(cache=True)
+@no_type_check
+def compose(p, q):
+    """Return the product of two quaternions (w, x, y, z)."""
+    return np.array(
+        (
+            p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+            p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+            p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+            p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+        )
+    )
+
+
+@njit(cache=True)
+@no_type_check
+def heading_of(q):
+    """Return the yaw of a quaternion (w, x, y, z): the direction of its x axis in the horizontal plane."""
+    return math.atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+
+
+@njit(cache=True)
+@no_type_check
+def about_up(angle):
+    """Return the rotation about the vertical."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
 
 
 @njit(cache=True)

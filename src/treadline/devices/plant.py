@@ -19,7 +19,7 @@ class InstrumentedPlant(ABC):
         self._truth: list[Truth] = []
 
     def read(self) -> Sequence[Reading]:
-        """Return the samples since the last call, in time order."""
+        """Return the samples that arrived since the last call; each kind in time order, camera readings later than their stamp."""
         self._sense()
         readings, self._readings = self._readings, []
         return readings

@@ -7,7 +7,7 @@ the gyro's alone: its zero is arbitrary and it drifts, which is all that an ``Im
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import quaternion_of, rotation_of
+from treadline.angles import levelling, quaternion_of, rotation_about, rotation_of
 from treadline.signals import ImuSample
 
 BLEND_S = 2.0
@@ -52,26 +52,3 @@ class Tilt:
         # Through the quaternion: rounding never makes it anything but a rotation.
         self._R_WB = rotation_of(orientation)
         return orientation
-
-
-UP = np.array([0.0, 0.0, 1.0])
-UP.setflags(write=False)
-
-
-def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """Return the shortest turn, as a rotation vector, that points a force up."""
-    axis = np.cross(force, UP)
-    sine, cosine = float(np.linalg.norm(axis)), float(force @ UP)
-    if sine < 1e-12 * abs(cosine):
-        return np.array([0.0 if cosine > 0.0 else np.pi, 0.0, 0.0])
-    return axis * (np.arctan2(sine, cosine) / sine)
-
-
-def rotation_about(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation by a rotation vector: its length is the angle (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)

@@ -102,6 +102,12 @@ class Scores:
     """Share of the ticks in which the residual of the contact forces exceeds 0.01 m/s²."""
     held_creep_mm_min: float | None
     """Creep of a held chair over the stair, from 2 s after the hold to the end; None if it was watched for less than 10 s then."""
+    energy_wh: float
+    """Drawn from the battery for the belts, its own loss included; zero for a chair without [motor]."""
+    peak_power_w: float
+    """Largest power drawn from the battery in a tick."""
+    max_belt_force_n: float
+    """Largest traction of one belt, either way, as a mean over 50 ms."""
     phases: tuple[tuple[float, str], ...]
     """When each phase began."""
 
@@ -136,6 +142,9 @@ UNMOVED = Scores(
     max_contact_force_share=None,
     unconverged_share=None,
     held_creep_mm_min=None,
+    energy_wh=0.0,
+    peak_power_w=0.0,
+    max_belt_force_n=0.0,
     phases=(),
 )
 
@@ -185,6 +194,9 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
         unconverged_share=_reported(trace["contact_residual_m_s2"] > RESIDUAL_M_S2, np.mean, trace["contact_residual_m_s2"]),
         held_creep_mm_min=None if held_s is None else creep(trace, held_s),
+        energy_wh=float(trace["power_w"].sum()) * TICK_S / 3600.0,
+        peak_power_w=float(trace["power_w"].max()),
+        max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
 

@@ -38,12 +38,12 @@ class GazeboPlant(InstrumentedPlant):
     """A chair, its stair and its sensors, in a gzserver of its own."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
-        streams = np.random.default_rng(seed).spawn(6)  # as the other simulator's: a seed means the same noise
+        streams = np.random.default_rng(seed).spawn(7)  # as the other simulator's: a seed means the same noise
         _refuse_what_gazebo_cannot(scenario)
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
-        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
+        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5], link=streams[6])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
         self._server: server.GazeboServer | None = None
         self._tick = 0

@@ -6,25 +6,48 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 import math
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from treadline.angles import DEG
 from treadline.chair_files import chair_file
 from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
-from treadline.signals import PinholeCamera
+from treadline.signals import TICK_S, PinholeCamera
 
 GRAVITY_M_S2 = 9.81
 EMPTY_SEAT_KG = 0.5
 """The seat's shell, which turns with the payload."""
 SWEPT_SPARE_M = 0.025
 """To either side of a chair: a thing there is in its way."""
+
+
+def _a_tick_or_more(lag_s: float) -> float:
+    """Return a lag that the drives can be integrated with."""
+    if lag_s < TICK_S:
+        raise ValueError(
+            f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
+            "tick, and a faster one cannot be told from none"
+        )
+    return lag_s
+
+
+def _above_zero(torque_n_m: float) -> float:
+    """Return a torque that a motor can have as its limit."""
+    if torque_n_m <= 0.0:
+        raise ValueError(
+            f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
+            "torque is no [arm] at all"
+        )
+    return torque_n_m
+
+
 # Bounds far beyond any chair, so that a slipped unit or digit shows.
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 Place = Annotated[float, Field(ge=-10.0, le=10.0)]
 Mass = Annotated[float, Field(gt=0.0, le=1000.0)]
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]
-Lag = Annotated[float, Field(gt=0.0, le=10.0)]
+Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
+Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Point = tuple[Place, Place, Place]
 Size = tuple[Length, Length, Length]
@@ -85,6 +108,33 @@ class Drives(Settings):
     """Force each belt's brake can hold."""
 
 
+class Motor(Settings):
+    """One belt's motor and gear: force at the belt falls linearly from stall to no load."""
+
+    peak_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Belt force at stall [N], at the nominal voltage."""
+    no_load_speed_m_s: Speed
+    """Belt speed without load [m/s], at the nominal voltage."""
+    continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Belt force that the motor gives for ever [N]; the limit once it is hot."""
+    thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
+    """Time constant of its heating."""
+    moving_mass_kg: Mass
+    """Inertia of rotor and gear as a mass at the belt, and the belt's own."""
+    nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+
+
+class Battery(Settings):
+    """The battery that feeds both motors."""
+
+    full_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+    """Open-circuit voltage, full; linear in the charge down to ``empty_v``."""
+    empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+    resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
+    """Internal, cables included."""
+    capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
+
+
 class Arm(Settings):
     """A motor on the front pulley's axis that turns the approach section: a variable angle of attack.
 
@@ -93,7 +143,7 @@ class Arm(Settings):
 
     range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
     """Lowest and highest angle against the flat run."""
-    torque_n_m: Annotated[float, Field(gt=0.0, le=1e4)]
+    torque_n_m: Torque
     """Largest torque of the motor, both sides together."""
     max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
@@ -137,6 +187,23 @@ class ChairDescription(Settings):
     """None: whatever mechanics allow."""
     arm: Arm | None = None
     """None: the approach section is fixed."""
+    motor: Motor | None = None
+    """Of each belt. None: belts follow their speeds at any load."""
+    battery: Battery | None = None
+    """Feeds the motors; needed with them."""
+
+    @model_validator(mode="after")
+    def _motors_have_a_battery(self) -> "ChairDescription":
+        if self.motor is None:
+            return self
+        if self.battery is None:
+            raise ValueError("a chair with a [motor] needs a [battery]: the motors' force depends on its voltage")
+        if self.motor.no_load_speed_m_s < self.drives.max_speed_m_s:
+            raise ValueError(
+                f"motor.no_load_speed_m_s is {self.motor.no_load_speed_m_s:g}, below drives.max_speed_m_s of "
+                f"{self.drives.max_speed_m_s:g}: the motor never reaches that speed"
+            )
+        return self
 
     @model_validator(mode="after")
     def _the_arm_rests_within_its_range(self) -> "ChairDescription":

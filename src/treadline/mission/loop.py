@@ -13,6 +13,7 @@ diagram::
 The mission knows what sensors, the chair's file and the operator tell it, and nothing else.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -51,6 +52,8 @@ from treadline.signals import (
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | ArmCommand | Plan | Event
 """All that a run's log may hold, truth aside."""
 
+ATTITUDES = 50
+"""Remembered IMU samples: half a second, the longest camera latency a scenario may ask for."""
 DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
@@ -169,6 +172,7 @@ class Mission:
         self._proposals = Proposals(blocks.driver)
         self._estimate: HeadingEstimate | None = None
         self._imu: ImuSample | None = None
+        self._attitudes: deque[ImuSample] = deque(maxlen=ATTITUDES)
         self._phase = ""
         self._told = (0.0, 0.0)
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
@@ -218,6 +222,7 @@ class Mission:
         match reading:
             case ImuSample():
                 self._imu = reading
+                self._attitudes.append(reading)
                 self._estimate = blocks.estimator.step(reading)
                 blocks.planner.feel(reading)
             case TrackReading():
@@ -260,9 +265,11 @@ class Mission:
         self._blocks.planner.feel(stair_map)
 
     def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
-        if self._imu is None:
+        if not self._attitudes:
             return None
-        return np.asarray(frame.camera.R_BC.T @ (rotation_of(self._imu.orientation).T @ DOWN_W))
+        # A frame arrives late: gravity is that of its exposure, for the chair has rocked since.
+        exposed = min(reversed(self._attitudes), key=lambda sample: abs(sample.t_s - frame.t_s))
+        return np.asarray(frame.camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
 
     def _tell(self, tracks: TrackCommand, arm: ArmCommand | None, plan: Plan, *, proposed: bool) -> None:
         if self._estimate is not None:

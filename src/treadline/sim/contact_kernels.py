@@ -46,7 +46,7 @@ def _doubles_at(context, address):
 
 @njit(cache=True)
 @no_type_check
-def _doubles(pointer, size):
+def doubles(pointer, size):
     """Return the array that a pointer of ``mjData`` points to; read anew after each solve, for the arena moves."""
     return carray(_doubles_at(pointer[0]), size)
 
@@ -71,7 +71,7 @@ def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
 @no_type_check
 def normal_force(count, whole, address, pointers):
     """Return the sum of the contacts' normal forces after a solve [N]."""
-    force = _doubles(pointers[3], 3 * whole.shape[0])
+    force = doubles(pointers[3], 3 * whole.shape[0])
     total = 0.0
     for i in range(count):
         if whole[i, address] != EXCLUDED:
@@ -102,8 +102,8 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
     tolerance, max_solves = accuracy
     nv = acceleration.shape[0]
     rows = 3 * real.shape[0]
-    J, R = _doubles(pointers[0], rows * nv), _doubles(pointers[1], rows)
-    aref = force = _doubles(pointers[2], rows)
+    J, R = doubles(pointers[0], rows * nv), doubles(pointers[1], rows)
+    aref = force = doubles(pointers[2], rows)
     for i in range(count):
         row = whole[i, address]
         if row == EXCLUDED:
@@ -115,7 +115,7 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
     relaxation, before = 1.0, math.inf
     for solve in range(max_solves):
         _solve(model, data)
-        force = _doubles(pointers[3], rows)
+        force = doubles(pointers[3], rows)
         change = 0.0
         for i in range(count):
             row = whole[i, address]

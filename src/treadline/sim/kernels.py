@@ -9,8 +9,25 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, LEFT, RIGHT, SEAT_ANGLE, STROKE, act, rotation
+from treadline.devices.kernels import (
+    ARM_LOST,
+    ARM_RATE,
+    ARM_TARGET,
+    BRAKED,
+    LEFT,
+    POWER_CUT,
+    RIGHT,
+    SEAT_ANGLE,
+    STALLED,
+    STROKE,
+    act,
+    rotation,
+)
+from treadline.devices.motor_kernels import CHARGE, limit_belts
+from treadline.devices.motor_kernels import POWER as ELECTRIC_POWER
+from treadline.devices.motor_kernels import TRACTION as CONTACT_FORCE
 from treadline.sim.contact_kernels import normal_force, solve_contacts
+from treadline.sim.traction_kernels import add_traction
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -36,7 +53,8 @@ QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0
 RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
 HULL = 39
 """Most contacts of hull, seat and passenger in one of the tick's steps."""
-COLUMNS = 40
+TRACTION, POWER = 40, 42
+COLUMNS = 43
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
 # The arm comes after the rest, in a chair that has one.
@@ -183,6 +201,7 @@ def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
     sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
+    belt_side, motor, electric,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -207,12 +226,22 @@ def advance(
         seat_xmat: rotation of the seat in W, row by row.
         substeps: MuJoCo steps in a tick.
         accuracy: of the contact forces, as ``solve_contacts`` takes it.
+        belt_side: of each geom: 0 left, 1 right, -1 no belt.
+        motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
+        electric: their state, likewise; changed in place.
     """
+    traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
     fields = (friction, layout[4])
     for k in range(ticks):
+        before = (state[0], state[1])
         act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
+        if motor.shape[0] > 0:
+            held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
+            limit_belts(before, state[:2], held, motor, electric)
+            if electric[CHARGE] == 0.0:
+                state[POWER_CUT] = 1.0  # an empty battery lets the brakes fall in
         for side in range(2):
             actual = state[side] * (1.0 + mismatch[side])
             for j in range(3):
@@ -231,6 +260,7 @@ def advance(
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
         row[RESIDUAL] = row[UNCONVERGED] = row[FORCE_MAX] = row[AIRBORNE] = 0.0
         row[HULL] = 0.0
+        traction[:] = 0.0
         for _ in range(substeps):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
@@ -262,8 +292,12 @@ def advance(
             total = normal_force(count[0], whole, fields[1], pointers)
             row[FORCE_MAX] = max(row[FORCE_MAX], total)
             row[AIRBORNE] += total == 0.0
+            add_traction(count[0], real, whole, layout, belt_side, chair_y, pointers[3], traction)
             _integrate(model, data)
 
+        traction /= substeps
+        row[TRACTION : TRACTION + 2] = traction
+        row[POWER] = electric[ELECTRIC_POWER]
         row[QPOS : QPOS + 8] = qpos[:8]
         row[QVEL : QVEL + 7] = qvel[:7]
         row[BELTS] = state[0] * (1.0 + mismatch[0])

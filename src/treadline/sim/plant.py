@@ -44,7 +44,7 @@ class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
-        streams = np.random.default_rng(seed).spawn(6)
+        streams = np.random.default_rng(seed).spawn(7)
         self._scenario = scenario
         self._chair = chair
         self._physics = physics
@@ -52,7 +52,7 @@ class MujocoPlant(InstrumentedPlant):
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)
-        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5])
+        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5], link=streams[6])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
@@ -188,6 +188,8 @@ class MujocoPlant(InstrumentedPlant):
             if self._data.ncon > 0:
                 break
             mujoco.mj_step(self._model, self._data)
+        belt_side = np.full(self._model.ngeom, -1)
+        belt_side[self._belts] = [[0], [1]]
         base, data, model = contact_list(self._data), self._data, self._model
         self._memory = (
             np.uintp(model._address),  # noqa: SLF001 - the binding's only way to the struct
@@ -229,6 +231,9 @@ class MujocoPlant(InstrumentedPlant):
             data.xmat[self._seat_body],
             self._physics.substeps,
             (self._physics.tolerance_m_s2, self._physics.max_solves),
+            belt_side,
+            self._drives.motor,
+            self._drives.electric,
         )
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
@@ -290,6 +295,8 @@ class MujocoPlant(InstrumentedPlant):
             airborne_share=float(row[kernels.AIRBORNE]) / self._physics.substeps,
             contact_residual_m_s2=float(row[kernels.RESIDUAL]),
             hull_contacts=int(row[kernels.HULL]),
+            traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
+            power_w=float(row[kernels.POWER]),
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
