@@ -32,8 +32,13 @@ class CameraLink:
         return bool(self._rng.random() < self._realism.camera_drop_rate)
 
     def send(self, tick: int, readings: Sequence[Reading]) -> None:
-        """Accept the readings of a frame exposed at a tick."""
+        """Accept the readings of a frame exposed at a tick.
+
+        The first frame, of ``t = 0``, arrives at once: the chair has stood at its start before, and its camera has run.
+        """
         latency_s = self._realism.camera_latency_s + self._realism.camera_jitter_s * float(self._rng.standard_normal())
+        if tick == 0:
+            latency_s = 0.0
         # A frame cannot arrive before its exposure, nor overtake the frame before it.
         self._last_due = max(tick + math.ceil(latency_s / TICK_S - 1e-9), tick, self._last_due)
         self._queue.append((self._last_due, readings))
