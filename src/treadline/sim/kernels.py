@@ -21,7 +21,7 @@ from treadline.devices.kernels import (
     act,
     rotation,
 )
-from treadline.devices.motor_kernels import CHARGE, limit_belts
+from treadline.devices.motor_kernels import CHARGE, limit_belts, limit_seat
 from treadline.devices.motor_kernels import POWER as ELECTRIC_POWER
 from treadline.devices.motor_kernels import TRACTION as CONTACT_FORCE
 from treadline.sim.traction_kernels import add_traction
@@ -140,7 +140,7 @@ def judge(warnings, log, room):
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, is_belt, xmat, grip, command, drives, mismatch, state, belts_of,
     surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
-    belt_side, force_pointer, motor, electric,
+    belt_side, force_pointer, motor, electric, actuator, force_range,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -154,13 +154,15 @@ def advance(
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
         arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
-            damping of a lost motor, the joint's own damping; empty for a chair without.
+            damping of a lost motor, the joint's own damping, torque at stall, rate without load; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
         belt_side: of each geom: 0 left, 1 right, -1 no belt.
         force_pointer: word of mjData that points to the constraint forces.
         motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
         electric: their state, likewise; changed in place.
+        actuator: of the seat, likewise; empty without limits.
+        force_range: of MuJoCo's actuators; changed in place.
     """
     traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
@@ -178,6 +180,9 @@ def advance(
                 surface_velocity[belts_of[side, j], 5] = actual / radius
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
+        if actuator.shape[0] > 0:
+            torque = limit_seat(qpos[7], state, seat, angles, actuator)
+            force_range[0, 0], force_range[0, 1] = -torque, torque
         control[0] = state[SEAT_ANGLE]
         if arm.shape[0] > 0:
             control[ARM_SERVO] = state[ARM_TARGET] + state[ARM_RATE] * arm[4]
@@ -188,6 +193,10 @@ def advance(
         for _ in range(SUBSTEPS):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
+            elif arm.shape[0] > 0:
+                share = qvel[ARM_QVEL] / arm[8]
+                force_range[ARM_SERVO, 0] = -arm[7] * min(max(1.0 + share, 0.0), 1.0)
+                force_range[ARM_SERVO, 1] = arm[7] * min(max(1.0 - share, 0.0), 1.0)
             _kinematics(model, data)
             _inertia(model, data)
             _factor(model, data)

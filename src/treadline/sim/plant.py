@@ -19,7 +19,7 @@ from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
-from treadline.mechanics.bodies import standing
+from treadline.mechanics.bodies import standing, vehicle
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Scenario
@@ -29,7 +29,7 @@ from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.native import contact_layout, contact_list, load_library, pointer_offsets
-from treadline.sim.scene import TIMESTEP_S, scene_xml
+from treadline.sim.scene import TIMESTEP_S, scene_xml, seat_stiffness
 
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
@@ -203,7 +203,17 @@ class MujocoPlant(InstrumentedPlant):
             _view(data._address + pointer_offsets()["efc_force"], 1, 1, np.uintp)[0],  # noqa: SLF001 - as above
             self._drives.motor,
             self._drives.electric,
+            self._seat_actuator(),
+            model.actuator_forcerange,
         )
+
+    def _seat_actuator(self) -> Float[np.ndarray, " n"]:
+        """Return the limits of the seat's actuator as the compiled loop takes them; empty where it follows at any load."""
+        seat = self._chair.seat
+        if seat.push_n is None or seat.no_load_m_s is None or seat.hold_n is None or not self._scenario.realism.motor_limits:
+            return np.array([])
+        stiffness, _ = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
+        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness])
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
         """Run the physics and look at what came of it.

@@ -18,7 +18,7 @@ def _double_at(_: Any, address: Any) -> Any:
     def cast(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
 
-    return types.CPointer(types.float64)(types.uintp), cast  # type: ignore[no-untyped-call]
+    return types.CPointer(types.float64)(types.uintp), cast
 
 
 @njit(cache=True)
