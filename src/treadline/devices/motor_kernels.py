@@ -40,8 +40,9 @@ MOTOR = 12
 TRACTION, OLD_TRACTION, FORCE, CHANGE, OLD_CHANGE, HEAT = 0, 2, 4, 6, 8, 10
 POWER, VOLTAGE, CHARGE, ENERGY_J, WORK_J = 12, 13, 14, 15, 16
 ELECTRIC = 17
-# Constants of the seat's actuator: force at stall, rate without load, force that it holds, stiffness of the seat on it.
-PUSH, RATE, HOLD, STIFFNESS = 0, 1, 2, 3
+# Constants of the seat's actuator: force at stall, rate without load, force that it holds; stiffness of the seat on it, and damping
+# over stiffness.
+PUSH, RATE, HOLD, STIFFNESS, DAMPING_S = 0, 1, 2, 3, 4
 STANDS_M_S = 1e-4
 """Rate below which the seat's actuator counts as standing: its screw holds."""
 LOCKED = 16.0
@@ -125,11 +126,11 @@ def draw(power, motor, electric):
 
 @njit(cache=True)
 @no_type_check
-def limit_seat(actual, state, seat, angles, actuator):
-    """Return the torque that the seat's actuator has now, and let its stroke yield to what exceeds it; ``state`` is changed in place.
+def limit_seat(actual, turning, state, seat, angles, actuator):
+    """Return the torque that the seat's actuator has now, and let its stroke yield to more; ``state`` is changed in place.
 
     Args:
-        actual: the seat's angle.
+        actual: the seat's angle; ``turning``: its rate.
         state: of the drives, rows as in ``devices.kernels``.
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
@@ -143,7 +144,9 @@ def limit_seat(actual, state, seat, angles, actuator):
     slope = (higher - lower) / (2.0 * step)
     # Virtual work: force times stroke is torque times angle. At an end of the table the slope is half, or none.
     torque = force / max(abs(slope), 1e-3)
-    target = min(max(state[SEAT_ANGLE], actual - torque / actuator[STIFFNESS]), actual + torque / actuator[STIFFNESS])
+    # The servo's torque is stiffness times deflection less damping times rate.
+    free, most = actual + actuator[DAMPING_S] * turning, torque / actuator[STIFFNESS]
+    target = min(max(state[SEAT_ANGLE], free - most), free + most)
     if target != state[SEAT_ANGLE]:
         state[STROKE] = min(max(state[STROKE] + (target - state[SEAT_ANGLE]) / slope, seat[0]), seat[1])
         state[SEAT_ANGLE] = target

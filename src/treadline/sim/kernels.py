@@ -181,7 +181,7 @@ def advance(
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
         if actuator.shape[0] > 0:
-            torque = limit_seat(qpos[7], state, seat, angles, actuator)
+            torque = limit_seat(qpos[7], qvel[6], state, seat, angles, actuator)
             force_range[0, 0], force_range[0, 1] = -torque, torque
         control[0] = state[SEAT_ANGLE]
         if arm.shape[0] > 0:

@@ -212,8 +212,9 @@ class MujocoPlant(InstrumentedPlant):
         seat = self._chair.seat
         if seat.push_n is None or seat.no_load_m_s is None or seat.hold_n is None or not self._scenario.realism.motor_limits:
             return np.array([])
-        stiffness, _ = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
-        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness])
+        self._model.actuator_forcelimited[0] = True
+        stiffness, damping = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
+        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness])
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, " 2"]) -> None:
         """Run the physics and look at what came of it.

@@ -78,7 +78,7 @@ def _scene(
         (header.replace("  </default>\n", DRAWN + "  </default>\n") if drawn else header)
         + f"  <worldbody>\n{world}\n  </worldbody>\n"
         + "  <actuator>\n"
-        + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}" forcerange="-1e6 1e6"/>\n'
+        + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
         + ("" if arm is None else _arm_servo(arm))
         + "  </actuator>\n</mujoco>\n"
     )
