@@ -13,7 +13,7 @@ from treadline.mechanics.loading import Loading
 from treadline.ports import Truth
 from treadline.realism import Realism
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.signals import SeatCommand, TrackCommand
+from treadline.signals import ArmCommand, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant
 
@@ -215,3 +215,57 @@ def test_an_empty_battery_lets_the_brakes_fall_in() -> None:
     assert column(truth, "left_m_s").max() > 0.1
     assert truth[-1].left_m_s == 0.0
     assert abs(truth[-1].x_m - truth[-20].x_m) < 0.001
+
+
+def seat_after(seconds: float, *, rate: float, **seat: float) -> tuple[float, float, MujocoPlant]:
+    """Return the seat's angle [deg] before and after its actuator is driven at a rate, a passenger of 120 kg sitting 0.3 m back."""
+    chair = CHAIR.model_copy(update={"seat": CHAIR.seat.model_copy(update=seat)})
+    scenario = Scenario(
+        stair=Stair(walls="none"),
+        chair=Chair(payload_kg=120.0, payload_offset_m=(-0.3, 0.0, 0.0)),
+        start=Start(place="floor"),
+        control=Control(vision="truth"),
+    )
+    plant = open_plant(scenario, 0, chair=chair)
+    plant.start()
+    before = float(plant._data.qpos[7]) / DEG
+    plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=rate))
+    plant.advance(seconds)
+    return before, float(plant._data.qpos[7]) / DEG, plant
+
+
+def test_a_seat_actuator_lifts_what_its_force_can_and_no_more() -> None:
+    # 120 kg at 0.3 m is 353 N·m about the hinge: some 1.8 kN at a lever of 0.2 m. 3 kN lift that both ways, 0.5 kN neither.
+    moved = [abs(np.diff(seat_after(1.0, rate=rate)[:2])[0]) for rate in (0.03, -0.03)]
+    assert min(moved) > 5.0 or max(moved) > 5.0
+    up, down = (np.diff(seat_after(1.0, rate=rate, push_n=500.0)[:2])[0] for rate in (0.03, -0.03))
+    # Both are carried where the load goes.
+    assert np.sign(up) == np.sign(down)
+
+
+def test_a_screw_that_is_too_weak_lets_the_seat_sink_and_the_shipped_one_holds() -> None:
+    before, after, _ = seat_after(1.0, rate=0.0)
+    # The servo's own compliance is in both: the chair rests before t = 0.
+    assert after == pytest.approx(before, abs=0.05)
+    before, after, _ = seat_after(1.0, rate=0.0, hold_n=300.0)
+    # It sank already while the chair came to rest; what is left is at the end of its stroke.
+    _, strong, _ = seat_after(0.1, rate=0.0)
+    assert abs(after - strong) > 3.0
+
+
+def test_a_flipper_motor_loses_its_torque_with_speed() -> None:
+    assert CHAIR.arm is not None
+    peaks = []
+    for no_load in (60.0, None):
+        chair = CHAIR.model_copy(update={"arm": CHAIR.arm.model_copy(update={"no_load_deg_s": no_load})})
+        plant = open_plant(Scenario(stair=Stair(walls="none"), control=Control(vision="truth")), 0, chair=chair)
+        plant.start()
+        # Raised in the air: 30 °/s is half of the rate without load.
+        for tick in range(1, 61):
+            plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0), ArmCommand(t_s=0.0, rate_rad_s=30.0 * DEG))
+            plant.advance(tick * 0.01)
+        peaks.append(float(plant._model.actuator_forcerange[1, 1]))
+        assert plant._data.qvel[7] > 0.0
+    # The range narrows by speed over the rate without load; it is that of the last 2 ms.
+    assert peaks[1] == pytest.approx(200.0)
+    assert 80.0 < peaks[0] < 190.0

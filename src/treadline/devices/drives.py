@@ -45,7 +45,7 @@ class Drives:
         strokes = np.linspace(low, high, TABLE_SIZE)
         self.seat = np.array([low, high, strokes[1] - strokes[0]])
         self.angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
-        self.arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm)
+        self.arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm, limited=scenario.realism.motor_limits)
         self.state = np.zeros(kernels.DRIVES)
         self.command = np.zeros(5)
         self.motor = _motor_limits(scenario, chair)
@@ -97,11 +97,13 @@ class Drives:
         return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
 
 
-def _arm_limits(arm: Arm) -> Float[np.ndarray, " n"]:
+def _arm_limits(arm: Arm, *, limited: bool) -> Float[np.ndarray, " n"]:
     """Return the arm's numbers as the compiled loop takes them."""
     low, high = (angle * DEG for angle in arm.range_deg)
     wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
-    return np.array([low, high, arm.max_rate_deg_s * DEG, wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD])
+    no_load = arm.no_load_deg_s * DEG if limited and arm.no_load_deg_s is not None else math.inf
+    servo = (wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD)
+    return np.array([low, high, arm.max_rate_deg_s * DEG, *servo, arm.torque_n_m, no_load])
 
 
 def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:

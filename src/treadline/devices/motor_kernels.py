@@ -27,6 +27,7 @@ from typing import no_type_check
 
 from numba import njit
 
+from treadline.devices.kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
 from treadline.signals import TICK_S
 
 # Constants of a chair's motors; an array without entries is a drive without limits.
@@ -39,6 +40,11 @@ MOTOR = 12
 TRACTION, OLD_TRACTION, FORCE, CHANGE, OLD_CHANGE, HEAT = 0, 2, 4, 6, 8, 10
 POWER, VOLTAGE, CHARGE, ENERGY_J, WORK_J = 12, 13, 14, 15, 16
 ELECTRIC = 17
+# Constants of the seat's actuator: force at stall, rate without load, force that it holds; stiffness of the seat on it, and damping
+# over stiffness.
+PUSH, RATE, HOLD, STIFFNESS, DAMPING_S = 0, 1, 2, 3, 4
+STANDS_M_S = 1e-4
+"""Rate below which the seat's actuator counts as standing: its screw holds."""
 LOCKED = 16.0
 """Inertia against a difference of the belts over that against their mean: 100 N yield by 1 mm/s per tick, a sixteenth of 63 kg."""
 
@@ -116,3 +122,32 @@ def draw(power, motor, electric):
     electric[ENERGY_J] += drawn_j
     electric[CHARGE] = max(electric[CHARGE] - drawn_j / motor[CAPACITY_J], 0.0)
     electric[VOLTAGE] = voltage
+
+
+@njit(cache=True)
+@no_type_check
+def limit_seat(actual, turning, state, seat, angles, actuator):
+    """Return the torque that the seat's actuator has now, and let its stroke yield to more; ``state`` is changed in place.
+
+    Args:
+        actual: the seat's angle; ``turning``: its rate.
+        state: of the drives, rows as in ``devices.kernels``.
+        seat: stroke's lower end, upper end, spacing of ``angles``.
+        angles: seat angle over the stroke.
+        actuator: constants as named above.
+    """
+    rate = abs(state[STROKE_RATE])
+    force = actuator[HOLD] if rate < STANDS_M_S else actuator[PUSH] * max(1.0 - rate / actuator[RATE], 0.0)
+    step = seat[2]
+    higher = table(state[STROKE] + step, seat[0], step, angles)
+    lower = table(state[STROKE] - step, seat[0], step, angles)
+    slope = (higher - lower) / (2.0 * step)
+    # Virtual work: force times stroke is torque times angle. At an end of the table the slope is half, or none.
+    torque = force / max(abs(slope), 1e-3)
+    # The servo's torque is stiffness times deflection less damping times rate.
+    free, most = actual + actuator[DAMPING_S] * turning, torque / actuator[STIFFNESS]
+    target = min(max(state[SEAT_ANGLE], free - most), free + most)
+    if target != state[SEAT_ANGLE]:
+        state[STROKE] = min(max(state[STROKE] + (target - state[SEAT_ANGLE]) / slope, seat[0]), seat[1])
+        state[SEAT_ANGLE] = target
+    return torque

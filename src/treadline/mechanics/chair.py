@@ -95,6 +95,23 @@ class Seat(Settings):
     max_rate_m_s: Speed
     lag_s: Lag
     """First-order lag of the actuator."""
+    push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
+    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: it follows at any load."""
+    no_load_m_s: Speed | None = None
+    hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
+    """Force that the actuator's screw holds while it stands [N]."""
+
+    @model_validator(mode="after")
+    def _a_limit_is_whole(self) -> "Seat":
+        given = [value is not None for value in (self.push_n, self.no_load_m_s, self.hold_n)]
+        if any(given) and not all(given):
+            raise ValueError("give push_n, no_load_m_s and hold_n together, or none: they are one actuator")
+        if self.no_load_m_s is not None and self.no_load_m_s < self.max_rate_m_s:
+            raise ValueError(
+                f"seat.no_load_m_s is {self.no_load_m_s:g}, below max_rate_m_s of {self.max_rate_m_s:g}: the actuator never "
+                "reaches that rate"
+            )
+        return self
 
 
 class Drives(Settings):
@@ -146,6 +163,8 @@ class Arm(Settings):
     torque_n_m: Torque
     """Largest torque of the motor, both sides together."""
     max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
+    no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
+    """Rate at which the motor has no torque left; its torque falls linearly to there. None: full torque at any rate."""
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
     """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
     mass_kg: Mass

@@ -23,7 +23,7 @@ from treadline.devices.kernels import (
     act,
     rotation,
 )
-from treadline.devices.motor_kernels import CHARGE, limit_belts
+from treadline.devices.motor_kernels import CHARGE, limit_belts, limit_seat
 from treadline.devices.motor_kernels import POWER as ELECTRIC_POWER
 from treadline.devices.motor_kernels import TRACTION as CONTACT_FORCE
 from treadline.sim.contact_kernels import normal_force, solve_contacts
@@ -201,7 +201,7 @@ def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
     sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
-    belt_side, motor, electric,
+    belt_side, motor, electric, actuator, force_range,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
 
@@ -217,7 +217,7 @@ def advance(
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
         arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
-            damping of a lost motor, the joint's own damping; empty for a chair without.
+            damping of a lost motor, the joint's own damping, torque at stall, rate without load; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
         sway: of the passenger, as ``move_payload`` takes it; empty for one who sits still.
@@ -229,6 +229,8 @@ def advance(
         belt_side: of each geom: 0 left, 1 right, -1 no belt.
         motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
         electric: their state, likewise; changed in place.
+        actuator: of the seat, likewise; empty without limits.
+        force_range: of MuJoCo's actuators; changed in place.
     """
     traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
@@ -249,9 +251,12 @@ def advance(
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
         # A braked chair holds by static friction, which MuJoCo regularises to a creep of millimetres a minute.
-        held = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
-        noslip[0] = NOSLIP_ITERATIONS if held else 0
-        softness = 0.0 if held else 1.0
+        stands = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
+        noslip[0] = NOSLIP_ITERATIONS if stands else 0
+        softness = 0.0 if stands else 1.0
+        if actuator.shape[0] > 0:
+            torque = limit_seat(qpos[7], qvel[6], state, seat, angles, actuator)
+            force_range[0, 0], force_range[0, 1] = -torque, torque
         control[0] = state[SEAT_ANGLE]
         if arm.shape[0] > 0:
             control[ARM_SERVO] = state[ARM_TARGET] + state[ARM_RATE] * arm[4]
@@ -264,6 +269,10 @@ def advance(
         for _ in range(substeps):
             if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
                 damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
+            elif arm.shape[0] > 0:
+                share = qvel[ARM_QVEL] / arm[8]
+                force_range[ARM_SERVO, 0] = -arm[7] * min(max(1.0 + share, 0.0), 1.0)
+                force_range[ARM_SERVO, 1] = arm[7] * min(max(1.0 - share, 0.0), 1.0)
             if sway.shape[0] > 0:
                 move_payload(sway, qvel, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)

@@ -20,7 +20,7 @@ from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
-from treadline.mechanics.bodies import standing
+from treadline.mechanics.bodies import standing, vehicle
 from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Chair, Scenario
@@ -32,7 +32,7 @@ from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.grip import friction_table, roughened
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.sim.physics import NOMINAL, Physics
-from treadline.sim.scene import scene_xml
+from treadline.sim.scene import scene_xml, seat_stiffness
 
 SETTLE_S = 1.0
 """Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
@@ -234,7 +234,18 @@ class MujocoPlant(InstrumentedPlant):
             belt_side,
             self._drives.motor,
             self._drives.electric,
+            self._seat_actuator(),
+            model.actuator_forcerange,
         )
+
+    def _seat_actuator(self) -> Float[np.ndarray, " n"]:
+        """Return the limits of the seat's actuator as the compiled loop takes them; empty where it follows at any load."""
+        seat = self._chair.seat
+        if seat.push_n is None or seat.no_load_m_s is None or seat.hold_n is None or not self._scenario.realism.motor_limits:
+            return np.array([])
+        self._model.actuator_forcelimited[0] = True
+        stiffness, damping = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
+        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness])
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
         """Run the physics and look at what came of it.
