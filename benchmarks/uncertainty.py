@@ -113,7 +113,7 @@ def markdown(rows: Sequence[Row], outcomes: Mapping[str, Results]) -> str:
     parts = [
         "# Uncertainty budget of the headline figures",
         f"{datetime.now(tz=UTC):%Y-%m-%d}, commit {(git_commit() or 'unknown')[:12]}: "
-        "`python benchmarks/uncertainty.py --publish` (nice, two workers; outcomes do not depend on their number).",
+        "`nice python benchmarks/uncertainty.py --workers 2 --publish`; outcomes do not depend on the number of workers.",
         METHOD.rstrip(),
         "## Figures that move by more than their margin\n\n" + _reading(rows),
         "## Numerics and seed\n\n" + _table(rows, FIRST, with_target=True),
