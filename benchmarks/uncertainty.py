@@ -16,7 +16,7 @@ from tables import table
 
 from treadline.experiments.budget_runs import QUICK, QUICK_RUNS, RUNS, WHOLE, BudgetJob
 from treadline.experiments.pool import run_jobs
-from treadline.experiments.uncertainty import Results, Row, budget
+from treadline.experiments.uncertainty import GROUP_OF, Results, Row, budget
 from treadline.experiments.variations import QUICK_VARIATIONS, SEED_GROUP, SOURCES, VARIATIONS
 from treadline.io.provenance import git_commit
 from treadline.models import write_whole
@@ -50,7 +50,8 @@ a belt mismatch of 2 %; 400 samples of excitation at 20°; the scenarios up-28 a
 and lag.
 The phase of belt lugs is not varied: belts are smooth.
 
-**Bold**: the source moves the figure by more than its margin to the target. "–": the runs end without the figure. Blank: not run.
+**Bold**: the source moves the figure by more than its margin to the target. †: in a variation of the source
+the runs end without the figure, and the move is that of the others. Blank: not run.
 """
 
 
@@ -112,7 +113,7 @@ def markdown(rows: Sequence[Row], outcomes: Mapping[str, Results]) -> str:
     parts = [
         "# Uncertainty budget of the headline figures",
         f"{datetime.now(tz=UTC):%Y-%m-%d}, commit {(git_commit() or 'unknown')[:12]}: "
-        "`python benchmarks/uncertainty.py --publish` (nice, two workers; outcomes do not depend on their number).",
+        "`nice python benchmarks/uncertainty.py --workers 2 --publish`; outcomes do not depend on the number of workers.",
         METHOD.rstrip(),
         "## Figures that move by more than their margin\n\n" + _reading(rows),
         "## Numerics and seed\n\n" + _table(rows, FIRST, with_target=True),
@@ -134,7 +135,9 @@ def _reading(rows: Sequence[Row]) -> str:
             )
         elif row.exceeded:
             told = ", ".join(f"{name} ({_number(row.moves[name])})" for name in row.exceeded)
-            lines.append(f"* {row.figure.what}: {nominal}, margin {_number(row.margin)}; moved further by {told}.")
+            missed = ", ".join(f"{name} ({_number(row.values[name])})" for name in row.missed) or "none: it moves for the better"
+            margin = _number(row.margin)
+            lines.append(f"* {row.figure.what}: {nominal}, margin {margin}; moved further by {told}. Target missed with: {missed}.")
     return "\n".join(lines) or "None."
 
 
@@ -150,7 +153,10 @@ def _table(rows: Sequence[Row], names: Sequence[str], *, with_target: bool) -> s
 
 
 def _cell(row: Row, name: str) -> str:
-    return _number(row.moves[name]) if name in row.moves else ""
+    if name not in row.moves:
+        return ""
+    lost = any(GROUP_OF[variation] == name for variation in row.lost)
+    return _number(row.moves[name]) + ("†" if lost else "")
 
 
 def _lost(outcomes: Mapping[str, Results]) -> list[str]:

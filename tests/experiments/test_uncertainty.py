@@ -74,21 +74,21 @@ def test_moves_are_the_largest_of_a_source_and_the_sum_has_independent_sources()
 
 
 @pytest.mark.parametrize(
-    ("target", "at_least", "margin", "exceeded"),
+    ("target", "at_least", "margin", "exceeded", "missed"),
     [
-        (2.35, False, 0.35, {"stiffness", "friction", "seed", "friction along"}),
-        (1.65, True, 0.35, {"stiffness", "friction", "seed", "friction along"}),
-        (20.0, False, 18.0, {"friction"}),  # a source that loses the figure exceeds any margin
-        (1.0, False, -1.0, set()),  # missed without any variation
-        (None, False, None, set()),
+        (2.35, False, 0.35, {"stiffness", "seed", "friction along"}, {"contact 0.005 s", "seed 1", "friction along -20 %"}),
+        (1.65, True, 0.35, {"stiffness", "seed", "friction along"}, set()),  # moved further, and for the better
+        (20.0, False, 18.0, set(), set()),
+        (1.0, False, -1.0, set(), set()),  # missed without any variation
+        (None, False, None, set(), set()),
     ],
 )
 def test_a_figure_that_moves_by_more_than_its_margin_says_so(
-    target: float | None, at_least: bool, margin: float | None, exceeded: set[str]
+    target: float | None, at_least: bool, margin: float | None, exceeded: set[str], missed: set[str]
 ) -> None:
     (row,) = budget(outcomes(**CASE), (figure(target, at_least=at_least),))
     assert row.margin == (None if margin is None else pytest.approx(margin))
-    assert set(row.exceeded) == exceeded
+    assert (set(row.exceeded), set(row.missed)) == (exceeded, missed)
     assert row.as_json()["exceeded"] == list(row.exceeded)
 
 
@@ -99,8 +99,8 @@ def test_a_figure_without_a_nominal_run_has_no_row() -> None:
 def test_an_outcome_is_kept(tmp_path: Path) -> None:
     job = BudgetJob(variation=NOMINAL_VARIATION, run_name="slide-32.4", spans=Spans(), folder=tmp_path)
     first = job.run()
-    # The benchmark's own target for a slide: 3 % of g t (sin β - μ cos β).
-    assert abs(first["figures"]["slide_gap_percent"]) < 3.0
+    # 3 % of 0.36 m/s, the tolerance of the plant's own test of a slide.
+    assert abs(first["figures"]["slide_gap_m_s"]) < 0.011
     job.path.write_text(job.path.read_text(encoding="utf-8").replace('"ok"', '"kept"'), encoding="utf-8")
     assert job.run()["verdict"] == "kept"
 

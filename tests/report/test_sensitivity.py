@@ -19,9 +19,9 @@ MOVES = {"unit": "m", "conditions": "from +30°, one seed", "step": 0.001, "stif
             "moves by ±0.001 m with step size, ±0.004 m with stiffness, ±0.013 m with friction ±20 % (from +30°, one seed)",
         ),
         (
-            {"friction": None, "lost": ["friction -20 %"], "exceeded": ["friction"], "conditions": ""},
+            {"friction": None, "lost": ["friction -20 %"], "exceeded": ["friction"], "missed": ["step 1 ms"], "conditions": ""},
             "moves by ±0.001 m with step size, ±0.004 m with stiffness; no figure with friction -20 %; "
-            "more than its margin with friction",
+            "more than its margin with friction; target missed with step 1 ms",
         ),
         ({"step": None, "stiffness": None, "friction": None, "lost": ["step 1 ms"]}, "no figure with step 1 ms"),
     ],

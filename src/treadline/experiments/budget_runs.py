@@ -60,8 +60,14 @@ WHOLE, QUICK = Spans(), Spans(turn_s=20.0, straight_s=10.0, hold_s=10.0, samples
 
 
 def _driven(variation: Variation, nominal: Scenario, wanted: str) -> Outcome:
-    """Return the scores of a run by the shipped controller; a run that ends otherwise than wanted has none."""
-    scenario = variation.scenario(plan.without_images(nominal))
+    """Return the scores of a run by the shipped controller; a run that ends otherwise than wanted has none.
+
+    The operator asks check about the nominal chair and friction, and shifts the seat for them.
+    """
+    scenario, refusal, _ = ready(plan.without_images(nominal), read_chair(CHAIR))
+    if refusal is not None:
+        return f"refused: {refusal}", {}
+    scenario = variation.scenario(scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"check": False})}))
     run = traverse(
         scenario, controller=shipped_controller(CHAIR), seed=variation.seed, open_plant=variation.opener(scenario.chair.model)
     )
@@ -80,14 +86,8 @@ def _straight(variation: Variation, spans: Spans) -> Outcome:
 
 def _traversal(name: str) -> Callable[[Variation, Spans], Outcome]:
     def run(variation: Variation, spans: Spans) -> Outcome:
-        del spans
-        # The operator asked check about the nominal chair and friction, and shifted the seat for them.
-        scenario, refusal, _ = ready(read_scenario(name), read_chair(CHAIR))
-        if refusal is not None:
-            return f"refused: {refusal}", {}
-        return _driven(
-            variation, scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"check": False})}), "arrived"
-        )
+        del spans  # a traversal ends on arrival
+        return _driven(variation, read_scenario(name), "arrived")
 
     return run
 
@@ -154,9 +154,8 @@ def _slide(variation: Variation, spans: Spans) -> Outcome:
     along = 0.62 * variation.friction[0]
     slope = SLIDE_DEG * DEG
     # The speed over the last 0.1 s is that at its middle.
-    theory = (SLIDE_S - 0.05) * GRAVITY_M_S2 * (math.sin(slope) - along * math.cos(slope))
-    gap = 100.0 * (speed / theory - 1.0) if theory > 0.0 else None
-    return "ok" if gap is not None else "holds, as Coulomb's law says", {"slide_speed_m_s": speed, "slide_gap_percent": gap}
+    theory = (SLIDE_S - 0.05) * GRAVITY_M_S2 * max(math.sin(slope) - along * math.cos(slope), 0.0)
+    return "ok", {"slide_speed_m_s": speed, "slide_gap_m_s": speed - theory}
 
 
 RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {

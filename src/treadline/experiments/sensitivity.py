@@ -20,7 +20,7 @@ def read_sensitivity(path: Path = SENSITIVITY) -> dict[str, dict[str, Any]]:
 
 def shown(figures: dict[str, dict[str, Any]], under: str) -> dict[str, dict[str, Any]]:
     """Return the moves of the figures directly under a key: by name, with step, stiffness, friction and what is lost."""
-    keys = (*KEYS, "lost", "exceeded")
+    keys = (*KEYS, "lost", "exceeded", "missed")
     return {
         key.removeprefix(f"{under}/"): {name: value.get(name) for name in keys}
         for key, value in figures.items()

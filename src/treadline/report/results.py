@@ -216,7 +216,9 @@ class Moves(Part):
     lost: list[str] = []
     """Variations in which the runs end without the figure."""
     exceeded: list[str] = []
-    """Sources that move the figure by more than its margin to the target."""
+    """Sources that move the figure by more than its margin to the target, either way."""
+    missed: list[str] = []
+    """Variations in which the target is missed."""
 
 
 class Results(Part):

@@ -25,4 +25,6 @@ def told(moves: Moves) -> str:
         parts.append(f"no figure with {', '.join(moves.lost)}")
     if moves.exceeded:
         parts.append(f"more than its margin with {', '.join(moves.exceeded)}")
+    if moves.missed:
+        parts.append(f"target missed with {', '.join(moves.missed)}")
     return "; ".join(parts)
