@@ -59,6 +59,7 @@ class MujocoPlant(InstrumentedPlant):
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
+        self._model.opt.noslip_iterations = 0  # a run that ended braked leaves them on
         self._model.geom_surfacevel[self._belts] = 0.0
         self._pose()
         self.suffer(Damage())
