@@ -7,37 +7,19 @@ import mujoco
 import numpy as np
 import pytest
 from oracles.gauss_seidel import coulomb_error_m_s2, solve_contacts
+from oracles.plant_runs import TABLE_I, heading_and_place, plant_on, theory_from
 from oracles.plant_steps import coulomb_run, set_belts, stages_before_contact
 
 from treadline.angles import DEG, rotation_of
 from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
 from treadline.mechanics.quasi_static import steady_motion
-from treadline.mechanics.quasi_static_run import QuasiStaticRun, quasi_static_run
+from treadline.mechanics.quasi_static_run import QuasiStaticRun
 from treadline.mechanics.stance import floor_stance, nosing_stance
-from treadline.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.sim import MujocoPlant, open_plant
+from treadline.scenario import Chair
 
-TABLE_I = (0.62, 0.5)
 ISOTROPIC = (0.62, 0.62)
 SETTLE_S = 0.5
 """Belts take up their speeds at once; contacts ring for some hundredths of a second."""
-
-
-def plant_on(slope_deg: float, friction: tuple[float, float], heading_deg: float = 0.0) -> MujocoPlant:
-    """Return a started plant on a wide flight, or in front of one where the slope is zero."""
-    rise = 0.30 * math.tan((slope_deg or 28.0) * DEG)
-    start = Start(place="flight", step=6, heading_deg=heading_deg) if slope_deg else Start(place="floor")
-    scenario = Scenario(
-        stair=Stair(rise_m=rise, steps=30, friction=friction, width_m=10.0, walls="none"),
-        chair=Chair(belt_mismatch=0.0),
-        start=start,
-        control=Control(vision="truth"),
-    )
-    plant = open_plant(scenario, seed=1)
-    plant.start()
-    if not slope_deg:
-        plant._data.qpos[0] -= 1.0  # a turn on the spot must not meet the first step
-    return plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,13 +31,6 @@ class Run:
     load: np.ndarray
     """Sum of normal forces of each step over the weight's part across the slope."""
     theory: QuasiStaticRun | None
-
-
-def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, float]:
-    """Return heading and distance up the flight in the stair's frame."""
-    R_SB = plant.staircase.R_WS.T @ rotation_of(pose[3:7])
-    p_SB = plant.staircase.R_WS.T @ (pose[:3] - plant.staircase.p_WS)
-    return math.atan2(R_SB[1, 0], R_SB[0, 0]), float(p_SB[0])
 
 
 def run(
@@ -72,19 +47,7 @@ def run(
         return Run(yaw_deg_s=(turned[1] - turned[0]) / duration_s / DEG, climb_m_s=0.0, load=load, theory=None)
     heading, place = heading_and_place(plant, settled[-1])
     end_heading, end_place = heading_and_place(plant, pose[-1])
-    # A nosing is touched where its round bar's axis lies under the belt, a little up the slope from the sharp edge.
-    edge_m = plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope))
-    theory = quasi_static_run(
-        read_chair("wheelchair"),
-        Chair(),
-        slope,
-        plant.staircase.pitch_m,
-        friction,
-        *belts,
-        duration_s,
-        heading_rad=heading,
-        nosing_ahead_m=edge_m - place,
-    )
+    theory = theory_from(plant, settled[-1], slope_deg, friction, belts, duration_s, step_s=0.02)
     yaw_deg_s, climb_m_s = (end_heading - heading) / duration_s / DEG, (end_place - place) / duration_s
     return Run(yaw_deg_s=yaw_deg_s, climb_m_s=climb_m_s, load=load, theory=theory)
 

@@ -65,6 +65,44 @@ def test_a_contacts_surface_velocity_and_geoms_are_read_where_they_stand(touchin
     assert not moving[(geoms == 2).any(axis=1)].any()
 
 
+@pytest.mark.parametrize("name", native.CONSTRAINT_ARRAYS)
+def test_a_constraint_arrays_pointer_is_read_where_it_stands(touching: mujoco.MjData, name: str) -> None:
+    """The arrays move in the arena when contacts come and go; their pointers are read anew."""
+    offset = native.pointer_offsets()[native.CONSTRAINT_ARRAYS.index(name)]
+    pointer = _view(touching._address + offset, 1, 1, np.uint64)[0]
+    addresses = set()
+    for height_m in (0.29, 7.0, 0.28):
+        touching.qpos[2] = height_m
+        mujoco.mj_forward(touching.model, touching)
+        array = getattr(touching, name)
+        assert int(pointer[0]) == array.__array_interface__["data"][0]
+        addresses.add(int(pointer[0]))
+        np.testing.assert_array_equal(_view(int(pointer[0]), 1, array.size, np.float64)[0], array.ravel())
+    assert len(addresses) > 1
+
+
+def test_the_contacts_constraint_address_is_read_where_it_stands(touching: mujoco.MjData) -> None:
+    layout, base = native.contact_layout(), native.contact_list(touching)
+    whole = _view(base, touching.ncon, layout.stride // 4, np.int32)
+    np.testing.assert_array_equal(whole[:, layout.efc_address // 4], touching.contact.efc_address)
+
+
+def test_the_number_of_no_slip_iterations_is_written_where_it_stands(touching: mujoco.MjData) -> None:
+    model = touching.model
+    model.opt.noslip_iterations = 4
+    where = _view(native.noslip_address(model), 1, 1, np.int32)[0]
+    # Measuring leaves the number as it was.
+    assert model.opt.noslip_iterations == int(where[0]) == 4
+    where[0] = 7
+    assert model.opt.noslip_iterations == 7
+
+
+def test_options_that_are_not_where_they_were_are_named(touching: mujoco.MjData, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native.ctypes, "string_at", lambda _, size: bytes(size))
+    with pytest.raises(SimulationDiverged, match=r"noslip_iterations was found in 0 places; use 3\.11 to 4\.0"):
+        native.noslip_address(touching.model)
+
+
 def test_without_a_contact_there_is_no_list_to_find() -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
     with pytest.raises(SimulationDiverged, match="touches nothing at its start"):
@@ -95,7 +133,8 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
     compiled = plant()
     reference = copy.copy(compiled._data)
     compiled._is_belt[:] = False  # no contact is turned
-    compiled._corrected[:] = False  # no force is corrected: what is left is MuJoCo's own step
+    compiled._corrected[0] = False  # nor are its forces corrected: what is left is MuJoCo's own step
+    compiled._model.opt.noslip_iterations = 0  # as the loop has it unless the brake holds
     compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
     log = np.empty((1, kernels.COLUMNS))
     for _ in range(150):

@@ -1,9 +1,10 @@
-"""What is true of a tracked chair on a stair: turning slides it, the crest throws it, and a fast belt leads it astray."""
+"""What is true of a tracked chair on a stair: turning on the spot slides it, and the crest throws it."""
 
 import math
 
 import numpy as np
 import pytest
+from oracles.plant_runs import TABLE_I, heading_and_place, plant_on, plant_run, theory_from
 
 from treadline.angles import DEG
 from treadline.ports import Truth
@@ -12,14 +13,12 @@ from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 
-def scenario(
-    slope_deg: float, *, steps: int = 60, heading_deg: float = 0.0, mismatch: float = 0.0, width_m: float = 20.0
-) -> Scenario:
+def scenario(slope_deg: float, *, steps: int = 60, heading_deg: float = 0.0) -> Scenario:
     return Scenario(
         stair=Stair.model_validate(
-            {"slope_deg": slope_deg, "run_m": 0.30, "steps": steps, "width_m": width_m, "walls": "none", "landing_m": 3.0}
+            {"slope_deg": slope_deg, "run_m": 0.30, "steps": steps, "width_m": 20.0, "walls": "none", "landing_m": 3.0}
         ),
-        chair=Chair(belt_mismatch=mismatch),
+        chair=Chair(belt_mismatch=0.0),
         start=Start(place="flight", step=6, heading_deg=heading_deg),
         control=Control(vision="truth"),
     )
@@ -38,13 +37,30 @@ def roll_back(samples: list[Truth]) -> float:
     return float((np.maximum.accumulate(x) - x).max())
 
 
+TURN_S, SETTLED_S = 3.0, 0.5
+
+
+@pytest.mark.parametrize(
+    ("belts", "final_deg"),
+    # The heading as it nears the dead zone depends on which nosings carry when it does: 4° of the 24 that are turned.
+    [((-0.3, 0.3), 4.0), ((0.1, 0.7), 4.0)],
+    ids=["on the spot", "uphill"],
+)
+def test_a_turn_from_30_degrees_goes_and_rolls_back_as_coulomb_says(belts: tuple[float, float], final_deg: float) -> None:
+    plant = plant_on(28.0, heading_deg=-30.0, steps=60)
+    turn = plant_run(plant, belts, TURN_S - SETTLED_S, SETTLED_S)
+    theory = theory_from(plant, turn.begin, 28.0, TABLE_I, belts, TURN_S - SETTLED_S)
+    heading, place = heading_and_place(plant, turn.log[-1])
+    start = heading_and_place(plant, turn.begin)[1]
+    assert heading / DEG == pytest.approx(theory.heading_rad[-1] / DEG, abs=final_deg)
+    # Measured: 5 mm of 0.70 m downhill, and 2 mm of 0.29 m uphill.
+    assert place - start == pytest.approx(theory.climbed_m[-1], abs=0.03)
+
+
 def test_turning_on_the_spot_slides_the_chair_downhill_and_turning_uphill_does_not() -> None:
-    spot = drive(scenario(28.0, heading_deg=-30.0), -0.3, 0.3, 3.0)
-    uphill = drive(scenario(28.0, heading_deg=-30.0), 0.1, 0.7, 3.0)
-    # The same difference of the belts turns both; 0.82 m and under 1 mm were seen.
-    assert min(spot[-1].heading_rad, uphill[-1].heading_rad) > -5.0 * DEG
-    assert roll_back(spot) > 0.3
-    assert roll_back(uphill) < 0.02
+    # The slow belt carries the chair: back at -0.3 m/s, up at 0.1 m/s, in both runs with 0.6 m/s between the belts.
+    assert roll_back(drive(scenario(28.0, heading_deg=-30.0), -0.3, 0.3, 3.0)) > 0.3
+    assert roll_back(drive(scenario(28.0, heading_deg=-30.0), 0.1, 0.7, 3.0)) < 0.02
 
 
 @pytest.mark.parametrize("slope_deg", [25.0, 30.0])
@@ -54,17 +70,6 @@ def test_the_crest_is_a_free_pitch_over(slope_deg: float) -> None:
     # A rigid body that tips over a nosing: about √(2 g Δh m / I), 119 to 134 °/s on other geometries, 109 and 114 here.
     assert 80.0 < fastest < 170.0
     assert abs(samples[-1].pitch_rad) < 1.0 * DEG  # it lands flat on the landing
-
-
-def test_a_faster_belt_leads_the_chair_astray_more_on_a_gentler_stair_and_more_than_in_proportion() -> None:
-    def astray(slope_deg: float, mismatch: float) -> float:
-        return drive(scenario(slope_deg, mismatch=mismatch), 0.2, 0.2, 15.0)[-1].heading_rad / DEG
-
-    # Holding a steeper slope leaves less friction for turning: about 1.8, 1.2 and 0.9° in 15 s.
-    gentle, middle, steep = (astray(slope, 0.02) for slope in (25.0, 28.0, 30.0))
-    assert 4.0 > gentle > middle > steep > 0.2
-    # Gravity adds to a heading that has begun: 2.5 times the mismatch leads further than 2.5 times as far.
-    assert astray(25.0, 0.05) > 2.5 * gentle
 
 
 def test_a_chair_facing_the_slope_at_an_angle_keeps_it_with_the_brake_on() -> None:

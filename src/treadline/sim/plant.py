@@ -63,6 +63,7 @@ class MujocoPlant(InstrumentedPlant):
     def start(self) -> None:
         """Put the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
+        self._model.opt.noslip_iterations = 0  # a run that ended braked leaves them on
         self._model.geom_surfacevel[self._belts] = 0.0
         if self._scenario.chair.sways:  # still until t = 0, at one end of the sway
             self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0

@@ -21,6 +21,7 @@ def set_belts(plant: MujocoPlant, left_m_s: float, right_m_s: float) -> None:
 def stages_before_contact(plant: MujocoPlant) -> None:
     """Run a step's stages up to ``mj_fwdAcceleration``, the contacts' tangents and friction turned to the belts."""
     model, data = plant._model, plant._data
+    model.opt.noslip_iterations = 0  # the plant settles under its brake, which leaves them on
     mujoco.mj_fwdKinematics(model, data)
     mujoco.mj_makeM(model, data)
     mujoco.mj_factorM(model, data)
