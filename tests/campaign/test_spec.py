@@ -201,7 +201,7 @@ def test_what_a_sweep_must_not_say_is_refused_in_one_line(spec_file: Write, text
 
 
 def test_a_sweep_is_not_listed_as_a_scenario_and_not_flown_as_one() -> None:
-    with pytest.raises(SettingsError, match="shipped: default, down-28, paper-28, straight-25, up-28"):
+    with pytest.raises(SettingsError, match="shipped: default, down-28, flight-20, paper-28, straight-25, up-28"):
         read_scenario("paper-29")
     with pytest.raises(SettingsError, match=r"\(shipped: envelope, outside\)"):
         read_spec("envelop")
