@@ -1,6 +1,6 @@
 """Uncertainty budget: how far numerics, friction, masses and lags move each headline figure, one source at a time.
 
-Run: ``python benchmarks/uncertainty.py`` (about 22 minutes of one core; an interrupted run goes on where it stopped).
+Run: ``python benchmarks/uncertainty.py`` (about 18 minutes of one core; an interrupted run goes on where it stopped).
 ``--publish`` writes ``docs/evidence/uncertainty.md`` and ``src/treadline/data/sensitivity.json``.
 """
 
