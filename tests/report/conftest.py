@@ -113,7 +113,7 @@ def results() -> Tables:
             {"slope_deg": 28, "start_heading_deg": start, "seed": 0, "run": f"turn-28-{'plus' if start > 0 else 'minus'}30-seed0"}
             for start in starts
         ],
-        "table2": [cell(slope, start, 2.5) for start in starts for slope in slopes],
+        "table2": [cell(slope, start, 2.2) for start in starts for slope in slopes],
         "table2_roll_back_allowed": [cell(slope, start, 1.8, roll_back_m=0.9) for start in starts for slope in slopes],
         "literal": {
             "max_gap_to_print": 3.2e-4,

@@ -29,7 +29,7 @@ def test_a_missed_target_says_by_how_much(results: Tables) -> None:
     for cell in results["table2"]:
         if cell["start_heading_deg"] > 0:
             cell["rms_heading_deg"] = 3.27
-    assert row_of(results, "Table II: RMS heading from +30°").verdict == "missed by 0.27°"
+    assert row_of(results, "Table II: RMS heading from +30°").verdict == "missed by 0.97°"
     assert row_of(results, "Table II: RMS heading from -30°").verdict == "reached"
 
 
@@ -41,18 +41,17 @@ def test_a_target_to_stay_above_is_missed_from_below(results: Tables) -> None:
 
 def test_the_bound_itself_is_reached(results: Tables) -> None:
     for cell in results["table2"]:
-        cell["rms_heading_deg"] = 3.0
+        cell["rms_heading_deg"] = 2.3
     assert row_of(results, "Table II: RMS heading from +30°").verdict == "reached"
 
 
-def test_one_run_that_never_settles_misses_its_row(results: Tables) -> None:
+def test_one_run_that_never_settles_leaves_its_row_without_a_figure(results: Tables) -> None:
     results["table2"][1]["settle_s"] = None
-    row = row_of(results, "settling to ±2° at 28°")
-    assert (row.ours, row.verdict) == ("none", "missed")
+    assert row_of(results, "settling to ±2° at 28°").ours == "none"
 
 
 def test_the_worst_of_both_starts_is_judged(results: Tables) -> None:
-    results["table2"][4]["roll_back_m"] = 0.05
+    results["table2"][4]["roll_back_m"] = 0.08
     assert row_of(results, "roll-back at 28°").verdict == "missed by 0.03 m"
     assert row_of(results, "roll-back at 25°").verdict == "reached"
 
@@ -83,15 +82,15 @@ def test_another_slope_is_shown_without_a_target(results: Tables) -> None:
     for key in ("table2", "table2_roll_back_allowed"):
         for cell in results[key]:
             cell["slope_deg"] += 0.5
-    for item in results["fig08"]["slopes"]:
-        item["slope_deg"] = 20
-    rows = rows_of(results)
-    assert rows["roll-back at 28.5°"].verdict == "-"
-    assert rows["yaw rate one step ahead at 20°, VAF"].verdict == "-"
+    assert row_of(results, "roll-back at 28.5°").verdict == "-"
     assert row_of(results, "Table II: RMS heading from +30°").target == "–"
 
 
 def test_steady_targets_are_for_half_a_degree_of_gravity_error(results: Tables) -> None:
+    # On Table I's friction the dead zone leaves the heading where the turn ended: no target.
+    assert row_of(results, "steady RMS heading, mean").verdict == "-"
+    for cell in results["table2"]:
+        cell["friction"] = [0.9, 0.5]
     assert row_of(results, "steady RMS heading, mean").verdict == "reached"
     assert row_of(results | {"gravity_error_deg": 0.0}, "steady RMS heading, mean").verdict == "-"
 
@@ -106,6 +105,13 @@ def test_the_printed_heading_stands_beside_the_one_that_drives(results: Tables) 
     assert (row.ours, row.paper) == ("10.00°", "107.90° by Eq. (2), run here")
     results["fig05"]["robust_heading_deg"] = None
     assert row_of(results, "Fig. 5").ours == "none"
+
+
+def test_a_record_from_the_dead_zone_is_said_to_hold_nothing_to_identify(results: Tables) -> None:
+    results["fig08"]["slopes"][0]["yaw_rate_vaf_percent"] = 8.0
+    row = row_of(results, "Fig. 8: model at")
+    assert "not identifiable" in row.ours
+    assert row.verdict == "-"
 
 
 @pytest.mark.parametrize("part", ["fig05", "fig08", "fig11", "literal", "speed"])
