@@ -11,6 +11,7 @@ from treadline.mechanics.bodies import from_edge_m
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
+from treadline.mechanics.lugs import oversized_lugs
 from treadline.mechanics.stability import centre_of_mass, static_margins
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
@@ -77,6 +78,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _beside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
         _over_the_landings_end(scenario, chair),
+        oversized_lugs(scenario.belts, chair.tracks),
     )
     return CheckReport(
         verdict="refuse" if any(reasons) else "go",

@@ -11,6 +11,7 @@ from numba import njit, types
 
 from treadline.devices.kernels import ARM_LOST, ARM_RATE, ARM_TARGET, BRAKED, LEFT, RIGHT, SEAT_ANGLE, STROKE, act, rotation
 from treadline.sim.contact_kernels import TOLERANCE_M_S2, normal_force, solve_contacts
+from treadline.sim.lug_kernels import follow_lugs
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -30,6 +31,7 @@ NOSLIP_ITERATIONS = 3
 """While the brake holds: three bring the creep of a chair on 28° from millimetres a minute to micrometres."""
 SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
+STEP_S = 0.002
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
@@ -129,7 +131,7 @@ def judge(warnings, log, room):
 @njit(cache=True)
 @no_type_check
 def advance(
-    ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
+    ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
 ):  # fmt: skip
     """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
@@ -138,6 +140,7 @@ def advance(
         mu: Friction along the belts and across.
         coulomb: Whether the contact forces are corrected, MuJoCo's number of no-slip iterations, the constraint arrays'
             pointers, acceleration, the solver's warm start, working memory.
+        lugs: Numbers of the lugs (empty for smooth belts), the belts' travel, part of each geom, angle of a fixed approach.
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -152,6 +155,7 @@ def advance(
     """
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
+    lug, travel, part_of, fixed_rad = lugs
     fields = (friction, layout[4])
     for k in range(ticks):
         act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
@@ -181,6 +185,12 @@ def advance(
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu[0], mu[1])
+            if lug.shape[0] > 0:
+                speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
+                approach_rad = qpos[ARM_QPOS] if arm.shape[0] > 0 else fixed_rad
+                follow_lugs(
+                    count[0], real, whole, frame, surfacevel, geom, part_of, speed, STEP_S, approach_rad, qpos, xmat, lug, travel
+                )
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             _constrain(model, data)

@@ -28,6 +28,7 @@ from treadline.sim import kernels
 from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
+from treadline.sim.lugs import fit_lugs
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.sim.scene import TIMESTEP_S, scene_xml
 
@@ -41,7 +42,7 @@ class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription) -> None:
-        streams = np.random.default_rng(seed).spawn(6)
+        streams = np.random.default_rng(seed).spawn(7)
         self._scenario = scenario
         self._chair = chair
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0])
@@ -52,7 +53,7 @@ class MujocoPlant(InstrumentedPlant):
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
-        self._build_physics()
+        self._build_physics(streams[6])
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
 
@@ -62,6 +63,7 @@ class MujocoPlant(InstrumentedPlant):
         self._model.opt.noslip_iterations = 0  # a run that ended braked leaves them on
         self._model.geom_surfacevel[self._belts] = 0.0
         self._pose()
+        self._lugs.start()
         self.suffer(Damage())
         self._settle()
         self._data.time = 0.0
@@ -120,7 +122,7 @@ class MujocoPlant(InstrumentedPlant):
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _build_physics(self) -> None:
+    def _build_physics(self, draws: np.random.Generator) -> None:
         load_library()
         scene = scene_xml(self.staircase, self._chair, self._scenario.chair)
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
@@ -135,6 +137,7 @@ class MujocoPlant(InstrumentedPlant):
             ]
         )
         self._is_belt[self._belts] = True
+        self._lugs = fit_lugs(self._scenario.belts, self._chair.tracks, self._model, self._belts, draws)
         self._grip = np.ones(self._model.ngeom)
         self._friction = np.array(self.staircase.friction)
         self._corrected = np.array([True])
@@ -190,6 +193,7 @@ class MujocoPlant(InstrumentedPlant):
                 data.qacc_warmstart,
                 np.zeros((CONTACTS_MAX, 2)),
             ),
+            (self._lugs.numbers, self._lugs.travel_m, self._lugs.part_of, self._chair.tracks.approach_angle_deg * DEG),
             self._is_belt,
             data.xmat[1],
             self._grip,
