@@ -19,7 +19,7 @@ from treadline.scenario import LUGS_MM, Belts, Chair, Control, Scenario, Stair, 
 from treadline.signals import TrackCommand
 from treadline.sim import MujocoPlant, lug_kernels, open_plant
 
-NUMBERS = np.array([0.015, 0.08, 0.024, 0.014, 0.02, 0.95, 0.45, 0.07, 0.05, 0.65])
+NUMBERS = np.array([0.015, 0.08, 0.024, 0.014, 0.02, 0.95, 0.45, 0.07, 0.05, 0.65, 0.002])
 """15/80 on the wheelchair."""
 
 

@@ -31,7 +31,6 @@ NOSLIP_ITERATIONS = 3
 """While the brake holds: three bring the creep of a chair on 28° from millimetres a minute to micrometres."""
 SUBSTEPS = 5
 """MuJoCo steps of 2 ms in a tick of 10 ms."""
-STEP_S = 0.002
 
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
@@ -188,9 +187,7 @@ def advance(
             if lug.shape[0] > 0:
                 speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
                 approach_rad = qpos[ARM_QPOS] if arm.shape[0] > 0 else fixed_rad
-                follow_lugs(
-                    count[0], real, whole, frame, surfacevel, geom, part_of, speed, STEP_S, approach_rad, qpos, xmat, lug, travel
-                )
+                follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             _constrain(model, data)

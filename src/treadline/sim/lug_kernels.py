@@ -20,7 +20,7 @@ FAR_M = 1.0
 """Distance of a contact that the profile has opened: too far to carry."""
 ACROSS = 5
 """Places across the belt's width at which an askew nosing may meet a lug."""
-HEIGHT, PITCH, TIP, FLANK, DAMPING_S, FLAT_RUN, APPROACH_M, RADIUS, HALF_WIDTH, GAUGE = range(10)
+HEIGHT, PITCH, TIP, FLANK, DAMPING_S, FLAT_RUN, APPROACH_M, RADIUS, HALF_WIDTH, GAUGE, STEP_S = range(11)
 """Entries of the lugs' numbers [m, s]; the damping is B/K of MuJoCo's reference acceleration, 2 · dmax · time constant."""
 
 
@@ -73,7 +73,7 @@ def arc_length(part, x, z, ox, oz, approach_rad, lug):
 
 @njit(cache=True)
 @no_type_check
-def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, step_s, approach_rad, qpos, xmat, lug, travel):
+def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel):
     """Advance the belts' travel by a step and let their contacts, turned to the belt already, follow the profile.
 
     Args:
@@ -84,7 +84,7 @@ def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, ste
         travel: Distance that each belt has run [m]; changed in place.
     """
     for side in range(2):
-        travel[side] += speed[side] * step_s
+        travel[side] += speed[side] * lug[STEP_S]
     for i in range(count):
         row = real[i]
         sign, name = 1.0, part_of[whole[i, geom]]

@@ -51,9 +51,10 @@ def fit_lugs(
     if refusal is not None:
         raise SettingsError(refusal)
     _shrink(model, belts, height)
-    numbers = np.zeros(10)
+    numbers = np.zeros(11)
     numbers[:5] = height, pitch, tip, flank, 2.0 * DMAX * settings.stiffness_s
-    numbers[5:] = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m
+    numbers[5:10] = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m
+    numbers[lug_kernels.STEP_S] = model.opt.timestep
     return Lugs(numbers=numbers, start_m=draws.uniform(0.0, pitch, 2), travel_m=np.zeros(2), part_of=part_of)
 
 
