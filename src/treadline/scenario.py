@@ -77,6 +77,57 @@ class Chair(Settings):
         return self.model_copy(update={"payload_offset_m": moved})
 
 
+LUGS_MM: Mapping[str, tuple[float, float, float, float]] = {
+    "none": (0.0, 60.0, 20.0, 10.0),
+    "8/60": (8.0, 60.0, 20.0, 10.0),
+    "15/80": (15.0, 80.0, 24.0, 14.0),
+    "20/80": (20.0, 80.0, 24.0, 14.0),
+}
+"""Height, pitch, tip and flank of the named lugs [mm]."""
+STIFFNESS_S = (0.004, 0.05)
+"""Bounds of the contact's time constant: two physics steps of 2 ms, which is the least that integrates, and a soft tyre."""
+
+
+class Belts(Settings):
+    """Surface and rubber of the belts. Each explicit measure replaces the one of the named lug."""
+
+    lug: Literal["none", "8/60", "15/80", "20/80"] = "none"
+    """Height and pitch of the lugs [mm]; none is a smooth belt."""
+    height_m: Annotated[float, Field(ge=0.0, le=0.05)] | None = None
+    """Depth of the belt between lugs below their tips."""
+    pitch_m: Annotated[float, Field(ge=0.01, le=0.3)] | None = None
+    """Distance from lug to lug along the belt."""
+    tip_m: Annotated[float, Field(ge=0.0, le=0.3)] | None = None
+    """Width of a lug's tip along the belt."""
+    flank_m: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
+    """Length of each flank along the belt, a half-cosine."""
+    stiffness_s: float | None = None
+    """Time constant of the belts' contact [s]; rubber of 0.005 to 0.02 s brackets the peaks of force. Unset: 0.01 s."""
+
+    @property
+    def measures_m(self) -> tuple[float, float, float, float]:
+        """Height, pitch, tip and flank."""
+        named = LUGS_MM[self.lug]
+        given = (self.height_m, self.pitch_m, self.tip_m, self.flank_m)
+        height, pitch, tip, flank = (1e-3 * mm if own is None else own for mm, own in zip(named, given, strict=True))
+        return height, pitch, tip, flank
+
+    @model_validator(mode="after")
+    def _is_a_profile(self) -> "Belts":
+        _, pitch, tip, flank = self.measures_m
+        if tip + 2.0 * flank > pitch + 1e-12:
+            raise ValueError(
+                f"a lug's tip of {tip:.3f} m and its two flanks of {flank:.3f} m are longer than the pitch of {pitch:.3f} m: lugs "
+                f"would overlap; give belts.pitch_m of at least {tip + 2.0 * flank:.3f}"
+            )
+        if self.stiffness_s is not None and not STIFFNESS_S[0] <= self.stiffness_s <= STIFFNESS_S[1]:
+            raise ValueError(
+                f"belts.stiffness_s is {self.stiffness_s}, the contact's time constant; physics steps of 2 ms integrate from "
+                f"{STIFFNESS_S[0]} s (two steps), and rubber is stiffer than {STIFFNESS_S[1]} s"
+            )
+        return self
+
+
 class Start(Settings):
     """Where the chair stands at t = 0."""
 
@@ -135,6 +186,7 @@ class Scenario(Settings):
 
     stair: Stair = Stair()
     chair: Chair = Chair()
+    belts: Belts = Belts()
     start: Start = Start()
     drive: Drive = Drive()
     control: Control = Control()

@@ -98,7 +98,7 @@ def test_the_captions_say_what_is_shown(results: Tables, reproduce_folder: MakeF
 
 def test_a_part_that_is_absent_was_not_measured(reproduce_folder: MakeFolder) -> None:
     page = page_of(reproduce_folder({"quick": False}))
-    assert page.count("Not measured.") == 12
+    assert page.count("Not measured.") == 14
     assert "<svg" not in page
 
 

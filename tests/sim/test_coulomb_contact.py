@@ -88,11 +88,11 @@ def test_at_25_degrees_the_chair_turns_as_coulomb_says(belts: tuple[float, float
     expected_deg_s = drift_rad(25.0, TABLE_I, belts, [pitches_s])[0] / pitches_s / DEG
     # The chair turns while it stands on two nosings and sticks on three. The load moves from nosing to nosing in some
     # hundredths of a second, a tenth of the shorter of these phases; a quasi-static balance does not have that.
-    assert result.yaw_deg_s == pytest.approx(expected_deg_s, abs=0.1 * expected_deg_s + CREEP_DEG_S)
+    assert result.yaw_deg_s == pytest.approx(expected_deg_s, abs=max(0.02, 0.1 * expected_deg_s))
     assert result.climb_m_s == pytest.approx(min(belts), rel=0.03)
 
 
-def test_with_one_friction_both_ways_the_chair_turns_a_third_as_fast_as_with_less_across() -> None:
+def test_with_one_friction_both_ways_the_chair_turns_as_coulomb_says() -> None:
     result = run(25.0, (0.15, 0.25), 2.2, ISOTROPIC)
     theory = theory_from(result.plant, result.begin, 25.0, ISOTROPIC, (0.15, 0.25), 2.2)
     # Measured 0.211 °/s, in theory 0.251 from this pose; Drake's lagged contact gives 0.26 to 0.29 from its own.

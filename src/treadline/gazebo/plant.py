@@ -22,7 +22,7 @@ from treadline.gazebo.world import world_sdf
 from treadline.mechanics.bodies import standing
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.scenario import Scenario
+from treadline.scenario import Belts, Scenario
 from treadline.signals import TICK_S
 from treadline.sim.camera.eye import look, open_eye
 
@@ -38,8 +38,10 @@ class GazeboPlant(InstrumentedPlant):
     """A chair, its stair and its sensors, in a gzserver of its own."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
-        streams = np.random.default_rng(seed).spawn(7)  # as the other simulator's: a seed means the same noise
+        streams = np.random.default_rng(seed).spawn(8)  # as the other simulator's: a seed means the same noise
         _refuse_what_gazebo_cannot(scenario)
+        if scenario.belts != Belts():
+            raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])

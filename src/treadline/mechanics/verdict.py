@@ -10,6 +10,7 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
+from treadline.mechanics.lugs import oversized_lugs
 from treadline.mechanics.stability import static_margins
 from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.starts import start_problems
@@ -73,6 +74,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
         *start_problems(scenario, chair),
+        oversized_lugs(scenario.belts, chair.tracks),
     )
     return CheckReport(
         verdict="refuse" if any(reasons) else "go",

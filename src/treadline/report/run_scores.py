@@ -6,7 +6,22 @@ from dataclasses import dataclass
 from treadline.report.channels import suffix
 from treadline.report.results import RunResult
 
-DIGITS = {"": 2, "°": 2, "s": 2, "m": 3, "°/s": 2, "m/s": 3, "m/s²": 2, "m/s³": 1, "mm/min": 3, "ms": 1, "×": 1}
+DIGITS = {
+    "": 2,
+    "°": 2,
+    "s": 2,
+    "m": 3,
+    "°/s": 2,
+    "m/s": 3,
+    "m/s²": 2,
+    "m/s³": 1,
+    "mm/min": 3,
+    "N": 0,
+    "Wh": 2,
+    "W": 0,
+    "ms": 1,
+    "×": 1,
+}
 """Decimals by unit; below a tenth one more."""
 
 SMALL = 0.1
@@ -83,7 +98,15 @@ GROUPS: dict[str, dict[str, Word]] = {
         "min_stability_margin_deg": Word("smallest tip-over margin that lasts 0.1 s", "°"),
         "seconds_below_7_deg": Word("tip-over margin below 7° for", "s"),
         "held_creep_mm_min": Word("creep while held", "mm/min"),
+        "max_contact_force_share": Word("largest contact force over the weight"),
+        "airborne_share": Word("share of the steps without contact"),
+        "unconverged_share": Word("share of the ticks whose contact residual exceeds 0.01 m/s²"),
+        "max_belt_force_n": Word("largest traction of one belt", "N"),
         "max_friction_use": Word("largest share of the friction used (1 slides)"),
+    },
+    "Energy (belts alone)": {
+        "energy_wh": Word("drawn from the battery", "Wh"),
+        "peak_power_w": Word("largest power", "W"),
     },
     "Replay against the recording": {
         "frames": Word("camera frames played"),

@@ -27,6 +27,7 @@ from treadline.devices.motor_kernels import CHARGE, limit_belts, limit_seat
 from treadline.devices.motor_kernels import POWER as ELECTRIC_POWER
 from treadline.devices.motor_kernels import TRACTION as CONTACT_FORCE
 from treadline.sim.contact_kernels import normal_force, solve_contacts
+from treadline.sim.lug_kernels import follow_lugs
 from treadline.sim.traction_kernels import add_traction
 
 _STAGE = types.void(types.uintp, types.uintp)
@@ -198,7 +199,7 @@ def judge(warnings, log, room):
 @njit(cache=True, nogil=True)  # plants of several threads advance side by side
 @no_type_check
 def advance(
-    ticks, mu, log, model, data, count, real, whole, layout, coulomb, is_belt, xmat, grip, command, drives, mismatch, state,
+    ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
     belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
     sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
     belt_side, motor, electric, actuator, force_range,
@@ -209,6 +210,7 @@ def advance(
         mu: Friction of each geom for belts, columns as in ``MU_LEFT``.
         coulomb: Whether the contact forces are corrected, MuJoCo's number of no-slip iterations, the constraint arrays'
             pointers, acceleration, the solver's warm start, working memory.
+        lugs: Numbers of the lugs (empty for smooth belts), the belts' travel, part of each geom, angle of a fixed approach.
         grip: Share of its friction that each geom has left.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -235,6 +237,7 @@ def advance(
     traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
+    lug, travel, part_of, fixed_rad = lugs
     fields = (friction, layout[4])
     for k in range(ticks):
         before = (state[0], state[1])
@@ -281,6 +284,10 @@ def advance(
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
+            if lug.shape[0] > 0:
+                speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
+                approach_rad = qpos[ARM_QPOS] if arm.shape[0] > 0 else fixed_rad
+                follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))

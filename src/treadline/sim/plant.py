@@ -30,6 +30,7 @@ from treadline.sim.camera.eye import look, open_eye
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.grip import friction_table, roughened
+from treadline.sim.lugs import fit_lugs
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.sim.physics import NOMINAL, Physics
 from treadline.sim.scene import scene_xml, seat_stiffness
@@ -44,7 +45,7 @@ class MujocoPlant(InstrumentedPlant):
     """A chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
-        streams = np.random.default_rng(seed).spawn(7)
+        streams = np.random.default_rng(seed).spawn(8)
         self._scenario = scenario
         self._chair = chair
         self._physics = physics
@@ -56,7 +57,7 @@ class MujocoPlant(InstrumentedPlant):
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
-        self._build_physics()
+        self._build_physics(streams[7])
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
 
@@ -68,6 +69,7 @@ class MujocoPlant(InstrumentedPlant):
         if self._scenario.chair.sways:  # still until t = 0, at one end of the sway
             self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
         self._pose()
+        self._lugs.start()
         self.suffer(Damage())
         self._settle()
         self._data.time = 0.0
@@ -128,7 +130,7 @@ class MujocoPlant(InstrumentedPlant):
     def close(self) -> None:
         """Nothing is held open."""
 
-    def _build_physics(self) -> None:
+    def _build_physics(self, draws: np.random.Generator) -> None:
         load_library()
         scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning(), self._physics)
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
@@ -143,6 +145,7 @@ class MujocoPlant(InstrumentedPlant):
             ]
         )
         self._is_belt[self._belts] = True
+        self._lugs = fit_lugs(self._scenario.belts, self._chair.tracks, self._model, self._belts, draws)
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
         self._seat_body = self._model.body("seat").id
@@ -207,6 +210,7 @@ class MujocoPlant(InstrumentedPlant):
                 data.qacc_warmstart,
                 np.zeros((CONTACTS_MAX, 2)),
             ),
+            (self._lugs.numbers, self._lugs.travel_m, self._lugs.part_of, self._chair.tracks.approach_angle_deg * DEG),
             self._is_belt,
             data.xmat[1],
             self._grip,

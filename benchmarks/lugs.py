@@ -1,0 +1,215 @@
+"""Smooth belts beside belts with lugs, on corrected contact: ``python benchmarks/lugs.py``; see ``docs/evidence/lugs.md``."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from treadline.angles import DEG
+from treadline.experiments.shipped import shipped_controller
+from treadline.experiments.traverse import traverse
+from treadline.mechanics.chair import read_chair
+from treadline.ports import Truth
+from treadline.scenario import Belts, Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.signals import SeatCommand, TrackCommand
+from treadline.sim import MujocoPlant, kernels, lug_kernels, open_plant
+
+RUN_M = 0.30
+SEEDS = (1, 2, 3, 4)
+"""Each seed starts the lugs elsewhere."""
+SMOOTHING = 5
+"""Ticks over which the passenger's place is averaged before it is differentiated twice: 50 ms, a seat cushion."""
+SETTLED = 100
+"""Ticks at the start that no figure counts."""
+BELTS = {
+    "smooth": Belts(),
+    "8/60": Belts(lug="8/60"),
+    "15/80": Belts(lug="15/80"),
+    "20/80": Belts(lug="20/80"),
+    "15/80, rubber 0.005 s": Belts(lug="15/80", stiffness_s=0.005),
+    "15/80, rubber 0.02 s": Belts(lug="15/80", stiffness_s=0.02),
+}
+
+
+TURNS = ((-30.0, 0.1, 0.7), (30.0, 0.7, 0.1))
+"""Heading, left and right belt speed of a turn towards straight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A chair on a flight, driven open loop."""
+
+    slope_deg: float = 28.0
+    heading_deg: float = 0.0
+    friction: tuple[float, float] = (0.62, 0.5)
+    left_m_s: float = 0.2
+    right_m_s: float = 0.2
+    duration_s: float = 9.0
+    steps: int = 40
+
+
+def run(case: Case, belts: Belts, seed: int) -> list[Truth]:
+    """Return the truth of one run; both belt speeds zero brake the chair."""
+    scenario = Scenario(
+        stair=Stair(
+            rise_m=RUN_M * math.tan(case.slope_deg * DEG), steps=case.steps, friction=case.friction, width_m=10.0, walls="none"
+        ),
+        chair=Chair(belt_mismatch=0.0),
+        belts=belts,
+        start=Start(place="flight", step=6, heading_deg=case.heading_deg),
+        control=Control(vision="truth"),
+    )
+    plant = open_plant(scenario, seed)
+    plant.start()
+    braked = case.left_m_s == case.right_m_s == 0.0
+    order = TrackCommand.stop(0.0) if braked else TrackCommand(t_s=0.0, left_m_s=case.left_m_s, right_m_s=case.right_m_s)
+    plant.write(order, SeatCommand(t_s=0.0, rate_m_s=0.0))
+    plant.advance(case.duration_s)
+    return list(plant.truth())
+
+
+def passenger_m_s2(samples: Sequence[Truth]) -> float:
+    """Return the passenger's largest acceleration, along and up."""
+    place = np.array([(sample.passenger_x_m, sample.passenger_z_m) for sample in samples])
+    smooth = np.apply_along_axis(lambda column: np.convolve(column, np.ones(SMOOTHING) / SMOOTHING, "valid"), 0, place)
+    return float(np.hypot(*np.diff(smooth, 2, axis=0)[SETTLED:].T).max() * 1e4)
+
+
+def roll_back_m(samples: Sequence[Truth]) -> float:
+    """Return how far the chair falls behind its highest place on the flight."""
+    x = np.array([sample.x_m for sample in samples])
+    return float((np.maximum.accumulate(x) - x).max())
+
+
+def beats_m(samples: Sequence[Truth], count: int = 3) -> NDArray[np.float64]:
+    """Return the strongest periods of the chassis pitch along the flight [m], strongest first."""
+    x = np.array([sample.x_m for sample in samples])[SETTLED:]
+    pitch = np.array([sample.pitch_rad for sample in samples])[SETTLED:]
+    even = np.linspace(x[0], x[-1], 4096)
+    signal = np.interp(even, np.maximum.accumulate(x) + 1e-12 * np.arange(len(x)), pitch)
+    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(4096)))
+    peaks = [k for k in range(2, 400) if power[k] > power[k - 1] and power[k] > power[k + 1]]
+    best = sorted(peaks, key=lambda k: -power[k])[:count]
+    return (x[-1] - x[0]) / np.array(best)
+
+
+def _row(name: str, values: Sequence[float], unit: str) -> None:
+    print(f"  {name:22s} median {np.median(values):6.3f}  least {min(values):6.3f}  most {max(values):6.3f} {unit}", flush=True)
+
+
+def main() -> None:
+    print(f"seeds {SEEDS}, corrected contact; friction 0.62/0.5 unless given")
+    print("up 28° straight at 0.2 m/s, 9 s: passenger acceleration, pitch rate, load, distance, heading at the end")
+    for name, belts in BELTS.items():
+        runs = [run(Case(), belts, seed) for seed in SEEDS]
+        _row(name, [passenger_m_s2(samples) for samples in runs], "m/s²")
+        _row("", [max(abs(sample.pitch_rate_rad_s) for sample in samples[SETTLED:]) / DEG for samples in runs], "°/s")
+        _row("", [max(sample.contact_force_share for sample in samples[SETTLED:]) for samples in runs], "× weight")
+        _row("", [samples[-1].x_m - samples[0].x_m for samples in runs], "m of 1.77")
+        _row("", [abs(samples[-1].heading_rad) / DEG for samples in runs], "°")
+    compared = {name: BELTS[name] for name in ("smooth", "15/80")}
+    print("square to the flight, belts 0.15/0.25 m/s, 3 s: yaw rate after one second (wheels: 8.8 °/s)")
+    for slope_deg in (28.0, 30.0):
+        for name in ("smooth", "8/60", "15/80"):
+            steered = Case(slope_deg=slope_deg, left_m_s=0.15, right_m_s=0.25, duration_s=3.0)
+            runs = [run(steered, BELTS[name], seed) for seed in SEEDS]
+            yaw = [(samples[-1].heading_rad - samples[SETTLED].heading_rad) / 2.0 / DEG for samples in runs]
+            _row(f"{name}, {slope_deg:.0f}°", yaw, "°/s")
+    _closed_loop(compared)
+    print("turn at 30° from ±30°, belts 0.1/0.7 m/s, 3 s: roll-back, heading reached")
+    for name, belts in compared.items():
+        turns = [Case(slope_deg=30.0, heading_deg=h, left_m_s=a, right_m_s=b, duration_s=3.0) for h, a, b in TURNS]
+        runs = [run(turn, belts, seed) for turn in turns for seed in SEEDS[:2]]
+        _row(name, [roll_back_m(samples) for samples in runs], "m")
+        turned = [abs(samples[-1].heading_rad - samples[0].heading_rad) / DEG for samples in runs]
+        _row("", turned, "° turned")
+    print("braked for 10 s at 28° and 35°: distance slid")
+    for slope_deg in (28.0, 35.0):
+        for name, belts in compared.items():
+            held = Case(slope_deg=slope_deg, left_m_s=0.0, right_m_s=0.0, duration_s=10.0)
+            runs = [run(held, belts, seed) for seed in SEEDS]
+            _row(f"{name}, {slope_deg:.0f}°", [samples[0].x_m - samples[-1].x_m for samples in runs], "m")
+    print("traction: straight at 28°, 5 s at 0.2 m/s, distance climbed (belts run 0.97 m)")
+    for along in (0.40, 0.45, 0.50, 0.55):
+        for name, belts in compared.items():
+            case = Case(friction=(along, 0.8 * along), duration_s=5.0)
+            runs = [run(case, belts, seed) for seed in SEEDS]
+            _row(f"{name}, friction {along:.2f}", [samples[-1].x_m - samples[0].x_m for samples in runs], "m")
+    _bumps()
+    _smaller_steps()
+
+
+def _smaller_steps() -> None:
+    """Print what steps of 2, 1 and 0.5 ms make of a climb with 15/80 from the same starts."""
+    print("15/80 straight up 28°, 5 s, by physics steps: largest load, pitch rate")
+    scenario = Scenario(
+        stair=Stair(rise_m=RUN_M * math.tan(28.0 * DEG), steps=40, width_m=10.0, walls="none"),
+        chair=Chair(belt_mismatch=0.0),
+        belts=BELTS["15/80"],
+        start=Start(place="flight", step=6),
+        control=Control(vision="truth"),
+    )
+    for seed, parts in product(SEEDS[:2], (1, 2, 4)):
+        plant = FinePlant(scenario, seed, read_chair("wheelchair"))
+        plant.start()
+        load, rate = plant.climb(0.2, 6.0, parts)
+        print(f"  seed {seed}, {2.0 / parts} ms: {load:.2f} × weight, {rate:.1f} °/s", flush=True)
+
+
+class FinePlant(MujocoPlant):
+    """A plant that can take smaller physics steps."""
+
+    def climb(self, speed_m_s: float, duration_s: float, parts: int) -> tuple[float, float]:
+        """Return load over weight and pitch rate [°/s], largest after the first second, belts at speed from the start."""
+        step_s = self._model.opt.timestep / parts
+        self._model.opt.timestep = self._lugs.numbers[lug_kernels.STEP_S] = step_s
+        self._state[:2] = speed_m_s
+        self._drives.command[:] = (speed_m_s, speed_m_s, 0.0, 0.0, 0.0)
+        log = np.empty((round(100.0 * duration_s) * parts, kernels.COLUMNS))
+        kernels.advance(len(log), self._friction, log, *self._memory)
+        log = log[100 * parts :]
+        load = float(log[:, kernels.FORCE_MAX].max()) / self._weight_n
+        return load, float(np.abs(log[:, kernels.QVEL + 4]).max()) / DEG
+
+
+def _closed_loop(compared: dict[str, Belts]) -> None:
+    """Print turns of the shipped controller from 30° on a 30° flight, straight and on to 25 s."""
+    print("shipped controller from ±30° on 30°, 25 s")
+    for name, belts in compared.items():
+        for heading_deg, seed in product((30.0, -30.0), SEEDS[:2]):
+            scenario = Scenario(
+                stair=Stair(rise_m=RUN_M * math.tan(30.0 * DEG), steps=60, width_m=10.0, walls="none"),
+                belts=belts,
+                start=Start(place="flight", step=6, heading_deg=heading_deg),
+                drive=Drive(duration_s=25.0, check=False),
+                control=Control(vision="truth"),
+                sensors=Sensors(camera="statistical"),
+            )
+            ride = traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
+            scores = ride.summary()
+            print(
+                f"  {name:22s} {heading_deg:+.0f}° seed {seed}: {ride.verdict} {ride.cause or ''} roll-back "
+                f"{scores['roll_back_m']:.3f} m, passenger {scores['passenger_max_m_s2']:.1f} m/s²",
+                flush=True,
+            )
+
+
+def _bumps() -> None:
+    """Print the periods of the pitch, and the beat of lugs and nosings that the measured slip predicts."""
+    pitch_m, case = RUN_M / math.cos(28.0 * DEG), Case(duration_s=30.0, steps=60)
+    belt_m = 0.2 * (case.duration_s - 0.15)  # less the drive's lag
+    print(f"bumps: strongest periods of the pitch along 28°, 30 s; nosings {pitch_m:.3f} m")
+    for name in ("smooth", "8/60", "15/80"):
+        samples = run(case, BELTS[name], 1)
+        slip = belt_m / (samples[-1].x_m - samples[0].x_m)
+        beat = math.nan if name == "smooth" else pitch_m / ((pitch_m * slip / BELTS[name].measures_m[1]) % 1.0)
+        print(
+            f"  {name:22s} {np.round(beats_m(samples), 3)} m, belt over chair {slip:.3f}, predicted beat {beat:.3f} m", flush=True
+        )
+
+
+if __name__ == "__main__":
+    main()
