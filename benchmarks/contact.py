@@ -28,7 +28,7 @@ from treadline.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.signals import TICK_S, SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, kernels, open_plant
 
-MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install 'drake==1.51.1' (wheels for Linux and macOS)"
+MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
 MU = 0.62
 """Friction coefficient along and across the belt. Drake's Coulomb friction is isotropic."""
 FROM_S, UNTIL_S = 1.0, 4.0
@@ -38,18 +38,21 @@ SETTLE_S = 1.0
 STEP_S = 0.002
 """Drake's time step [s]; MuJoCo's has the same default."""
 EDGE_M = 0.002
-"""Width of the box along each edge of a belt [m]: one contact point per edge and nosing."""
+"""Width of the contact geometry along each edge of a belt [m]: one contact point per edge and nosing."""
 CORNER_M = 0.001
-"""Radius of the spheres at the boxes' corners [m], on the floor."""
+"""Radius of the spheres at the corners of the flat runs [m], on the floor."""
 BELT_KG = 0.1
 """Mass of a belt in Drake [kg], taken off the chassis."""
 BELT_GAIN_N_S_M = 1e6
 """Velocity gain of the belt's implicit actuator [N·s/m]: 200 N of traction change the belt speed by 0.2 mm/s."""
-NOSING_HALF_M = 1.0
-"""Half length of a nosing in Drake [m]: wider than the chair at any heading of a run."""
-SPAN_STEPS = 8
-"""Nosings on either side of the front pulley at the start: more than a run passes."""
+BEHIND, AHEAD = 4, 4
+"""Nosings behind and ahead of the front pulley at the start: as many as the belts pass in a run."""
 CHAIR, LOADING = read_chair("wheelchair"), Chair(belt_mismatch=0.0)
+
+EDGES_M = tuple(
+    side * 0.5 * CHAIR.tracks.gauge_m + edge * 0.5 * (CHAIR.tracks.belt_width_m - EDGE_M) for side in (1, -1) for edge in (1, -1)
+)
+"""Lateral place of the contact geometry along the belts' edges [m], the left belt's first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +217,7 @@ class Softness:
 def softness(plant: MujocoPlant, case: Case) -> Softness:
     """Derive it from the depth in MuJoCo: ω² = g cos β / depth, stiffness and damping from ω and the number of points."""
     depth_m = float(-plant._data.contact.dist.mean())
-    points = 12 if case.slope_deg else 8
+    points = len(plant._data.contact.dist)
     omega = math.sqrt(GRAVITY_M_S2 * math.cos(case.slope_deg * DEG) / depth_m)
     return Softness(
         depth_m=depth_m,
@@ -222,6 +225,14 @@ def softness(plant: MujocoPlant, case: Case) -> Softness:
         dissipation_s_m=2.0 / (depth_m * omega),
         relaxation_s=2.0 / omega,
     )
+
+
+def _fixed(name: str, world: object, place: np.ndarray) -> object:
+    """Return a frame of Drake at a place of the world."""
+    from pydrake.math import RigidTransform
+    from pydrake.multibody.tree import FixedOffsetFrame
+
+    return FixedOffsetFrame(f"{name}_place", world.body_frame(), RigidTransform(place))
 
 
 class DrakeChair:
@@ -255,22 +266,39 @@ class DrakeChair:
         self._pose()
 
     def _build_stair(self) -> None:
-        from pydrake.geometry import Cylinder, HalfSpace
-        from pydrake.math import RigidTransform, RotationMatrix
+        """Add the floor, or a sphere for each nosing under each edge of a belt.
 
-        world = self._plant.world_body()
+        Drake's penetration query of box and cylinder (EPA) returns normals along the belt where a nosing passes the belt's end. The
+        query of box and sphere is exact. Each sphere has the nosing's radius, stands still (its joint is locked), and is put
+        under the belt's edge before each step: the contact point is that of the nosing's cylinder.
+        """
+        from pydrake.geometry import HalfSpace, Sphere
+        from pydrake.math import RigidTransform
+        from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
+
+        self._spheres, world = [], self._plant.world_body()
         if not self._case.slope_deg:
             self._plant.RegisterCollisionGeometry(world, RigidTransform(), HalfSpace(), "floor", self._surface)
             return
         front = self._reference._scenario.start.step
-        for solid in solids(self._reference.staircase):
+        for solid, edge in itertools.product(solids(self._reference.staircase), range(4)):
             bar = solid.nosing
-            if bar is None or abs(bar.index - front) > SPAN_STEPS:
+            if bar is None or not -BEHIND <= bar.index - front <= AHEAD:
                 continue
-            middle = 0.5 * (np.array(bar.left_W) + np.array(bar.right_W))
-            pose = RigidTransform(RotationMatrix.MakeXRotation(0.5 * math.pi), middle)
-            shape = Cylinder(bar.radius_m, 2.0 * NOSING_HALF_M)
-            self._plant.RegisterCollisionGeometry(world, pose, shape, f"nosing_{bar.index}", self._surface)
+            name, axis = f"nosing_{bar.index}_{edge}", np.array([bar.left_W[0], 0.0, bar.left_W[2]])
+            body = self._plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(1.0, bar.radius_m))
+            place = self._plant.AddFrame(_fixed(name, world, axis))
+            joint = self._plant.AddJoint(PrismaticJoint(name, place, body.body_frame(), np.array([0.0, 1.0, 0.0])))
+            self._plant.RegisterCollisionGeometry(body, RigidTransform(), Sphere(bar.radius_m), name, self._surface)
+            x_m = axis[0] - bar.radius_m * math.sin(self._case.slope_deg * DEG)
+            self._spheres.append((joint, x_m, EDGES_M[edge]))
+
+    def _put_nosings_under_the_edges(self) -> None:
+        pose = self._plant.EvalBodyPoseInWorld(self._context, self._chassis)
+        R, p = pose.rotation().matrix(), pose.translation()
+        for joint, x_m, y_m in self._spheres:
+            along = (x_m - p[0] - R[0, 1] * y_m) / R[0, 0]
+            joint.set_translation(self._context, p[1] + R[1, 0] * along + R[1, 1] * y_m)
 
     def _build_chair(self) -> None:
         from pydrake.math import RigidTransform
@@ -285,22 +313,21 @@ class DrakeChair:
         self._chassis = self._plant.AddRigidBody("chair", SpatialInertia(mass, com, about_origin))
         small = UnitInertia.SolidSphere(0.01).ShiftFromCenterOfMass(-com)
         self._belts = []
-        for side, y_m in (("left", 0.5 * CHAIR.tracks.gauge_m), ("right", -0.5 * CHAIR.tracks.gauge_m)):
+        for side, edges in (("left", EDGES_M[:2]), ("right", EDGES_M[2:])):
             belt = self._plant.AddRigidBody(side, SpatialInertia(BELT_KG, com, small))
             joint = self._plant.AddJoint(
                 PrismaticJoint(side, self._chassis.body_frame(), belt.body_frame(), np.array([1.0, 0.0, 0.0]))
             )
             self._plant.AddJointActuator(side, joint).set_controller_gains(PdControllerGains(p=0.0, d=BELT_GAIN_N_S_M))
             self._belts.append(joint)
-            for number, sign in enumerate((1.0, -1.0)):
-                edge_y = y_m + sign * 0.5 * (CHAIR.tracks.belt_width_m - EDGE_M)
+            for number, edge_y in enumerate(edges):
                 for name, place, shape in self._edge(edge_y):
                     self._plant.RegisterCollisionGeometry(
                         belt, RigidTransform(place), shape, f"{side}_{number}_{name}", self._surface
                     )
 
     def _edge(self, y_m: float) -> list[tuple[str, list[float], object]]:
-        """Return the contact geometry of a belt's edge: a box on the stair, spheres at its ends' corners on the floor."""
+        """Return the contact geometry of a belt's edge: a box on the stair, spheres on the floor."""
         from pydrake.geometry import Box, Sphere
 
         run, height = CHAIR.tracks.flat_run_m, CHAIR.tracks.pulley_radius_m
@@ -316,6 +343,9 @@ class DrakeChair:
         self._plant.SetFreeBodyPose(self._context, self._chassis, start)
         self._port = self._plant.get_desired_state_input_port(self._chassis.model_instance())
         self._port.FixValue(self._context, np.zeros(4))
+        for joint, _, _ in self._spheres:
+            joint.Lock(self._context)
+        self._put_nosings_under_the_edges()
         self._simulator.Initialize()
 
     def step(self, number: int, belts_m_s: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, float]:
@@ -324,6 +354,7 @@ class DrakeChair:
         self._simulator.AdvanceTo(number * self._step_s)
         for joint in self._belts:
             joint.set_translation(self._context, 0.0)
+        self._put_nosings_under_the_edges()
         results = self._plant.get_contact_results_output_port().Eval(self._context)
         infos = [results.point_pair_contact_info(i) for i in range(results.num_point_pair_contacts())]
         force = sum(abs(float(info.contact_force() @ info.point_pair().nhat_BA_W)) for info in infos)
