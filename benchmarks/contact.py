@@ -46,6 +46,8 @@ CORNER_M = 0.001
 BELT_KG = 10.0
 """Mass of a belt in Drake [kg], taken off the chassis; its centre is that of the whole chair. Drake regularises static friction in
 proportion to the time step and to the inverse mass of the touching bodies: belts of 0.1 kg creep by 1.4 mm/s on 28°."""
+LIGHT_BELTS_KG = (0.1, 1.0)
+"""Lighter belts [kg], to show how much this mass matters."""
 BELT_GAIN_N_S_M = 1e7
 """Velocity gain of the belt's implicit actuator [N·s/m]: 200 N of traction change the belt speed by 0.02 mm/s."""
 BEHIND, AHEAD = 4, 4
@@ -243,13 +245,13 @@ def _fixed(name: str, world: object, place: np.ndarray) -> object:
 class DrakeChair:
     """The chair in Drake: a free body, and two belts on prismatic joints whose positions are reset after each step."""
 
-    def __init__(self, plant: MujocoPlant, case: Case, approximation: str, step_s: float) -> None:
+    def __init__(self, plant: MujocoPlant, case: Case, approximation: str, step_s: float, belt_kg: float) -> None:
         from pydrake.geometry import AddContactMaterial, ProximityProperties
         from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
         from pydrake.systems.analysis import Simulator
         from pydrake.systems.framework import DiagramBuilder
 
-        self._reference, self._case, self._step_s = plant, case, step_s
+        self._reference, self._case, self._step_s, self._belt_kg = plant, case, step_s, belt_kg
         soft, self._surface = softness(plant, case), ProximityProperties()
         # Drake puts the two surfaces' stiffnesses in series and adds their relaxation times.
         AddContactMaterial(
@@ -311,7 +313,7 @@ class DrakeChair:
 
         pose = self._reference._data.qpos
         mass, com, inertia = whole_chair(float(pose[7]), float(pose[kernels.ARM_QPOS]))
-        mass -= 2.0 * BELT_KG
+        mass -= 2.0 * self._belt_kg
         moments, products = np.diag(inertia) / mass, inertia[[0, 0, 1], [1, 2, 2]] / mass
         about_com = UnitInertia(*moments, *products)
         about_origin = about_com.ShiftFromCenterOfMass(-com)
@@ -319,7 +321,7 @@ class DrakeChair:
         small = UnitInertia.SolidSphere(0.01).ShiftFromCenterOfMass(-com)
         self._belts = []
         for side, edges in (("left", EDGES_M[:2]), ("right", EDGES_M[2:])):
-            belt = self._plant.AddRigidBody(side, SpatialInertia(BELT_KG, com, small))
+            belt = self._plant.AddRigidBody(side, SpatialInertia(self._belt_kg, com, small))
             joint = self._plant.AddJoint(
                 PrismaticJoint(side, self._chassis.body_frame(), belt.body_frame(), np.array([1.0, 0.0, 0.0]))
             )
@@ -367,10 +369,12 @@ class DrakeChair:
         return pose.rotation().matrix(), pose.translation(), force
 
 
-def run_drake(case: Case, approximation: str, belts: Float[np.ndarray, "n 2"], step_s: float = STEP_S) -> Track:
+def run_drake(
+    case: Case, approximation: str, belts: Float[np.ndarray, "n 2"], step_s: float = STEP_S, belt_kg: float = BELT_KG
+) -> Track:
     """Return a run in Drake with the belt speeds that the plant's drives had."""
     reference, track = started(case), Track()
-    chair, weight = DrakeChair(reference, case, approximation, step_s), load_n(reference, case)
+    chair, weight = DrakeChair(reference, case, approximation, step_s, belt_kg), load_n(reference, case)
     settle, count, per_tick = round(SETTLE_S / step_s), round(UNTIL_S / step_s), round(TICK_S / step_s)
     for number in range(1, settle + 1):
         chair.step(number, (0.0, 0.0))
@@ -422,7 +426,9 @@ def conditions(cases: tuple[Case, ...]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="run the first case only, without the rows of smaller time steps")
+    parser.add_argument(
+        "--quick", action="store_true", help="run the first case only, without the rows of smaller time steps and lighter belts"
+    )
     quick = parser.parse_args().quick
     try:
         importlib.import_module("pydrake.multibody.plant")
@@ -436,6 +442,9 @@ def main() -> None:
         for number, step_s in itertools.product((0, 2), (0.001, 0.0005)):
             track = run_drake(CASES[number], "lagged", belts[number], step_s)
             show(CASES[number], f"Drake lagged, {1e3 * step_s:g} ms", track.row())
+        for number, approximation, belt_kg in itertools.product((0, 3), ("lagged", "sap"), LIGHT_BELTS_KG):
+            track = run_drake(CASES[number], approximation, belts[number], belt_kg=belt_kg)
+            show(CASES[number], f"Drake {approximation}, belts of {belt_kg:g} kg", track.row())
 
 
 if __name__ == "__main__":
