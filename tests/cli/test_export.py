@@ -57,7 +57,7 @@ def test_a_file_that_is_no_controller_is_not_exported(run, tmp_path: Path) -> No
 
 
 def test_a_controller_whose_loop_is_not_stable_is_not_exported(run, tmp_path: Path) -> None:
-    turned = CONTROLLER.read_text().replace('"K": [\n  [\n   0.0', '"K": [\n  [\n   -0.0')
+    turned = CONTROLLER.read_text().replace('"K": [\n  [\n   -0.0', '"K": [\n  [\n   0.0')
     assert turned != CONTROLLER.read_text()
     path = tmp_path / "controller.json"
     path.write_text(turned)

@@ -8,7 +8,7 @@ import pytest
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import kernels, open_plant
+from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant
 
 
@@ -98,4 +98,3 @@ def test_hull_and_passenger_do_not_collide_with_the_chairs_own_parts() -> None:
     own = [i for i in range(model.ngeom) if model.geom_bodyid[i] != 0]
     assert {model.geom(i).name for i in own if not made._is_belt[i]} == {"hull", "payload"}
     assert all(not model.geom_conaffinity[i] for i in own)
-    assert kernels.COLUMNS == kernels.HULL + 1

@@ -55,7 +55,7 @@ def coulomb_run(plant: MujocoPlant, duration_s: float) -> tuple[np.ndarray, np.n
 
 def _turn_to_belts(plant: MujocoPlant) -> None:
     """Turn the tangents of each belt contact along the belt and across it, and give them Table I's pair of coefficients."""
-    data, (along, across) = plant._data, plant._friction
+    data, (along, across) = plant._data, plant.staircase.friction
     chair_y = data.xmat[1].reshape(3, 3)[:, 1]
     for i in range(data.ncon):
         contact = data.contact[i]
