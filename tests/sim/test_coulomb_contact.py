@@ -95,7 +95,7 @@ def test_at_25_degrees_the_chair_turns_as_coulomb_says(belts: tuple[float, float
 def test_with_one_friction_both_ways_the_chair_turns_as_coulomb_says() -> None:
     result = run(25.0, (0.15, 0.25), 2.2, ISOTROPIC)
     theory = theory_from(result.plant, result.begin, 25.0, ISOTROPIC, (0.15, 0.25), 2.2)
-    # Measured 0.211 °/s, in theory 0.251 from this pose; Drake's lagged contact gives 0.26 to 0.29 from its own.
+    # Measured 0.211 °/s, in theory 0.251 from this pose.
     assert result.yaw_deg_s == pytest.approx(theory.yaw_rad_s / DEG, rel=0.2)
 
 
