@@ -49,7 +49,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     out.mkdir()
     for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
         (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
-    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=2.0)
+    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=6.0)
     assert done.returncode == 130, done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
@@ -63,7 +63,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
 def test_a_climb_that_is_asked_to_end_leaves_a_readable_log(tmp_path: Path) -> None:
     scenario, out = tmp_path / "long.toml", tmp_path / "run"
     scenario.write_text(LONG)
-    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=2.0, by=(signal.SIGTERM,))
+    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=6.0, by=(signal.SIGTERM,))
     assert done.returncode == 143, done.stderr
     assert "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith("treadline: asked to end")

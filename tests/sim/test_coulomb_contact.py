@@ -21,6 +21,7 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, contact_kernels, kernels
+from treadline.sim.physics import NOMINAL
 
 ISOTROPIC = (0.62, 0.62)
 CREEP_DEG_S = 0.03
@@ -55,7 +56,7 @@ def test_a_chair_whose_belts_differ_never_leaves_the_ground(slope_deg: float, di
 @pytest.mark.parametrize("slope_deg", [0.0, 25.0, 28.0, 30.0])
 def test_the_contact_solve_converges_and_its_residual_is_logged(slope_deg: float, difference_m_s: float) -> None:
     result = run(slope_deg, belts_of(slope_deg, difference_m_s))
-    steps = kernels.SUBSTEPS * len(result.settled)
+    steps = NOMINAL.substeps * len(result.settled)
     assert result.settled[:, kernels.UNCONVERGED].sum() <= 0.01 * steps
     residual = result.settled[:, kernels.RESIDUAL]
     assert residual.max() > 0.0
@@ -66,7 +67,7 @@ def test_the_contact_solve_converges_and_its_residual_is_logged(slope_deg: float
 def test_a_hard_turn_converges_in_95_of_100_steps() -> None:
     result = plant_run(plant_on(28.0, heading_deg=20.0), (0.5, 0.2), 1.5)
     # Measured: 98. Edges meet nosings one after the other; such steps keep a residual of up to 0.1 m/s², of 10 in a row.
-    assert result.settled[:, kernels.UNCONVERGED].sum() <= 0.05 * kernels.SUBSTEPS * len(result.settled)
+    assert result.settled[:, kernels.UNCONVERGED].sum() <= 0.05 * NOMINAL.substeps * len(result.settled)
     assert result.airborne == 0
 
 
@@ -226,7 +227,10 @@ def one_step(plant: MujocoPlant) -> tuple[float, float, np.ndarray]:
     addresses, layout, (_, _, pointers, qacc, warm_start, shift) = plant._memory[:2], plant._memory[5], plant._memory[6]
     count, real, whole = int(plant._memory[2][0]), plant._memory[3], plant._memory[4]
     fields = (layout[1], layout[4])
-    residual = contact_kernels.solve_contacts(*addresses, count, real, whole, fields, pointers, qacc, warm_start, shift, 1.0)
+    accuracy = (NOMINAL.tolerance_m_s2, NOMINAL.max_solves)
+    residual = contact_kernels.solve_contacts(
+        *addresses, count, real, whole, fields, pointers, qacc, warm_start, shift, 1.0, accuracy
+    )
     data.efc_aref[:] = reference
     error = gauss_seidel.coulomb_error_m_s2(model, data, qacc.copy(), data.efc_force.copy())
     return float(residual), error, qacc - solution.qacc
@@ -249,7 +253,7 @@ def test_mujocos_own_contact_hops() -> None:
     plant = plant_on(28.0)
     plant._corrected[0] = False
     result = plant_run(plant, (0.15, 0.25), 2.2)
-    assert result.airborne > 0.1 * kernels.SUBSTEPS * len(result.settled)
+    assert result.airborne > 0.1 * NOMINAL.substeps * len(result.settled)
     assert result.load.max() > 1.5
     assert result.yaw_deg_s > 1.0
     # The dual cone lifts a contact that slides at v by μ b v: what the logged residual is zero for, since nothing is corrected.

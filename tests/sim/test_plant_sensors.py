@@ -78,7 +78,7 @@ def too_fast(plant: MujocoPlant) -> None:
         (lost_number, r"not finite at 0\.00…0\.10 s"),
         (out_of_the_world, r"not finite at 0\.00…0\.10 s"),
         (other_clock, r"time went from 0\.000 s to 0\.200 s"),
-        (too_fast, r"MuJoCo warned of mjWARN_\w+ at 0\.00…0\.10 s"),
+        (too_fast, r"MuJoCo warned of mjWARN_\w+(, mjWARN_\w+)* at 0\.00…0\.10 s"),
     ],
     ids=["a NaN", "an infinite height", "time at double pace", "light speed"],
 )
