@@ -24,7 +24,8 @@ SLOW_M_S = 0.1
 FROM_S, UNTIL_S = 0.3, 0.8
 """Span of the mean: two lags of the belts' drives after the start, and short beside a nosing's passage."""
 THEORY_STEP_S = 0.05
-"""Integration step of the quasi-static run; half of it changes a row by less than 2 %."""
+"""Integration step of the quasi-static run, ten steps a row. At 10° and 0.05 m/s apart it gives 0.18 °/s, a step of 0.02 s gives
+0.165 °/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -89,12 +89,12 @@ def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]])
         "settle_s": None if None in settle else float(np.max(settle)),
         "steady_rms_heading_deg": float(np.mean(steady)) if steady else None,
         "worst_steady_rms_heading_deg": float(np.max(steady)) if steady else None,
-        "passenger_m_s2": _largest(runs, "passenger_max_m_s2"),
-        "vertical_m_s2": _largest(runs, "passenger_vertical_m_s2"),
-        "longitudinal_m_s2": _largest(runs, "passenger_longitudinal_m_s2"),
-        "lateral_m_s2": _largest(runs, "passenger_lateral_m_s2"),
+        "passenger_m_s2": _worst(runs, "passenger_max_m_s2"),
+        "vertical_m_s2": _worst(runs, "passenger_vertical_m_s2"),
+        "longitudinal_m_s2": _worst(runs, "passenger_longitudinal_m_s2"),
+        "lateral_m_s2": _worst(runs, "passenger_lateral_m_s2"),
         "margin_deg": float(np.min([run["min_stability_margin_deg"] for run in runs])),
-        "seconds_below_7_deg": _largest(runs, "seconds_below_7_deg"),
+        "seconds_below_7_deg": _worst(runs, "seconds_below_7_deg"),
         "min_stability_margin_deg": float(np.min([run["min_stability_margin_deg"] for run in runs])),
         "max_friction_use": float(np.max([run["max_friction_use"] for run in runs])),
         **{name: _worst(runs, score) for name, score in WORST.items()},
@@ -108,10 +108,6 @@ def _worst(runs: list[dict[str, Any]], score: str) -> float | None:
     """Return the largest value of a score, or None where no run has it."""
     values = [run[score] for run in runs if run.get(score) is not None]
     return float(np.max(values)) if values else None
-
-
-def _largest(runs: list[dict[str, Any]], score: str) -> float:
-    return float(np.max([run[score] for run in runs]))
 
 
 def fig10(results: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -16,12 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from treadline import paper
-from treadline.report.results import Cell, Identified, Impulse, Steered, Straight, Turn
+from treadline.report.results import PAPER_FRICTION, Cell, Identified, Impulse, Steered, Straight, Turn
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
 BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
-PAPER_FRICTION = [0.62, 0.5]
 Series = Mapping[str, Float[np.ndarray, " T"]]
 IMPULSE_SHOWN_S = 20.0
 """Of Fig. 8's 60 s: by then both responses have ended."""

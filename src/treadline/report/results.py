@@ -9,11 +9,14 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from treadline import paper
 from treadline.errors import SettingsError
 from treadline.models import read_json
 from treadline.signals import Phase
 
 PHASES = get_args(Phase)
+PAPER_FRICTION = list(paper.FRICTION)
+"""Table I's friction along the belt and across, as JSON has it."""
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")]
 """A folder's bare name: no separator, no leading dot."""
 Numbers = Annotated[list[float], Field(min_length=1)]
@@ -73,7 +76,7 @@ class Identified(Part):
     """The model of one slope and friction."""
 
     slope_deg: float
-    friction: Pair = [0.62, 0.5]
+    friction: Pair = PAPER_FRICTION
     """Along the belt and across; Table I's where an older file does not say."""
     singular_values: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=1)]
     rank: int
@@ -131,7 +134,7 @@ class Cell(Part):
     """Table II: one slope, friction and start, over all seeds."""
 
     slope_deg: float
-    friction: Pair = [0.62, 0.5]
+    friction: Pair = PAPER_FRICTION
     start_heading_deg: float
     paper_label: str
     paper_deg: float | None
