@@ -14,6 +14,7 @@ import pytest
 
 from treadline import cli
 from treadline.cli import main
+from treadline.interrupts import Terminated
 from treadline.io.mcap_read import read_log
 from treadline.ports import Truth
 
@@ -89,7 +90,7 @@ def test_an_interrupt_that_falls_into_source_text_is_as_any(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("wrapped", [1, 7])
-@pytest.mark.parametrize(("by", "code"), [(KeyboardInterrupt, 130), (cli.Terminated, 143)])
+@pytest.mark.parametrize(("by", "code"), [(KeyboardInterrupt, 130), (Terminated, 143)])
 def test_an_interrupt_in_the_moment_compiled_code_is_dispatched_is_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], by: type[KeyboardInterrupt], code: int, wrapped: int
 ) -> None:

@@ -15,7 +15,6 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, suppress
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import cyclopts
@@ -46,9 +45,10 @@ from treadline.cli import (
 from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
 from treadline.errors import SimulationDiverged, TreadlineError
+from treadline.interrupts import Terminated, on_terminate
 
 AGAIN_S = 0.25
-"""After which an interrupt that was swallowed comes again: longer than a burst that counts as one (``__main__``)."""
+"""After which an interrupt that was swallowed comes again: longer than a burst that counts as one (``interrupts``)."""
 EPILOGUE = """\
 Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
 Start with: treadline doctor; treadline check paper-28; treadline climb paper-28 --out runs/first
@@ -117,10 +117,6 @@ def _launch(
     return 0
 
 
-class Terminated(KeyboardInterrupt):
-    """A request to end (SIGTERM): what Ctrl-C leaves behind, this leaves behind."""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     sys.unraisablehook = _lost_interrupts_again
@@ -172,15 +168,11 @@ def _heeding_requests_to_end() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, _terminated)
+    before = signal.signal(signal.SIGTERM, on_terminate)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _terminated(_number: int, _frame: FrameType | None) -> None:
-    raise Terminated
 
 
 def _lost_interrupts_again(lost: "sys.UnraisableHookArgs") -> None:

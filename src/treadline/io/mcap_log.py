@@ -13,6 +13,7 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from treadline.errors import TreadlineError
+from treadline.interrupts import deferred
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
@@ -52,7 +53,7 @@ class RunLog:
                 return
         time_ns = nanoseconds_of(signal.t_s)
         messages = self._messages(signal)
-        with self._told():
+        with deferred(), self._told():
             for topic, kind, data in messages:
                 channel = self._channel(topic, kind)
                 self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
@@ -67,7 +68,7 @@ class RunLog:
         if self._file.closed:
             return
         try:
-            with self._told():
+            with deferred(), self._told():
                 self._writer.finish()
                 self._file.close()
                 self._temporary.replace(self._path)

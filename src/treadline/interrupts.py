@@ -1,0 +1,76 @@
+"""Ctrl-C and requests to end (SIGINT, SIGTERM), raised as exceptions but never in the middle of a file record."""
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+BURST_S = 0.2
+"""Shortest interval between two interrupts [s]: further signals within it belong to the same key press or burst."""
+
+
+class Terminated(KeyboardInterrupt):
+    """Request to end (SIGTERM): handled as Ctrl-C, with an exit code of its own."""
+
+
+class _Deferral:
+    """Whether the main thread is inside ``deferred``, and the interrupt that arrived meanwhile."""
+
+    depth = 0
+    pending: KeyboardInterrupt | None = None
+
+
+def interrupt(error: KeyboardInterrupt) -> None:
+    """Raise an interrupt in the main thread, now or at the end of the running ``deferred`` block."""
+    if _Deferral.depth:
+        _Deferral.pending = _Deferral.pending or error
+        return
+    raise error
+
+
+@contextmanager
+def deferred() -> Iterator[None]:
+    """Postpone interrupts to the end of this block.
+
+    An exception between the two halves of a file record would leave a file that nobody can read. Blocks may nest. Signal handlers
+    run in the main thread only, so other threads need no protection.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _Deferral.depth += 1
+    try:
+        yield
+    finally:
+        _Deferral.depth -= 1
+        if not _Deferral.depth and (error := _Deferral.pending) is not None:
+            _Deferral.pending = None
+            raise error
+
+
+class Interrupts:
+    """SIGINT handler that raises one ``KeyboardInterrupt`` for a burst of Ctrl-C."""
+
+    def __init__(self) -> None:
+        self._last_s = -BURST_S
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Handle one signal."""
+        del number, frame
+        before_s, self._last_s = self._last_s, time.monotonic()
+        if self._last_s - before_s >= BURST_S:
+            interrupt(KeyboardInterrupt())
+
+
+def on_terminate(number: int, frame: FrameType | None) -> None:
+    """Handle SIGTERM: raise ``Terminated``."""
+    del number, frame
+    interrupt(Terminated())
+
+
+def install() -> None:
+    """Install the SIGINT handler of this process; a shell may have had the signal ignored, which is kept."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, Interrupts())
