@@ -194,11 +194,11 @@ def theory(case: Case, start: Track) -> tuple[str, str]:
     return f"{run.yaw_rad_s / DEG:.3f}", f"{run.climb_m_s:.4f}"
 
 
-def whole_chair(seat_rad: float, arm_rad: float) -> tuple[float, np.ndarray, np.ndarray]:
+def whole_chair(seat_rad: float, flipper_rad: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Return mass, centre of mass and inertia about it of chassis, seat, payload and flipper as one body, in B."""
-    parts, com = [], np.array(centre_of_mass(CHAIR, LOADING, seat_rad, arm_rad))
+    parts, com = [], np.array(centre_of_mass(CHAIR, LOADING, seat_rad, flipper_rad))
     chair = vehicle(CHAIR, LOADING)
-    for body, turn in ((chair.chassis, 0.0), (chair.seat, seat_rad), (chair.arm, -arm_rad)):
+    for body, turn in ((chair.chassis, 0.0), (chair.seat, seat_rad), (chair.flipper, -flipper_rad)):
         if body is not None:
             R = rotation_y(turn)
             parts.append((body.mass_kg, np.array(body.origin_m) + R @ np.array(body.com_m), R @ np.diag(body.inertia) @ R.T))
@@ -312,7 +312,7 @@ class DrakeChair:
         from pydrake.multibody.tree import PdControllerGains, PrismaticJoint, SpatialInertia, UnitInertia
 
         pose = self._reference._data.qpos
-        mass, com, inertia = whole_chair(float(pose[7]), float(pose[kernels.ARM_QPOS]))
+        mass, com, inertia = whole_chair(float(pose[7]), float(pose[kernels.FLIPPER_QPOS]))
         mass -= 2.0 * self._belt_kg
         moments, products = np.diag(inertia) / mass, inertia[[0, 0, 1], [1, 2, 2]] / mass
         about_com = UnitInertia(*moments, *products)

@@ -1,4 +1,4 @@
-"""Crest, edge and foot in figures: pitch rate, seat error, vertical acceleration; with errors, and with less of an arm.
+"""Crest, edge and foot in figures: pitch rate, seat error, vertical acceleration; with errors, and with less of a flipper.
 
 Run: ``python benchmarks/crest.py`` (about two minutes of CPU). The tests hold a part of it: tests/experiments/test_crest.py.
 """
@@ -41,7 +41,7 @@ for slope in SLOPES_DEG:
             "friction 1.0, empty": CrestCase(slope_deg=slope, friction=GRIPS, payload_kg=0.0),
             f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half),
             "the same without its brake": CrestCase(slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0),
-            "no arm": CrestCase(slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
+            "no flipper": CrestCase(slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
             "range to -45°, centre of mass -10 cm": CrestCase(slope_deg=slope, range_deg=(-45.0, 60.0), com_error_m=-0.10),
             "40 N·m": CrestCase(slope_deg=slope, torque_n_m=40.0),
         },
@@ -70,7 +70,7 @@ for slope in (20.0, *SLOPES_DEG):
             "the same without its brake": CrestCase(
                 direction="down", slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0, duration_s=20.0
             ),
-            "no arm": CrestCase(direction="down", slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
+            "no flipper": CrestCase(direction="down", slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
             "range to -45°": CrestCase(direction="down", slope_deg=slope, range_deg=(-45.0, 60.0)),
             "range to -45°, belts that do not wait": CrestCase(
                 direction="down", slope_deg=slope, range_deg=(-45.0, 60.0), keep_m=-1.0
@@ -82,7 +82,7 @@ for slope in (20.0, *SLOPES_DEG):
 
 for slope in SLOPES_DEG:
     table(
-        f"At the foot, {slope:.0f}°: no arm at work",
+        f"At the foot, {slope:.0f}°: no flipper at work",
         {
             "mount at 0.1 m/s": CrestCase(at="foot", slope_deg=slope),
             "mount at 0.2 m/s": CrestCase(at="foot", slope_deg=slope, speed_m_s=0.2),

@@ -1,15 +1,15 @@
 """Each fault in each phase, both ways, some seeds: does the chair end as the table of hazards says?
 
 Run: ``python benchmarks/faults.py`` (about an hour of CPU with five seeds), ``--quick`` for one seed of one load, ``--kinds
-camera_lost arm_lost`` or ``--phases crest edge`` for a part, ``--rest 60`` for the whole minute of rule H, ``--out FOLDER`` for a
-scenario file of each violation. A run without a fault, of the same seed, tells when each phase begins and ends; the fault comes
-in its middle (``--place`` says where else). The camera is the one without images: what falsifies pixels alone (``false_edges``)
-is left out.
+camera_lost flipper_lost`` or ``--phases crest edge`` for a part, ``--rest 60`` for the whole minute of rule H, ``--out FOLDER``
+for a scenario file of each violation. A run without a fault, of the same seed, tells when each phase begins and ends; the fault
+comes in its middle (``--place`` says where else). The camera is the one without images: what falsifies pixels alone
+(``false_edges``) is left out.
 
 H is asked where physics lets a chair hold. Braked at once, it slides away from 1.03 of the slope's tangent (with one belt weaker
 than the other it also turns, and falls) and stands at 1.05: what slips here keeps a mean of 1.05 (both) and 1.08 (one). The
 static margin under HOLD is judged on the flight and on the level. Where the chair pitches over crest and edge it stands on its
-arm's tip, and a dead arm lets it down by design: there the pitch rate is what counts.
+flipper's tip, and a dead flipper lets it down by design: there the pitch rate is what counts.
 """
 
 import argparse
@@ -149,8 +149,8 @@ CASES = (
     Case("22", "process_killed", Process.SEAT, 15.0, ends=ANY, seat_deg=10.0),
     Case("24", "power_cut", 0.0, 3.0, ends=ANY, still_s=0.3),
     Case("25", "obstacle", 1.2, 60.0, ends=ANY),
-    Case("18", "arm_lost", 0.0, 60.0, ends=ANY),
-    Case("18", "arm_stuck", 0.0, 60.0, ends=ANY),
+    Case("18", "flipper_lost", 0.0, 60.0, ends=ANY),
+    Case("18", "flipper_stuck", 0.0, 60.0, ends=ANY),
 )
 
 
@@ -335,7 +335,7 @@ class Disturbed:
                 yield f"{what} {value:.2f} {unit}, {limit:g} wanted"
         if seen.roll_back_m > ROLL_BACK_M:
             yield f"rolled back {seen.roll_back_m:.2f} m"
-        if self.phase in TIPPING and case.kind == "arm_lost":
+        if self.phase in TIPPING and case.kind == "flipper_lost":
             return
         if seen.slide_m > SLIDE_M:
             yield f"slides {seen.slide_m * 1000.0:.0f} mm"

@@ -33,13 +33,13 @@ using ignition::math::Vector3d;
 
 constexpr double PROTOCOL = 1.0;
 constexpr double NO_REACH_M = -1e3;  // of a chair that touches nothing
-constexpr int SEAT_GAIN = 60, ARM_GAIN = 10;  // 1/s: how fast a servo takes up what is left to its target
+constexpr int SEAT_GAIN = 60, FLIPPER_GAIN = 10;  // 1/s: how fast a servo takes up what is left to its target
 constexpr double STIFF_N_M = 1e4;  // a seat's gear holds whatever sits on it
 
-enum Order { STEPS, LEFT, RIGHT, SEAT, ARM, ARM_RATE, FRICTION, FRICTION_ACROSS, ORDERS };
+enum Order { STEPS, LEFT, RIGHT, SEAT, FLIPPER, FLIPPER_RATE, FRICTION, FRICTION_ACROSS, ORDERS };
 
 struct Answer {
-  double t_s, position[3], orientation[4], velocity[3], rate[3], seat, arm, arm_torque, contacts, reach[4];
+  double t_s, position[3], orientation[4], velocity[3], rate[3], seat, flipper, flipper_torque, contacts, reach[4];
 };
 constexpr std::size_t COLUMNS = sizeof(Answer) / sizeof(double);
 
@@ -50,10 +50,10 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
     model_ = model;
     chair_ = model->GetLink(sdf->Get<std::string>("body"));
     seat_ = model->GetJoint("seat_joint");
-    arm_ = model->GetJoint("arm_joint");
-    arm_torque_n_m_ = sdf->Get<double>("arm_torque", 0.0).first;
+    flipper_ = model->GetJoint("flipper_joint");
+    flipper_torque_n_m_ = sdf->Get<double>("flipper_torque", 0.0).first;
     seat_start_ = sdf->Get<double>("seat_start", 0.0).first;
-    arm_start_ = sdf->Get<double>("arm_start", 0.0).first;
+    flipper_start_ = sdf->Get<double>("flipper_start", 0.0).first;
     // SDF has no word for it. Without, ODE iterates on long after the contacts' forces have settled.
     model->GetWorld()->Physics()->SetParam("sor_lcp_tolerance", sdf->Get<double>("solver_tolerance", 0.0).first);
     Listen(sdf->Get<int>("port", 0).first);
@@ -68,7 +68,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
       for (const auto& collision : link->GetCollisions())
         collision->SetCategoryBits(ROBOT_CATEGORY | BELT_CATEGORY | (collision->GetName().rfind("left", 0) == 0 ? LEFT_CATEGORY : 0u));
     Put(seat_, seat_start_, STIFF_N_M);
-    if (arm_) Put(arm_, arm_start_, arm_torque_n_m_);
+    if (flipper_) Put(flipper_, flipper_start_, flipper_torque_n_m_);
     contacts_ = gazebo::event::Events::ConnectBeforePhysicsUpdate([this](const auto&) { Reach(); });
   }
 
@@ -119,7 +119,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
       Obey();
     }
     Servo(seat_, order_[SEAT], 0.0, SEAT_GAIN);
-    if (arm_) Servo(arm_, order_[ARM], order_[ARM_RATE], ARM_GAIN);
+    if (flipper_) Servo(flipper_, order_[FLIPPER], order_[FLIPPER_RATE], FLIPPER_GAIN);
     --steps_left_;
   }
 
@@ -170,9 +170,9 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
     answer.orientation[2] = pose.Rot().Y();
     answer.orientation[3] = pose.Rot().Z();
     answer.seat = seat_->Position(0);
-    if (arm_) {
-      answer.arm = arm_->Position(0);
-      answer.arm_torque = arm_->GetForceTorque(0).body2Torque.Dot(arm_->LocalAxis(0));
+    if (flipper_) {
+      answer.flipper = flipper_->Position(0);
+      answer.flipper_torque = flipper_->GetForceTorque(0).body2Torque.Dot(flipper_->LocalAxis(0));
     }
     answer.contacts = contact_count_;
     std::copy_n(reach_, 4, answer.reach);
@@ -199,8 +199,8 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
 
   gazebo::physics::ModelPtr model_;
   gazebo::physics::LinkPtr chair_;
-  JointPtr seat_, arm_;
-  double arm_torque_n_m_ = 0.0, seat_start_ = 0.0, arm_start_ = 0.0;
+  JointPtr seat_, flipper_;
+  double flipper_torque_n_m_ = 0.0, seat_start_ = 0.0, flipper_start_ = 0.0;
   std::array<double, ORDERS> order_{};
   std::array<double, 2> friction_{};
   double reach_[4] = {NO_REACH_M, NO_REACH_M, NO_REACH_M, NO_REACH_M};

@@ -9,17 +9,20 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from treadline.settings import Settings
 
 FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
     "imu_lost", "clock_back", "late_tick", "track_stalled", "track_slip", "low_friction", "operator_stop",
-    "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "arm_lost", "arm_stuck",
+    "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "flipper_lost", "flipper_stuck",
     "readings_lost", "gyro_ramp", "wrong_stamp",
 ]  # fmt: skip
 """New kinds come last: a kind's place chooses its stream of random numbers."""
+
+RENAMED_KINDS = {"arm_lost": "flipper_lost", "arm_stuck": "flipper_stuck"}
+"""Kinds of the previous release and their present names; both are accepted for one release."""
 
 SAME_TIME_S = 1e-6
 """Times closer than this are one tick, whatever their last bits say."""
@@ -91,11 +94,11 @@ EXTENTS: dict[FaultKind, Extent] = {
     "link_lost": Extent(means="nothing: the person's heartbeat does not arrive"),
     "seat_stuck": Extent(means="nothing: the seat's actuator stands"),
     "process_killed": Extent(means="the process: 0 mission, 1 perception, 2 controller, 3 seat", high=3.0, is_choice=True),
-    "power_cut": Extent(means="nothing: brakes fall in; arm and seat are held by their gears"),
+    "power_cut": Extent(means="nothing: brakes fall in; flipper and seat are held by their gears"),
     "obstacle": Extent(means="metres from the chair's leading end to the box that stands in its way", default=1.2, high=5.0),
-    "arm_lost": Extent(means="nothing: the arm's motor is dead, its shorted windings damp one way"),
-    "arm_stuck": Extent(means="nothing: the arm's motor holds"),
-    "readings_lost": Extent(means="nothing: belts, seat and arm report nothing"),
+    "flipper_lost": Extent(means="nothing: the flipper's motor is dead, its shorted windings damp one way"),
+    "flipper_stuck": Extent(means="nothing: the flipper's motor holds"),
+    "readings_lost": Extent(means="nothing: belts, seat and flipper report nothing"),
     "gyro_ramp": Extent(
         means="the bias of the gyro about the chair's z [°/s] at the end of the fault; it grows evenly from zero",
         default=0.6,
@@ -121,6 +124,11 @@ class Fault(Settings):
     """How long it lasts."""
     value: float = 0.0
     """Its size: for each kind another thing, with a default of its own for 0."""
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _present_name(cls, kind: object) -> object:
+        return RENAMED_KINDS.get(kind, kind) if isinstance(kind, str) else kind
 
     @model_validator(mode="after")
     def _value_means_something(self) -> "Fault":

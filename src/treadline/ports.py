@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 
 
 @runtime_checkable
@@ -25,8 +25,8 @@ class Plant(Protocol):
     def read(self) -> Sequence[Reading]:
         """Return every sample that arrived since the last call, each kind in the order of its stamps; a camera's arrive late."""
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        """Send commands; they hold until the next call. Without one the arm stands; a chair without an arm has none to move."""
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        """Send commands, which hold until the next call. ``flipper=None`` stops the flipper; a chair without one ignores it."""
 
     def close(self) -> None:
         """Release what the plant holds."""

@@ -17,8 +17,8 @@ from treadline.stair_settings import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverri
 from treadline.step_rules import step_problem
 
 __all__ = [
-    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "Drive", "Scenario", "Sensors", "Stair", "Start",
-    "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
+    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
+    "Start", "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
 ]  # fmt: skip
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
@@ -142,7 +142,7 @@ class Start(Settings):
     """The seat at t = 0: level, or parallel to the chassis (Fig. 11)."""
 
 
-class Drive(Settings):
+class DriveSettings(Settings):
     """Direction, speed and a limit on time."""
 
     direction: Literal["up", "down"] = "up"
@@ -188,7 +188,7 @@ class Scenario(Settings):
     chair: Chair = Chair()
     belts: Belts = Belts()
     start: Start = Start()
-    drive: Drive = Drive()
+    drive: DriveSettings = DriveSettings()
     control: Control = Control()
     sensors: Sensors = Sensors()
     step: tuple[StepOverride, ...] = ()

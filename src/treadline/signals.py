@@ -134,10 +134,10 @@ class TrackReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmReading:
-    """The front track section as its drive reports it: an arm on the front pulley's axis.
+class FlipperReading:
+    """The front track section as its drive reports it: a flipper on the front pulley's axis.
 
-    The angle is zero in line with the flat run and positive above it; a positive torque raises the arm.
+    The angle is zero in line with the flat run and positive above it; a positive torque raises the flipper.
     """
 
     t_s: float
@@ -266,7 +266,7 @@ class SeatCommand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmCommand:
+class FlipperCommand:
     """Rate asked of the front track section; positive raises it."""
 
     t_s: float
@@ -281,8 +281,8 @@ Phase = Literal[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """What a traversal is about now, and what it asks of belts and arm."""
+class MotionPlan:
+    """What a traversal is about now, and what it asks of belts and flipper."""
 
     t_s: float
     phase: Phase
@@ -292,12 +292,12 @@ class Plan:
     """Half the belts' difference, right less left; None leaves steering to the heading controller."""
     heading_rad: float = 0.0
     """What the heading controller steers to."""
-    slowest_share: float | None = None
+    min_inner_speed_ratio: float | None = None
     """Of the speed, kept by the slower belt of a chair that climbs and turns: less turns faster and slides further. None leaves it
     to the heading controller."""
-    easing_m_s: float = 0.0
+    pitch_feedforward_m_s: float = 0.0
     """Added to both belts at each tick, whoever steers: they go with a chair that falls over a nosing."""
-    arm: ArmCommand | None = None
+    flipper: FlipperCommand | None = None
     needs_stair: bool = True
     """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""
     cause: str = ""
@@ -320,6 +320,14 @@ class Event:
 
 
 Reading = (
-    RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | FrameQuality | OperatorInput
+    RgbdFrame
+    | ImuSample
+    | SeatReading
+    | TrackReading
+    | FlipperReading
+    | HeadingMeasurement
+    | StairMap
+    | FrameQuality
+    | OperatorInput
 )
 """What a plant can hand over; a camera that looks for itself gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""

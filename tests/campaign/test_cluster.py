@@ -14,7 +14,7 @@ from treadline.campaign import cluster
 from treadline.campaign.cluster import LOCAL, Cluster
 from treadline.campaign.run import Flight, Fly, Row
 from treadline.campaign.spec import read_spec
-from treadline.campaign.sweep import Plan
+from treadline.campaign.sweep import SweepPlan
 from treadline.errors import SettingsError
 
 distributed = pytest.importorskip("distributed", reason="Dask is an extra")
@@ -102,7 +102,7 @@ def flies(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def flights(small: Path, count: int) -> list[Flight]:
-    plan = Plan(spec=read_spec(small), runs=count, seed=1)
+    plan = SweepPlan(spec=read_spec(small), runs=count, seed=1)
     point = np.full(plan.spec.dimension, 0.5)
     return [plan.flight(index, point) for index in range(count)]
 

@@ -19,7 +19,7 @@ from treadline.campaign.journal import NAME, Journal
 from treadline.campaign.pool import Pool, Runners
 from treadline.campaign.run import Fly, Row
 from treadline.campaign.spec import read_spec
-from treadline.campaign.sweep import Plan, fly_sweep, replay_command
+from treadline.campaign.sweep import SweepPlan, fly_sweep, replay_command
 from treadline.errors import SettingsError, TreadlineError
 from treadline.scenario import read_scenario
 
@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 
 
 def fly(
-    plan: Plan, folder: Path, flies: Fly = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
+    plan: SweepPlan, folder: Path, flies: Fly = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
 ) -> dict[str, Any]:
     runners: Runners = given.get("runners") or Pool(flies, workers)
     return fly_sweep(
@@ -48,7 +48,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) -> None:
-    plan = Plan(spec=read_spec(small), runs=24, seed=5)
+    plan = SweepPlan(spec=read_spec(small), runs=24, seed=5)
     for workers in (1, 4):
         fly(plan, tmp_path / str(workers), workers=workers)
     assert results(tmp_path / "1") == results(tmp_path / "4")
@@ -59,14 +59,14 @@ def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) ->
 
 
 def test_one_held_chair_of_ten_is_watched_for_a_minute(small: Path, tmp_path: Path) -> None:
-    fly(Plan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
+    fly(SweepPlan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
     assert [int(row["index"]) for row in rows(tmp_path) if float(row["watched_s"]) == 60.0] == [0, 10, 20]
     assert {float(row["watched_s"]) for row in rows(tmp_path)} == {3.0, 60.0}
 
 
 def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
-    fly(Plan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
+    fly(SweepPlan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
     table = parquet.read_table(tmp_path / "out" / "runs.parquet").to_pylist()
     for as_text, typed in zip(rows(tmp_path / "out"), table, strict=True):
         assert {key: "" if value is None else str(value) for key, value in typed.items()} == as_text
@@ -76,7 +76,7 @@ def test_dask_gives_the_same_bytes(small: Path, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="Dask is an extra")
     from treadline.campaign.cluster import LOCAL, Cluster
 
-    plan = Plan(spec=read_spec(small), runs=40, seed=1)
+    plan = SweepPlan(spec=read_spec(small), runs=40, seed=1)
     fly(plan, tmp_path / "pool")
     fly(plan, tmp_path / "dask", runners=Cluster(flown.quick, LOCAL, 2))
     assert results(tmp_path / "pool") == results(tmp_path / "dask")
@@ -85,7 +85,7 @@ def test_dask_gives_the_same_bytes(small: Path, tmp_path: Path) -> None:
 def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     once = tmp_path / "died"
     monkeypatch.setenv("DIES_ONCE", str(once))
-    fly(Plan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
+    fly(SweepPlan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
     table = rows(tmp_path / "out")
     assert len(table) == 40
     seen = {"crashed": 0, "diverged": 0, "error": 0}
@@ -110,9 +110,9 @@ def test_a_longer_sweep_begins_with_the_shorter_one(small: Path, tmp_path: Path)
     done: list[int] = []
     for sampling in ("random", "sobol"):
         spec, out = read_spec(small), tmp_path / sampling
-        fly(Plan(spec=spec, runs=5, sampling=sampling), out)
-        fly(Plan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
-        fly(Plan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling}-at-once")
+        fly(SweepPlan(spec=spec, runs=5, sampling=sampling), out)
+        fly(SweepPlan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
+        fly(SweepPlan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling}-at-once")
         assert results(out) == results(tmp_path / f"{sampling}-at-once")
     assert sorted(done) == sorted([*range(5, 12)] * 2)
 
@@ -120,20 +120,20 @@ def test_a_longer_sweep_begins_with_the_shorter_one(small: Path, tmp_path: Path)
 @pytest.mark.parametrize("change", [{"seed": 1}, {"sampling": "sobol"}, {"adversarial": True}])
 def test_another_sweep_is_not_added_to(small: Path, tmp_path: Path, change: dict[str, Any]) -> None:
     spec, out = read_spec(small), tmp_path / "out"
-    fly(Plan(spec=spec, runs=8), out, workers=1)
+    fly(SweepPlan(spec=spec, runs=8), out, workers=1)
     before = (out / NAME).read_bytes()
     with pytest.raises(SettingsError, match="a sweep is there already; go on with --resume, or give another --out"):
-        fly(Plan(spec=spec, runs=8), out, workers=1)
+        fly(SweepPlan(spec=spec, runs=8), out, workers=1)
     with pytest.raises(SettingsError, match=r"the sweep there has .*; resume with what it was started with"):
-        fly(Plan(spec=spec, runs=8, **change), out, workers=1, resume=True)
+        fly(SweepPlan(spec=spec, runs=8, **change), out, workers=1, resume=True)
     small.write_text(small.read_text().replace("[20, 30]", "[21, 30]"))
     with pytest.raises(SettingsError, match="the sweep there has spec"):
-        fly(Plan(spec=read_spec(small), runs=8), out, workers=1, resume=True)
+        fly(SweepPlan(spec=read_spec(small), runs=8), out, workers=1, resume=True)
     assert (out / NAME).read_bytes() == before
 
 
 def test_a_line_cut_short_is_flown_again_and_a_broken_one_is_told(small: Path, tmp_path: Path) -> None:
-    plan, out = Plan(spec=read_spec(small), runs=6), tmp_path / "out"
+    plan, out = SweepPlan(spec=read_spec(small), runs=6), tmp_path / "out"
     fly(plan, out, workers=1)
     whole, journal = results(out), out / NAME
     journal.write_bytes(journal.read_bytes()[:-40])
@@ -232,7 +232,7 @@ def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp
     said, progress = done.communicate(timeout=60.0)
     assert json.loads(said)["runs"] == 60, progress
     at_once = tmp_path / "at-once"
-    fly(Plan(spec=read_spec(small), runs=60), at_once)
+    fly(SweepPlan(spec=read_spec(small), runs=60), at_once)
     assert results(out) == results(at_once)
 
 
@@ -246,7 +246,7 @@ def alive(pid: int) -> bool:
 
 
 def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: Path) -> None:
-    plan, out = Plan(spec=read_spec(small), runs=20, seed=2), tmp_path / "out"
+    plan, out = SweepPlan(spec=read_spec(small), runs=20, seed=2), tmp_path / "out"
     summary = fly(plan, out)
     table = rows(out)
     missed = {f"{int(row['index']):04d}" for row in table if row["verdict"] != "arrived"}
@@ -263,9 +263,9 @@ def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: 
 
 def test_the_adversary_finds_worse_than_chance_and_goes_on_after_a_kill(small: Path, tmp_path: Path) -> None:
     spec = read_spec(small)
-    plan = Plan(spec=spec, runs=96, seed=3, adversarial=True)
+    plan = SweepPlan(spec=spec, runs=96, seed=3, adversarial=True)
     found = fly(plan, tmp_path / "whole")
-    chance = fly(Plan(spec=spec, runs=96, seed=3), tmp_path / "chance")
+    chance = fly(SweepPlan(spec=spec, runs=96, seed=3), tmp_path / "chance")
     lowest = found["worst"][0]["min_stability_margin_deg"]
     # 110 kg at ±30° is the worst there is: 12 - 5.5 - 6 = 0.5°, and noise of 0.01.
     assert lowest == pytest.approx(0.5, abs=0.15)
@@ -278,7 +278,7 @@ def test_the_adversary_finds_worse_than_chance_and_goes_on_after_a_kill(small: P
 
 
 def test_the_manifest_says_how_to_repeat_it(small: Path, tmp_path: Path) -> None:
-    plan, out = Plan(spec=read_spec(small), runs=2, seed=9, sampling="sobol"), tmp_path / "out"
+    plan, out = SweepPlan(spec=read_spec(small), runs=2, seed=9, sampling="sobol"), tmp_path / "out"
     fly(plan, out, workers=1)
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["seed"] == 9

@@ -14,7 +14,7 @@ def test_model_writes_a_file_and_says_what_it_weighs(run, tmp_path: Path, target
     out = tmp_path / f"chair.{target}"
     outcome = run("model", "paper-28", "--to", target, "--out", out, "--json", *options)
     assert outcome.code == 0, outcome.err
-    # Table I: 23.4 kg and 50 kg; the arm of 3 kg and the seat's shell of 0.5 kg are ours.
+    # Table I: 23.4 kg and 50 kg; the flipper of 3 kg and the seat's shell of 0.5 kg are ours.
     assert outcome.values["mass_kg"] == pytest.approx(76.9)
     assert outcome.values["path"] == str(out)
     has_stair = target != "urdf" and not options

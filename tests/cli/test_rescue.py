@@ -44,11 +44,11 @@ def standing(rise_m: float, run_m: float, payload_kg: float) -> Scenario:
     )
 
 
-def test_it_weighs_20_kg_with_arm_and_head() -> None:
+def test_it_weighs_20_kg_with_flipper_and_head() -> None:
     robot = read_chair("rescue")
-    assert robot.arm is not None
+    assert robot.flipper is not None
     # 0.5 kg is the empty head's.
-    assert robot.masses.chassis_kg + robot.arm.mass_kg + 0.5 == pytest.approx(20.0)
+    assert robot.masses.chassis_kg + robot.flipper.mass_kg + 0.5 == pytest.approx(20.0)
 
 
 @pytest.mark.parametrize("payload_kg", [0.0, 5.0])
@@ -101,5 +101,5 @@ def test_it_climbs_from_30_degrees_over_the_crest_by_itself(run, tmp_path: Path,
     assert np.abs(drawn["heading_deg"][(t_s > 6.0) & (t_s < 13.0)]).max() < 3.5
     assert np.abs(drawn["heading_deg"][(t_s > 9.0) & (t_s < 13.0)]).max() < 2.5
     assert values["roll_back_m"] < 0.15
-    # Over the crest the arm lets it down at 10.7°/s; without one it falls at more than 100. Jolts of milliseconds reach 33.
+    # Over the crest the flipper lets it down at 10.7°/s; without one it falls at more than 100. Jolts of milliseconds reach 33.
     assert np.abs(np.diff(drawn["pitch_deg"]) / np.diff(t_s)).max() < 20.0

@@ -11,7 +11,7 @@ from treadline.control.allocate import (
     back_safe,
     climb_safe,
     clipped,
-    min_inner_speed_ratio,
+    inner_speed_ratio,
 )
 
 ROUNDING = 1e-12
@@ -36,8 +36,8 @@ def test_the_slower_belt_never_lets_the_chair_slide_nor_the_faster_pass_its_limi
 def test_the_inner_belt_keeps_the_share_of_its_heading_error_and_the_outer_one_its_limit(
     left: float, right: float, climb: float, error: float
 ) -> None:
-    share = min_inner_speed_ratio(error)
-    kept = BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0, slowest_share=share)
+    share = inner_speed_ratio(error)
+    kept = BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0, min_inner_speed_ratio=share)
     given_m_s = climb_safe(np.array([left, right]), kept)
     assert given_m_s.min() >= share * climb - ROUNDING
     assert given_m_s.max() <= 1.0 + ROUNDING
@@ -47,8 +47,8 @@ def test_the_inner_belt_keeps_the_share_of_its_heading_error_and_the_outer_one_i
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_near_straight_the_inner_belt_carries_the_chair_uphill(sign: float) -> None:
     # Ten degrees: where the inner belt sticks on 28° with Table I's friction. Half to a quarter of the climb speed is asked there.
-    assert 0.25 <= min_inner_speed_ratio(sign * 9.9 * DEG) <= 0.5
-    assert min_inner_speed_ratio(sign * 10.1 * DEG) < 0.25
+    assert 0.25 <= inner_speed_ratio(sign * 9.9 * DEG) <= 0.5
+    assert inner_speed_ratio(sign * 10.1 * DEG) < 0.25
 
 
 @settings(deadline=None, derandomize=True)

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.arm import ArmGeometry
 from treadline.control.crest import CARRIED_M, LAGS_RAD, WAITS_RAD_S, Crest, CrestCommand, CrestConfig
+from treadline.control.flipper import FlipperGeometry
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.loading import centre_of_mass_level, plumb
 from treadline.mechanics.stability import centre_of_mass
 from treadline.scenario import Chair
-from treadline.signals import ArmReading, ImuSample, TrackReading
+from treadline.signals import FlipperReading, ImuSample, TrackReading
 
 CHAIR = read_chair("wheelchair")
-GEOMETRY = ArmGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
+GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
 
 
 def imu(t_s: float, pitch_deg: float) -> ImuSample:
@@ -44,12 +44,12 @@ class Chassis:
             torque = 0.5 * 3.0 * 9.81 * lever - tip_n * lever
             command = self.crest.step(
                 imu(self.t_s, self.pitch_deg),
-                ArmReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=torque),
+                FlipperReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=torque),
                 TrackReading(t_s=self.t_s, left_m_s=self.speed_m_s, right_m_s=self.speed_m_s, brake_on=False),
             )
             self.speed_m_s = command.speed_m_s
             self.ahead_m -= self.speed_m_s * 0.01
-            self.angle_rad = max(self.angle_rad + command.arm.rate_rad_s * 0.01, -75.0 * DEG)
+            self.angle_rad = max(self.angle_rad + command.flipper.rate_rad_s * 0.01, -75.0 * DEG)
         return command
 
     def until(self, stage: str, tip_n: float = 0.0) -> CrestCommand:
@@ -62,7 +62,7 @@ class Chassis:
 
 
 @pytest.mark.parametrize(("slope_deg", "below_deg"), [(28.0, 61.0), (30.0, 66.0)])
-def test_the_arm_needs_more_than_45_degrees_below_the_belts(slope_deg: float, below_deg: float) -> None:
+def test_the_flipper_needs_more_than_45_degrees_below_the_belts(slope_deg: float, below_deg: float) -> None:
     # β + asin(d sin β / L) at d = 0.53 m, less what two equal pulleys on ground of two slopes take off: under 2°.
     slope = slope_deg * DEG
     assert (slope + GEOMETRY.depression(slope, 0.53)) / DEG == pytest.approx(below_deg - 1.3, abs=0.7)
@@ -70,7 +70,7 @@ def test_the_arm_needs_more_than_45_degrees_below_the_belts(slope_deg: float, be
 
 @pytest.mark.parametrize("pitch_deg", [5.0, 15.0, 30.0])
 @pytest.mark.parametrize("past_m", [0.2, 0.5, 0.7])
-def test_the_arms_angle_tells_how_far_the_nosing_is(pitch_deg: float, past_m: float) -> None:
+def test_the_flippers_angle_tells_how_far_the_nosing_is(pitch_deg: float, past_m: float) -> None:
     pitch = pitch_deg * DEG
     angle = -(pitch + GEOMETRY.depression(pitch, past_m))
     assert GEOMETRY.past(pitch, angle) == pytest.approx(past_m, abs=1e-9)
@@ -97,7 +97,7 @@ def test_the_tip_slides_by_what_the_reach_grows() -> None:
 def test_the_believed_centre_of_mass_is_that_of_the_chairs_file() -> None:
     x, z = centre_of_mass_level(CrestConfig(chair=CHAIR, payload_kg=50.0), 28.0 * DEG)
     expected = centre_of_mass(CHAIR, Chair(payload_kg=50.0), 28.0 * DEG, -60.0 * DEG)
-    # The arm counts at its axis.
+    # The flipper counts at its axis.
     assert (x, z) == pytest.approx((expected[0], expected[2]), abs=0.01)
 
 
@@ -105,8 +105,8 @@ def test_pitch_is_read_from_the_orientation_whatever_the_yaw() -> None:
     assert imu(0.0, 28.0).pitch_rad == pytest.approx(28.0 * DEG, abs=1e-12)
 
 
-def test_a_chair_with_a_fixed_front_section_is_refused() -> None:
-    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven front section.*use wheelchair"):
+def test_a_chair_with_a_fixed_flipper_planner_is_refused() -> None:
+    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven flipper.*use wheelchair"):
         Crest(CrestConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), 1.0)
 
 
@@ -132,9 +132,9 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
 @pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])
 @pytest.mark.parametrize("payload_kg", [0.0, 12.0, 50.0, 110.0])
 def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on(payload_kg: float, slope_deg: float) -> None:
-    """Test: belts have slipped, and the arm, hardly lowered, lifts the chair by a degree. Expected result: it is raised, the chair
-    goes on by 13 cm, and it reaches again; what the map says of the nosing counts no more; it is barred, after two such tries at
-    least, while the centre of mass is still behind where the nosing was believed."""
+    """Test: belts have slipped, and the flipper, hardly lowered, lifts the chair by a degree. Expected result: it is raised, the
+    chair goes on by 13 cm, and it reaches again; what the map says of the nosing counts no more; it is barred, after two such
+    tries at least, while the centre of mass is still behind where the nosing was believed."""
     chair = Chassis(0.6, pitch_deg=slope_deg, payload_kg=payload_kg)
     tries, stage, before_m = 0, "slow", math.inf
     while stage == "slow":
@@ -153,20 +153,20 @@ def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_furthe
     assert plumb(CrestConfig(chair=CHAIR, payload_kg=payload_kg), slope_deg * DEG) < chair.ahead_m
 
 
-def test_a_light_chair_that_its_arm_lifts_is_carried_and_lifted_no_further() -> None:
+def test_a_light_chair_that_its_flipper_lifts_is_carried_and_lifted_no_further() -> None:
     """Test: the tip on the landing, the chair pitched up by a degree before 80 N are on it. Expected result: that is contact;
-    the arm stays where it is as long as the chair is lifted."""
+    the flipper stays where it is as long as the chair is lifted."""
     chair = Chassis(0.6)
     chair.until("reach")
     while chair.angle_rad > -(28.0 * DEG + GEOMETRY.depression(28.0 * DEG, 0.08)):
         assert chair.run(0.01).stage == "reach"
     chair.pitch_deg = 29.2
     assert chair.run(0.02, tip_n=60.0).stage == "carry"
-    assert chair.run(0.3, tip_n=60.0).arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+    assert chair.run(0.3, tip_n=60.0).flipper.rate_rad_s == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("stage", ["reach", "carry"])
-def test_an_arm_that_props_the_chair_up_is_barred(stage: str) -> None:
+def test_a_flipper_that_props_the_chair_up_is_barred(stage: str) -> None:
     chair = Chassis(0.6)
     chair.until("reach")
     if stage == "carry":
@@ -179,7 +179,7 @@ def test_an_arm_that_props_the_chair_up_is_barred(stage: str) -> None:
 
 
 def test_belts_that_run_on_under_a_chair_that_stays_are_stopped() -> None:
-    """Test: the tip carries, and the arm says for ever that the nosing is still ahead. Expected result: barred after 1.2 m."""
+    """Test: the tip carries, and the flipper says for ever that the nosing is still ahead. Expected result: barred after 1.2 m."""
     chair = Chassis(0.6)
     chair.until("reach")
     chair.run(2.6)
@@ -193,7 +193,7 @@ def test_belts_that_run_on_under_a_chair_that_stays_are_stopped() -> None:
     assert before_m - chair.ahead_m == pytest.approx(CARRIED_M, abs=0.05)
 
 
-def test_a_short_knock_on_the_arm_is_not_the_landing() -> None:
+def test_a_short_knock_on_the_flipper_is_not_the_landing() -> None:
     chair = Chassis(0.6)
     chair.run(4.5)
     chair.run(0.05, tip_n=300.0)
@@ -204,10 +204,10 @@ def test_it_leads_only_when_the_tip_carries_and_the_centre_of_mass_has_passed() 
     chair = Chassis(0.6)
     chair.run(6.0)
     assert chair.run(0.4, tip_n=100.0).stage == "carry"
-    # 120 N: a little less than the tip should carry, so that the arm keeps up with the belts.
+    # 120 N: a little less than the tip should carry, so that the flipper keeps up with the belts.
     assert chair.until("lead", tip_n=120.0).speed_m_s < 0.1
-    # Leading raises the arm against the chair: from geometry, about 2.2 times the pitch rate.
-    assert chair.run(0.5, tip_n=140.0).arm.rate_rad_s > 10.0 * DEG
+    # Leading raises the flipper against the chair: from geometry, about 2.2 times the pitch rate.
+    assert chair.run(0.5, tip_n=140.0).flipper.rate_rad_s > 10.0 * DEG
 
 
 def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
@@ -217,7 +217,7 @@ def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
     chair.run(0.3, tip_n=140.0)
     command = chair.run(0.5)
     assert command.stage == "carry"
-    assert command.arm.rate_rad_s < 0.0
+    assert command.flipper.rate_rad_s < 0.0
 
 
 def test_a_tip_that_hangs_by_its_friction_tells_nothing_as_long_as_the_chair_follows() -> None:
@@ -229,16 +229,16 @@ def test_a_tip_that_hangs_by_its_friction_tells_nothing_as_long_as_the_chair_fol
     while chair.pitch_deg > 8.5:
         before_rad, pitch_rad = chair.crest._lead_rad, chair.pitch_deg * DEG
         command = chair.run(0.01, tip_n=10.0)
-        chair.pitch_deg = chair.crest._lead_rad / DEG + 0.2  # by which servo and arm give way
+        chair.pitch_deg = chair.crest._lead_rad / DEG + 0.2  # by which servo and flipper give way
         assert command.stage == "lead"
         slides_m_s = (before_rad - chair.crest._lead_rad) / 0.01 * GEOMETRY.slide(pitch_rad, chair.crest._past_m)
         assert slides_m_s <= CrestConfig(chair=CHAIR, payload_kg=50.0).slide_m_s + 1e-9
-    assert command.arm.rate_rad_s > 10.0 * DEG
+    assert command.flipper.rate_rad_s > 10.0 * DEG
 
 
 def test_a_chair_that_neither_leans_on_the_tip_nor_follows_its_lead_is_led_slowly() -> None:
-    """Test: the lead begins, the tip unloads, and the pitch stays. Expected result: once that is behind by what servo and arm give
-    way by, the lead goes on no faster than it waits: a chair that tips after all falls no further than that onto the tip."""
+    """Test: the lead begins, the tip unloads, and the pitch stays. Expected result: once that is behind by what servo and flipper
+    give way by, the lead goes on no faster than it waits: a chair that tips after all falls no further than that onto the tip."""
     chair = Chassis(0.6)
     chair.run(6.0)
     chair.until("lead", tip_n=120.0)
@@ -254,14 +254,14 @@ def test_a_chair_that_neither_leans_on_the_tip_nor_follows_its_lead_is_led_slowl
 
 
 @pytest.mark.parametrize(("above_deg", "rate"), [(20.0, "reach_rad_s"), (0.0, "meet_rad_s"), (-5.0, "meet_rad_s")])
-def test_the_arm_reaches_fast_and_meets_the_landing_slowly(above_deg: float, rate: str) -> None:
-    """Test: an arm that reaches down, far above where its tip is to meet the landing, there, and below. Expected result: at its
+def test_the_flipper_reaches_fast_and_meets_the_landing_slowly(above_deg: float, rate: str) -> None:
+    """Test: a flipper that reaches down, far above where its tip is to meet the landing, there, and below. Expected result: at its
     pace, then half as fast, also where the landing is lower than nosing and pitch tell."""
     chair = Chassis(0.6)
     chair.until("reach")
     pitch_rad = chair.pitch_deg * DEG
     angle_rad = above_deg * DEG - pitch_rad - GEOMETRY.depression(pitch_rad, chair.crest._past_m)
-    asked_rad_s = chair.crest._reach(pitch_rad, ArmReading(t_s=chair.t_s, angle_rad=angle_rad, torque_n_m=0.0))
+    asked_rad_s = chair.crest._reach(pitch_rad, FlipperReading(t_s=chair.t_s, angle_rad=angle_rad, torque_n_m=0.0))
     assert asked_rad_s == -getattr(CrestConfig(chair=CHAIR, payload_kg=50.0), rate)
 
 
@@ -273,7 +273,7 @@ def test_it_waits_with_its_centre_of_mass_near_the_nosing_and_nothing_under_the_
     assert (command.stage, command.speed_m_s) == ("carry", 0.0)
 
 
-def test_a_chair_that_lies_on_the_landing_is_told_by_its_arm_where_gravity_is_off() -> None:
+def test_a_chair_that_lies_on_the_landing_is_told_by_its_flipper_where_gravity_is_off() -> None:
     chair = Chassis(0.6)
     chair.run(6.0)
     chair.until("lead", tip_n=120.0)
@@ -284,7 +284,7 @@ def test_a_chair_that_lies_on_the_landing_is_told_by_its_arm_where_gravity_is_of
 
 @pytest.mark.parametrize("pitch_deg", [-0.3, 0.0, 0.3, 5.0])
 def test_a_tip_that_carries_under_a_chair_that_lies_level_tells_nothing_of_the_nosing(pitch_deg: float) -> None:
-    """Test: pushed over, so that the arm feels the landing level. Expected result: it lands where belts and map say."""
+    """Test: pushed over, so that the flipper feels the landing level. Expected result: it lands where belts and map say."""
     chair = Chassis(0.6)
     chair.run(6.0)
     chair.pitch_deg = pitch_deg
@@ -298,7 +298,7 @@ def test_a_tip_that_carries_under_a_chair_that_lies_level_tells_nothing_of_the_n
     assert chair.ahead_m == pytest.approx(-GEOMETRY.pivot_m, abs=0.01)
 
 
-def test_level_it_stows_the_arm_and_ends_when_the_rear_has_left_the_nosing() -> None:
+def test_level_it_stows_the_flipper_and_ends_when_the_rear_has_left_the_nosing() -> None:
     chair = Chassis(0.6)
     chair.run(6.0)
     chair.until("lead", tip_n=120.0)
@@ -308,7 +308,7 @@ def test_level_it_stows_the_arm_and_ends_when_the_rear_has_left_the_nosing() -> 
     assert chair.angle_rad == pytest.approx(40.0 * DEG, abs=1.0 * DEG)
 
 
-def test_a_better_place_of_the_nosing_is_taken_until_the_arm_reaches() -> None:
+def test_a_better_place_of_the_nosing_is_taken_until_the_flipper_reaches() -> None:
     chair = Chassis(0.6)
     chair.crest.nosing_seen(0.9)
     chair.run(4.5)

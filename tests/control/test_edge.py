@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.control.arm import OVER_BELTS_RAD, ArmGeometry
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
+from treadline.control.flipper import OVER_BELTS_RAD, FlipperGeometry
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.loading import plumb
-from treadline.signals import ArmReading, ImuSample, TrackReading
+from treadline.signals import FlipperReading, ImuSample, TrackReading
 
 CHAIR = read_chair("wheelchair")
 CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)
 SLOPE = 28.0 * DEG
-GEOMETRY = ArmGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
+GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
 LIFTED_DEG = (SLOPE + CONFIG.steeper_rad) / DEG
 NEAR_M = 0.30
 """Of the nosing behind mid-track: 5 cm before the tip is pressed down."""
 
 
 class Chassis:
-    """A chair that does what it is told, on a landing that is not there; its arm follows its pitch where the tip stands."""
+    """A chair that does what it is told, on a landing that is not there; its flipper follows its pitch where the tip stands."""
 
     def __init__(self, behind_m: float = NEAR_M) -> None:
         self.edge = Edge(CONFIG, behind_m, SLOPE)
@@ -45,12 +45,12 @@ class Chassis:
                     angular_velocity_rad_s=np.zeros(3),
                     linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
                 ),
-                ArmReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=(0.5 * 3.0 * 9.81 - tip_n) * lever),
+                FlipperReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=(0.5 * 3.0 * 9.81 - tip_n) * lever),
                 TrackReading(t_s=self.t_s, left_m_s=self.speed_m_s, right_m_s=self.speed_m_s, brake_on=False),
             )
             self.speed_m_s = command.speed_m_s
             self.behind_m += self.speed_m_s * 0.01
-            self.angle_rad += command.arm.rate_rad_s * 0.01
+            self.angle_rad += command.flipper.rate_rad_s * 0.01
             if tip_n > 0.0:
                 self.angle_rad = -(pitch + GEOMETRY.depression(pitch, 0.475 + self.behind_m))
         return command
@@ -82,12 +82,12 @@ class Chassis:
         return self
 
 
-def test_a_chair_with_a_fixed_front_section_is_refused() -> None:
-    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven front section"):
+def test_a_chair_with_a_fixed_flipper_planner_is_refused() -> None:
+    with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven flipper"):
         Edge(EdgeConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), NEAR_M, SLOPE)
 
 
-def test_it_backs_to_the_edge_slows_down_and_lays_the_arm() -> None:
+def test_it_backs_to_the_edge_slows_down_and_lays_the_flipper() -> None:
     chair = Chassis(1.2)
     assert chair.run(0.5).speed_m_s == -CONFIG.cruise_m_s
     assert chair.until("press").speed_m_s == 0.0
@@ -121,11 +121,11 @@ def test_a_light_chair_that_rises_before_its_tip_carries_much_is_led_from_there(
     assert chair.run(0.3, tip_n=20.0, pitch_deg_s=4.0).stage == "lift"
 
 
-def test_the_lift_presses_the_arm_down_faster_than_the_front_rises() -> None:
+def test_the_lift_presses_the_flipper_down_faster_than_the_front_rises() -> None:
     chair = Chassis().pressed()
     command = chair.run(1.0, tip_n=250.0, pitch_deg_s=7.0)
-    # The arm turns against a chassis that rises: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
-    assert -30.0 * DEG <= command.arm.rate_rad_s < -2.0 * 7.0 * DEG
+    # The flipper turns against a chassis that rises: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
+    assert -30.0 * DEG <= command.flipper.rate_rad_s < -2.0 * 7.0 * DEG
 
 
 @pytest.mark.parametrize(("before_m", "sign"), [(0.60, -1.0), (0.0, 1.0)])
@@ -143,12 +143,12 @@ def test_it_never_drives_further_ahead_than_where_it_pressed() -> None:
     assert chair.behind_m <= pressed + 0.005
 
 
-def test_it_lifts_no_further_than_the_arm_reaches() -> None:
+def test_it_lifts_no_further_than_the_flipper_reaches() -> None:
     chair = Chassis().pressed()
     chair.pitch_deg, far = 27.0, GEOMETRY.past(27.0 * DEG, -73.0 * DEG)
     chair.behind_m = far - 0.475
     chair.run(1.0, tip_n=chair.balanced_n(0.05))
-    assert chair.run(0.5, tip_n=chair.balanced_n(0.05)).arm.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
+    assert chair.run(0.5, tip_n=chair.balanced_n(0.05)).flipper.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
 
 
 def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
@@ -165,16 +165,16 @@ def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
     chair.run(1.0, chair.balanced_n(0.02), 1.0)
     rising = chair.run(0.1, 0.0)
     chair.pitch_deg = SLOPE / DEG + 1.0
-    assert chair.run(0.2, chair.balanced_n(0.02)).arm.rate_rad_s > rising.arm.rate_rad_s
+    assert chair.run(0.2, chair.balanced_n(0.02)).flipper.rate_rad_s > rising.flipper.rate_rad_s
 
 
 def test_a_tip_that_carries_much_gives_way_to_the_chair_as_it_settles() -> None:
-    """Test: settling, 60 N on the tip and then 300. Expected result: the arm goes up the faster the more it bears; 15 N·m of it are
-    the chair's own way back."""
+    """Test: settling, 60 N on the tip and then 300. Expected result: the flipper goes up the faster the more it bears; 15 N·m of
+    it are the chair's own way back."""
     rates = []
     for tip_n in (60.0, 300.0):
         chair = Chassis().lifted()
-        rates.append(chair.run(0.3, tip_n=tip_n).arm.rate_rad_s)
+        rates.append(chair.run(0.3, tip_n=tip_n).flipper.rate_rad_s)
     assert rates[1] - rates[0] > 10.0 * DEG
 
 
@@ -187,7 +187,7 @@ def test_lifted_it_backs_on_until_the_front_pulley_is_about_to_leave_the_landing
     assert plumb(CONFIG, SLOPE) + chair.behind_m < -0.2
 
 
-def test_then_it_stows_the_arm_and_ends_when_the_front_has_left_the_landing() -> None:
+def test_then_it_stows_the_flipper_and_ends_when_the_front_has_left_the_landing() -> None:
     chair = Chassis().lifted()
     chair.until("leave", tip_n=40.0)
     chair.until("done")
@@ -196,7 +196,7 @@ def test_then_it_stows_the_arm_and_ends_when_the_front_has_left_the_landing() ->
     assert chair.angle_rad > 0.0
 
 
-def test_the_front_pulley_does_not_leave_the_landing_before_the_arm_is_up() -> None:
+def test_the_front_pulley_does_not_leave_the_landing_before_the_flipper_is_up() -> None:
     chair = Chassis().lifted()
     chair.until("leave", tip_n=40.0)
     assert chair.angle_rad < -25.0 * DEG
@@ -214,7 +214,7 @@ def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:
     assert command.speed_m_s > 0.0
 
 
-def test_an_arm_that_gets_no_further_lets_the_chair_down_and_says_so() -> None:
+def test_a_flipper_that_gets_no_further_lets_the_chair_down_and_says_so() -> None:
     chair = Chassis().pressed()
     chair.until("lower", tip_n=130.0)
     command = chair.run(0.1, tip_n=130.0)
@@ -223,13 +223,13 @@ def test_an_arm_that_gets_no_further_lets_the_chair_down_and_says_so() -> None:
     assert chair.angle_rad == pytest.approx(40.0 * DEG, abs=1.0 * DEG)
 
 
-def test_an_arm_that_stops_half_way_lowers_the_front_again() -> None:
+def test_a_flipper_that_stops_half_way_lowers_the_front_again() -> None:
     chair = Chassis().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     lowering = chair.until("lower", tip_n=200.0)
     assert lowering.speed_m_s >= 0.0
     assert chair.edge.turn_back(), "what is being let down already goes on"
-    assert chair.run(0.5, tip_n=200.0, pitch_deg_s=-5.0).arm.rate_rad_s > 5.0 * DEG
+    assert chair.run(0.5, tip_n=200.0, pitch_deg_s=-5.0).flipper.rate_rad_s > 5.0 * DEG
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 
 
@@ -253,7 +253,7 @@ def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
     late.until("leave", tip_n=40.0)
 
 
-def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_an_arm_that_was_raised() -> None:
+def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_a_flipper_that_was_raised() -> None:
     """Test: told to turn back, its centre of mass further back than believed: nothing on the tip for 1.5 s, then a load. Expected
     result: it drives towards the landing, the tip after the ground and never up from it; then it is let down."""
     chair = Chassis().lifted()
@@ -262,9 +262,9 @@ def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_an_arm_that_was_ra
     for _ in range(120):
         command = chair.run(0.01)
         assert (command.stage, command.speed_m_s > 0.0) == ("lower", True)
-        assert command.arm.rate_rad_s <= 0.0
+        assert command.flipper.rate_rad_s <= 0.0
     command = chair.run(0.5, tip_n=100.0)
-    assert command.arm.rate_rad_s > 2.0 * DEG
+    assert command.flipper.rate_rad_s > 2.0 * DEG
 
 
 @pytest.mark.parametrize("stage", ["approach", "press"])
@@ -275,14 +275,14 @@ def test_a_chair_that_is_told_to_turn_back_before_it_is_lifted_is_not(stage: str
     assert chair.run(0.01).stage == ("lower" if stage == "press" else "approach")
 
 
-def test_an_arm_that_no_longer_folds_props_the_chair_up_and_ends_its_backing() -> None:
+def test_a_flipper_that_no_longer_folds_props_the_chair_up_and_ends_its_backing() -> None:
     chair = Chassis().lifted()
     command = chair.until("barred", tip_n=300.0, pitch_deg_s=2.0)
     assert command.speed_m_s == 0.0
     assert chair.pitch_deg < LIFTED_DEG + 3.5
 
 
-def test_an_arm_that_does_not_lower_is_given_up_where_it_stands() -> None:
+def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
     chair = Chassis().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     chair.until("lower", tip_n=200.0)

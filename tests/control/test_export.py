@@ -16,7 +16,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.models import ControllerDesign, LinearModel
 from treadline.scenario import Control, Drive, Scenario, Stair, Start
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on the path")
@@ -90,8 +90,8 @@ class Listener:
     def period_s(self) -> float:
         return self._driver.period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
-        plan = plan or Plan(t_s=t_s, phase="drive", speed_m_s=CONFIG.climb_speed_m_s)
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
+        plan = plan or MotionPlan(t_s=t_s, phase="drive", speed_m_s=CONFIG.climb_speed_m_s)
         answer = self._driver.step(estimate, t_s, plan)
         self.log.append(Exchange(estimate=estimate, plan=plan, answer=answer))
         return answer

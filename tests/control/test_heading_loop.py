@@ -14,7 +14,7 @@ from treadline.control.observer import Observer
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign, LinearModel
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 PERIOD_S = 0.25
 YAW_GAIN = 0.8
@@ -178,7 +178,7 @@ def test_what_a_chair_that_does_not_turn_has_taught_is_void_once_it_is_let_alone
     driver = controller()
     for k in range(round(20.0 / PERIOD_S)):
         driver.step(estimate(held_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
-    alone = Plan(t_s=20.0, phase="climb", speed_m_s=0.2, turn_m_s=0.0)
+    alone = MotionPlan(t_s=20.0, phase="climb", speed_m_s=0.2, turn_m_s=0.0)
     assert driver.step(estimate(held_deg * DEG), 20.0, alone) == TrackCommand.stop(20.0)
     after, new = (run(steers, Chair(np.array([held_deg * DEG, 0.0])), 30.0) for steers in (driver, controller()))
     np.testing.assert_array_equal(after, new)
@@ -204,15 +204,15 @@ def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> N
         {"heading_rad": 4.0},
         {"speed_m_s": np.nan},
         {"speed_m_s": -np.inf},
-        {"slowest_share": np.nan},
-        {"slowest_share": 2.0},
+        {"min_inner_speed_ratio": np.nan},
+        {"min_inner_speed_ratio": 2.0},
     ],
 )
 def test_one_plan_that_is_not_a_number_stops_and_does_not_cost_what_was_learned(spoilt: dict[str, float]) -> None:
     driver = controller()
     run(driver, Chair(np.array([0.0, 0.0]), right_scale=1.05), 60.0)
     before = driver._observer.disturbance
-    good = Plan(t_s=0.0, phase="climb", speed_m_s=0.2)
+    good = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
     assert driver.step(estimate(0.0), 60.0, replace(good, **spoilt)).brake
     after = driver.step(estimate(0.0), 60.25, good)
     assert not after.brake

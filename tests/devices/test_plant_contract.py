@@ -18,8 +18,8 @@ from treadline.ports import TruthPlant
 from treadline.realism import Realism
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
+    FlipperCommand,
+    FlipperReading,
     HeadingMeasurement,
     ImuSample,
     Reading,
@@ -101,7 +101,7 @@ def test_a_second_start_repeats_the_physics_of_the_first(started: Opened) -> Non
 
 def test_every_sensor_reports_at_its_rate_from_zero_and_in_time_order(started: Opened) -> None:
     readings = climb(started(), 2.0)
-    kinds = ((ImuSample, 0.01), (SeatReading, 0.01), (TrackReading, 0.01), (ArmReading, 0.01), (HeadingMeasurement, 0.1))
+    kinds = ((ImuSample, 0.01), (SeatReading, 0.01), (TrackReading, 0.01), (FlipperReading, 0.01), (HeadingMeasurement, 0.1))
     for kind, period_s in kinds:
         times = np.array([reading.t_s for reading in readings if isinstance(reading, kind)])
         np.testing.assert_allclose(times, period_s * np.arange(round(2.0 / period_s) + 1), atol=1e-9)
@@ -137,12 +137,12 @@ def test_the_right_belt_ahead_turns_the_chair_left(started: Opened) -> None:
     assert last.heading_rate_rad_s > 0.0
 
 
-def test_the_arm_follows_its_order_within_its_limits(started: Opened) -> None:
+def test_the_flipper_follows_its_order_within_its_limits(started: Opened) -> None:
     plant = started()
     stop, seat = TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0)
-    plant.write(stop, seat, ArmCommand(t_s=0.0, rate_rad_s=0.2))
+    plant.write(stop, seat, FlipperCommand(t_s=0.0, rate_rad_s=0.2))
     plant.advance(1.0)
-    angles = [reading.angle_rad for reading in plant.read() if isinstance(reading, ArmReading)]
+    angles = [reading.angle_rad for reading in plant.read() if isinstance(reading, FlipperReading)]
     assert angles[0] == pytest.approx(40.0 * DEG, abs=0.2 * DEG)
     assert angles[-1] - angles[0] == pytest.approx(0.2, abs=0.02)
 

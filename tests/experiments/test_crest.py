@@ -1,4 +1,4 @@
-"""Crest, edge and foot on the plant: what the arm buys, what it bears, and that without it these figures fail."""
+"""Crest, edge and foot on the plant: what the flipper buys, what it bears, and that without it these figures fail."""
 
 from collections.abc import Callable
 
@@ -54,7 +54,7 @@ def last_stage(crossing: Crossing) -> str:
         "down 26, heavy",
     ],
 )
-def test_the_arm_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> None:
+def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)
     assert crossing.is_across, crossing
     assert_gentle(crossing, NOMINAL_DEG_S)
@@ -123,7 +123,7 @@ def test_a_motor_that_dies_half_way_over_the_edge_lets_the_chair_back_onto_the_l
 
 
 def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight(ride: Ride) -> None:
-    # Lifted to 29.5°, it settles from 29.0° on; the dead arm holds it up there until its brake has let it down.
+    # Lifted to 29.5°, it settles from 29.0° on; the dead flipper holds it up there until its brake has let it down.
     crossing = ride(CrestCase(direction="down", motor_lost_at_deg=29.1, duration_s=30.0))
     assert last_stage(crossing) == "done"
     assert crossing.moments[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
@@ -150,29 +150,29 @@ def test_a_motor_that_dies_as_the_front_is_nearly_lifted_lets_it_down_on_the_lan
         (CrestCase(direction="down", payload_kg=110.0, motor_lost_at_deg=14.0, lost_damping_n_m_s_rad=0.0, duration_s=14.0), 79.0),
     ],
     ids=[
-        "crest, no arm",
+        "crest, no flipper",
         "crest, 40 N·m",
         "crest, -45 degrees, centre of mass believed too far back",
         "crest, dead motor without a brake",
-        "edge, no arm",
+        "edge, no flipper",
         "edge, 40 N·m, belts that do not wait",
         "edge, -45 degrees, belts that do not wait",
         "edge, dead motor without a brake",
     ],
 )
-def test_less_of_an_arm_falls(ride: Ride, case: CrestCase, about_deg_s: float) -> None:
+def test_less_of_a_flipper_falls(ride: Ride, case: CrestCase, about_deg_s: float) -> None:
     # Contact in a fall hangs on the last digit: a fifth either way.
     rate_deg_s = ride(case).pitch_rate_deg_s
     assert rate_deg_s > NEVER_DEG_S
     assert rate_deg_s == pytest.approx(about_deg_s, rel=0.2)
 
 
-def test_belts_that_do_not_wait_are_borne_by_the_whole_arm(ride: Ride) -> None:
-    # So what falls in the test above falls for want of arm.
+def test_belts_that_do_not_wait_are_borne_by_the_whole_flipper(ride: Ride) -> None:
+    # So what falls in the test above falls for want of flipper.
     assert ride(CrestCase(direction="down", keep_m=-1.0)).pitch_rate_deg_s <= NOMINAL_DEG_S
 
 
-def test_an_arm_too_short_in_range_stays_before_the_crest_when_it_knows_where_its_weight_is(ride: Ride) -> None:
+def test_a_flipper_too_short_in_range_stays_before_the_crest_when_it_knows_where_its_weight_is(ride: Ride) -> None:
     crossing = ride(CrestCase(range_deg=(-45.0, 60.0), duration_s=16.0))
     assert not crossing.is_across
     assert last_stage(crossing) == "carry"
@@ -187,7 +187,7 @@ def test_an_arm_too_short_in_range_stays_before_the_crest_when_it_knows_where_it
     ],
     ids=["-45 degrees", "40 N·m"],
 )
-def test_less_of_an_arm_that_is_heeded_goes_back_onto_the_landing(ride: Ride, case: CrestCase) -> None:
+def test_less_of_a_flipper_that_is_heeded_goes_back_onto_the_landing(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)
     assert last_stage(crossing) == "barred"
     assert crossing.moments[-1].truth.x_m > crossing.moments[0].truth.x_m - 1.0  # still on the landing
@@ -195,7 +195,7 @@ def test_less_of_an_arm_that_is_heeded_goes_back_onto_the_landing(ride: Ride, ca
 
 
 @pytest.mark.parametrize("direction", ["up", "down"])
-def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_arm_at_work(ride: Ride, direction: Direction) -> None:
+def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_flipper_at_work(ride: Ride, direction: Direction) -> None:
     crossing = ride(CrestCase(at="foot", direction=direction, slope_deg=30.0))
     assert crossing.is_across, crossing
     assert_gentle(crossing, NOMINAL_DEG_S)

@@ -11,7 +11,7 @@ from treadline.errors import SettingsError
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import SEAT_SHIFT_M, Traverse, mission_config, ready, traverse, with_seat_shifted
 from treadline.mechanics.chair import read_chair
-from treadline.mission.config import is_whole, planner_of
+from treadline.mission.config import is_full_traversal, planner_of
 from treadline.mission.planner import Cruise
 from treadline.ports import Truth
 from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
@@ -101,7 +101,7 @@ def test_from_thirty_degrees_it_arrives_gently_and_each_phase_is_in_the_log(dire
 def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(payload_kg: float, friction: float) -> None:
     """Test: 20°, friction 1.12 and 1.18 of its tangent. Expected result: no fall of the front from nosing to nosing.
 
-    With the front section at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
+    With the flipper at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
     """
     stair = {"run_m": 0.338, "friction": (friction, 0.8 * friction), "steps": 11}
     trip = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg})
@@ -116,7 +116,7 @@ def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(pay
 def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: int) -> None:
     """Test: 27°, rises that differ by 2 mm, from the flight over the crest. Expected result: ≤ 3.2 m/s² at the passenger.
 
-    From three stairs of 24 on which it was 3.5 to 4.2: the front section still came down from its rest as the chair drove off, and
+    From three stairs of 24 on which it was 3.5 to 4.2: the flipper still came down from its rest as the chair drove off, and
     riding it met no nosing in time. 2.4 to 2.9 now; 2.5 at most where the belts go along from 1 °/s on, which is worse elsewhere.
     """
     trip = Trip(slope_deg=27.0, steps=7, stair={"rise_jitter_m": 0.002, "friction": (0.76, 0.61)}, chair={"payload_kg": 50.0})
@@ -247,7 +247,7 @@ class Straight:
         ({}, "wheelchair-fixed", None),
         ({}, "wheelchair", Straight()),
     ],
-    ids=["open loop", "the paper's vision", "no arm", "an experiment's driver"],
+    ids=["open loop", "the paper's vision", "no flipper", "an experiment's driver"],
 )
 def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], model: str, driver: Straight | None) -> None:
     scenario = Scenario(
@@ -259,11 +259,11 @@ def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], mode
         sensors=Sensors(),
     )
     config = mission_config(scenario, None)
-    assert not is_whole(config, driver)
+    assert not is_full_traversal(config, driver)
     assert isinstance(planner_of(config, driver), Cruise)
 
 
-def test_a_chair_without_an_arm_arrives_where_its_front_pulley_meets_the_last_nosing() -> None:
+def test_a_chair_without_a_flipper_arrives_where_its_front_pulley_meets_the_last_nosing() -> None:
     scenario = Scenario(
         stair=Stair.model_validate({"slope_deg": 28.0, "steps": 8}),
         chair=Chair(model="wheelchair-fixed"),

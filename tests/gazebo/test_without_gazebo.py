@@ -67,14 +67,14 @@ def test_the_world_holds_the_chair_whole_and_the_plugin_that_drives_it() -> None
     world = fromstring(world_sdf(SCENARIO, staircase, chair, plugin="/p.so", port=1234)).find("world")  # noqa: S314 - our own
     assert world is not None
     model = next(model for model in world.iter("model") if model.get("name") == "wheelchair")
-    assert {link.get("name") for link in model.iter("link")} == {"chair", "seat", "arm"}
+    assert {link.get("name") for link in model.iter("link")} == {"chair", "seat", "flipper"}
     belts = {shape.get("name") for shape in model.iter("collision")}
     assert {name.split("_")[0] for name in belts if name} == {"left", "right"}
     plugin = model.find("plugin")
     assert plugin is not None
     assert (plugin.get("filename"), plugin.findtext("port")) == ("/p.so", "1234")
     assert float(plugin.findtext("seat_start") or "nan") == pytest.approx(math.atan2(0.16, 0.30))
-    assert float(plugin.findtext("arm_start") or "nan") == pytest.approx(math.radians(40.0))
+    assert float(plugin.findtext("flipper_start") or "nan") == pytest.approx(math.radians(40.0))
 
 
 def test_an_order_is_answered_by_the_state(launched: Callable[..., server.GazeboServer]) -> None:
@@ -207,8 +207,8 @@ def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(t
         stroke_m=0.0,
         belts_m_s=np.zeros(2),
         brake_on=True,
-        arm_rad=0.0,
-        arm_torque_n_m=0.0,
+        flipper_rad=0.0,
+        flipper_torque_n_m=0.0,
         reach_m=np.zeros(4),
     )
     plant = GazeboPlant(scenario, 3, chair, Environment(root=tmp_path))

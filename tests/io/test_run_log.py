@@ -18,9 +18,9 @@ from treadline.io.mcap_read import read_log
 from treadline.io.messages import TRUTH_NAMES
 from treadline.ports import Truth
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
@@ -62,8 +62,8 @@ def one_of_each(t_s: float, seed: int) -> list[Any]:
         SeatCommand(t_s=t_s, rate_m_s=c),
         Event(t_s=t_s, name="hold", cause="heading 31° beyond 30°"),
         Truth(t_s=t_s, **{name: a + i for i, name in enumerate(TRUTH_NAMES)}),
-        ArmReading(t_s=t_s, angle_rad=a, torque_n_m=b),
-        ArmCommand(t_s=t_s, rate_rad_s=b),
+        FlipperReading(t_s=t_s, angle_rad=a, torque_n_m=b),
+        FlipperCommand(t_s=t_s, rate_rad_s=b),
     ]
 
 

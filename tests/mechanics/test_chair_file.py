@@ -37,7 +37,7 @@ def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
         ("flat_run_m = 0.95", "flat_run_m = 1e9", "tracks.flat_run_m: must be a number > 0 and ≤ 10 (got 1000000000.0)"),
         ("chassis_kg = 23.4", "chassis_kg = 23400", "masses.chassis_kg: must be a number > 0 and ≤ 1000 (got 23400)"),
         ("max_speed_m_s = 1.0", "max_speed_m_s = 60", "drives.max_speed_m_s: must be a number > 0 and ≤ 10 (got 60)"),
-        ("torque_n_m = 200.0", "torque_n_m = -5.0", "arm.torque_n_m: a torque limit of -5 N·m; give more than 0: "),
+        ("torque_n_m = 200.0", "torque_n_m = -5.0", "flipper.torque_n_m: a torque limit of -5 N·m; give more than 0: "),
         ("\nlag_s = 0.15", "\nlag_s = 0.004", "drives.lag_s: a lag of 0.004 s is below the tick of 0.01 s; give 0.01 s or more: "),
         ("lag_s = 0.1\n", "lag_s = 0.009\n", "seat.lag_s: a lag of 0.009 s is below the tick of 0.01 s; "),
         ("peak_force_n = 900.0", "peak_force_n = -900.0", "motor.peak_force_n: must be a number > 0 and ≤ 100000 (got -900.0)"),

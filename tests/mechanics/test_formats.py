@@ -184,7 +184,7 @@ def test_a_sloping_winding_overhanging_stair_is_the_same_in_mjcf_and_sdf() -> No
 @pytest.mark.parametrize("name", CHAIRS)
 def test_the_description_weighs_what_the_stability_check_weighs(name: str) -> None:
     chair = read_chair(name)
-    flat = 0.0 if chair.arm is not None else None
+    flat = 0.0 if chair.flipper is not None else None
     np.testing.assert_allclose(read_mjcf(chair).com_B, centre_of_mass(chair, LOADING, 0.0, flat), atol=1e-12)
 
 
@@ -197,15 +197,15 @@ def test_urdf_is_a_tree_with_limits(name: str) -> None:
     assert len(set(links)) == len(links)
     assert sorted(children) == sorted(set(links) - {"base_link"})  # one parent each, but for the root
     turning = {joint.find("child").get("link"): joint for joint in robot.findall("joint") if joint.get("type") == "revolute"}
-    assert set(turning) == ({"seat"} if chair.arm is None else {"seat", "arm"})
+    assert set(turning) == ({"seat"} if chair.flipper is None else {"seat", "flipper"})
     for joint in turning.values():
         limit = joint.find("limit")
         assert float(limit.get("lower")) < 0.0 < float(limit.get("upper"))
         assert float(limit.get("effort")) > 0.0
         assert float(limit.get("velocity")) > 0.0
-    if chair.arm is not None:
-        assert float(turning["arm"].find("limit").get("lower")) == pytest.approx(math.radians(chair.arm.range_deg[0]))
-        assert turning["arm"].find("axis").get("xyz") == "0.0 -1.0 0.0"  # positive raises it
+    if chair.flipper is not None:
+        assert float(turning["flipper"].find("limit").get("lower")) == pytest.approx(math.radians(chair.flipper.range_deg[0]))
+        assert turning["flipper"].find("axis").get("xyz") == "0.0 -1.0 0.0"  # positive raises it
 
 
 @pytest.mark.parametrize("name", CHAIRS)
@@ -238,7 +238,7 @@ def test_sdf_gives_each_belt_a_link_for_the_plugin(name: str) -> None:
     root = fromstring(sdf_model(chair, LOADING, friction=FRICTION, plugins=['<plugin name="tracks" filename="lib.so"/>']))
     model = root.find("model")
     links = {link.get("name"): link for link in model.findall("link")}
-    words = ("track",) if chair.arm is None else ("track", "flipper")
+    words = ("track",) if chair.flipper is None else ("track", "flipper")
     assert {f"{side}_{word}" for side in ("left", "right") for word in words} <= set(links)
     for side in ("left", "right"):
         for collision in links[f"{side}_track"].findall("collision"):
@@ -259,7 +259,7 @@ def test_a_divided_mass_is_one_that_can_be(name: str) -> None:
             low, middle, high = sorted(part.inertia)
             assert part.mass_kg > 0.0
             assert low > 0.0
-            # No body has one moment larger than the two others together; the arm is thin, and has it equal.
+            # No body has one moment larger than the two others together; the flipper is thin, and has it equal.
             assert low + middle >= high * (1.0 - 1e-9)
 
 

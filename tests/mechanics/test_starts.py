@@ -33,9 +33,7 @@ def test_a_section_of_the_tracks_inside_a_wall_is_refused() -> None:
     stair = {"slope_deg": 25, "width_m": 1.25, "steps": 14}
     assert reasons(stair=stair | {"walls": "none"}, start=start) == []
     (reason,) = reasons(stair=stair | {"walls": "both"}, start=start)
-    found = re.fullmatch(
-        r"the (tip of the )?front section on the left would start 0\.\d\d m inside a wall; start squarer, .*", reason
-    )
+    found = re.fullmatch(r"the (tip of the )?flipper on the left would start 0\.\d\d m inside a wall; start squarer, .*", reason)
     assert found is not None, reason
 
 
@@ -57,7 +55,7 @@ def test_a_start_over_the_edge_of_a_landing_is_refused() -> None:
     )
 
 
-def test_a_high_step_ahead_of_the_start_is_met_by_the_front_section() -> None:
+def test_a_high_step_ahead_of_the_start_is_met_by_the_flipper_planner() -> None:
     """Test: the next riser 0.35 m high, the front pulley 0.12 m before it. Expected: refused, the step is named."""
     tables: dict[str, Any] = {"stair": {"slope_deg": 25, "steps": 14}, "start": {"place": "flight", "step": 7}}
     assert reasons(**tables) == []

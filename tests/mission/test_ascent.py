@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.arm import OVER_BELTS_RAD
 from treadline.control.crest import CrestCommand, CrestConfig
+from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
-from treadline.mission.falling import FALLS_RAD_S, MOST_M_S, Falling
-from treadline.mission.front_section import (
-    ARM_RAD_S,
+from treadline.mission.flipper_planner import (
     CATCHES,
+    FLIPPER_RAD_S,
     IN_LINE_RAD,
     LAID_RAD,
     LATE_S,
@@ -26,8 +25,9 @@ from treadline.mission.front_section import (
     RIDES_RAD_S,
     turning_share,
 )
+from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S
 from treadline.mission.traversal import BLIND_RAD
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
+from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
 CONFIG = AscentConfig(chair=CHAIR, payload_kg=50.0)
@@ -55,7 +55,7 @@ class World:
     """Friction over tan β, less one."""
     slip: float = 0.0
     """Of the belts on the floor."""
-    arm_moves: bool = True
+    flipper_moves: bool = True
     brake_on: bool = False
     knows: bool = True
     """Whether the filter has a heading."""
@@ -65,12 +65,12 @@ class World:
     def __post_init__(self) -> None:
         self.t_s = self.z_m = self.pitch_rad = 0.0
         self.belts = self.speed = 0.0
-        self.arm_rad = CHAIR.tracks.approach_angle_deg * DEG
+        self.flipper_rad = CHAIR.tracks.approach_angle_deg * DEG
         self.maps = 0
-        self.plans: list[Plan] = []
+        self.plans: list[MotionPlan] = []
         self.xs: list[float] = []
 
-    def run(self, *until: str, limit_s: float = 60.0) -> Plan:
+    def run(self, *until: str, limit_s: float = 60.0) -> MotionPlan:
         """Tick until a phase has begun, or for the time given."""
         end_s = self.t_s + limit_s
         while self.t_s < end_s:
@@ -80,13 +80,13 @@ class World:
         assert not until, f"still in {plan.phase}: {plan.cause}"
         return plan
 
-    def tick(self) -> Plan:
+    def tick(self) -> MotionPlan:
         change = self._move()
         estimate = HeadingEstimate(
             t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
         )
         for signal in self._senses(change):
-            self.planner.feel(signal)
+            self.planner.update(signal)
         plan = self.planner.step(self.t_s, estimate if self.knows else None)
         self.plans.append(plan)
         self.xs.append(self.x_m)
@@ -95,7 +95,7 @@ class World:
 
     def _move(self) -> float:
         """Do what the last plan says; return how the chair speeds up."""
-        plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
+        plan = self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0)
         self.belts += (plan.speed_m_s - self.belts) * TICK_S / 0.1
         most = G_M_S2 * ((1.0 + self.grip) * math.tan(SLOPE_RAD) * math.cos(self.pitch_rad) - math.sin(self.pitch_rad))
         wanted = (self.belts * (1.0 - self.slip) - self.speed) / TICK_S
@@ -111,15 +111,15 @@ class World:
         turn = (self.heading_rad - plan.heading_rad) * -0.3 if plan.turn_m_s is None else plan.turn_m_s
         self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
         self.heading_rad += self.turned * TICK_S
-        if plan.arm is not None and self.arm_moves:
-            self.arm_rad += plan.arm.rate_rad_s * TICK_S
+        if plan.flipper is not None and self.flipper_moves:
+            self.flipper_rad += plan.flipper.rate_rad_s * TICK_S
         return change
 
     def _senses(self, change: float) -> list[Any]:
         R = rotation_y(-self.pitch_rad)
         senses: list[Any] = [
             TrackReading(t_s=self.t_s, left_m_s=self.belts, right_m_s=self.belts, brake_on=self.brake_on),
-            ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=0.0),
+            FlipperReading(t_s=self.t_s, angle_rad=self.flipper_rad, torque_n_m=0.0),
             ImuSample(
                 t_s=self.t_s,
                 orientation=quaternion_of(R),
@@ -254,43 +254,43 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_cl
     assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
     world.knows = True
     assert "on a flight" in world.run("climb").cause
-    assert world.arm_rad < LAID_RAD
+    assert world.flipper_rad < LAID_RAD
 
 
-def test_with_a_front_section_that_does_not_come_down_a_chair_on_a_flight_drives_on_in_time() -> None:
-    """Test: woken up on a flight, the arm stuck at its rest of 40°. Expected result: the chair waits for it as long as its way
-    takes and 0.8 s more, then climbs: what to do with a dead arm is for the crest to say."""
-    world = World(x_m=3.0, arm_moves=False)
+def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_drives_on_in_time() -> None:
+    """Test: woken up on a flight, the flipper stuck at its rest of 40°. Expected result: the chair waits for it as long as its way
+    takes and 0.8 s more, then climbs: what to do with a dead flipper is for the crest to say."""
+    world = World(x_m=3.0, flipper_moves=False)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run("climb")
-    assert world.t_s == pytest.approx((40.0 * DEG - LAID_RAD) / ARM_RAD_S + LATE_S, abs=0.15)
+    assert world.t_s == pytest.approx((40.0 * DEG - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 0.9, 1.4])
-def test_nearly_square_a_sound_front_section_is_waited_for_until_it_is_there(heading_deg: float) -> None:
+def test_nearly_square_a_sound_flipper_planner_is_waited_for_until_it_is_there(heading_deg: float) -> None:
     """Test: woken up on a flight. Expected result: it climbs once its section is a degree above where it is to be; none is late."""
     world = World(x_m=3.0, heading_rad=heading_deg * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     plan = world.run("climb")
     lifted = turning_share(heading_deg * DEG, 0.0) * OVER_BELTS_RAD
-    assert 0.0 < world.arm_rad < lifted + LAID_RAD
-    assert f"front section {world.arm_rad / DEG:+.0f}°" in plan.cause
-    assert world.t_s < (40.0 * DEG - LAID_RAD) / ARM_RAD_S + LATE_S - 0.1
+    assert 0.0 < world.flipper_rad < lifted + LAID_RAD
+    assert f"flipper {world.flipper_rad / DEG:+.0f}°" in plan.cause
+    assert world.t_s < (40.0 * DEG - LAID_RAD) / FLIPPER_RAD_S + LATE_S - 0.1
 
 
-def test_a_chair_that_is_held_on_a_flight_waits_for_its_front_section_once_it_is_let_go() -> None:
-    """Test: woken up with the brake on, for ten seconds, in which the arm stands as well. Expected result: nothing is late; let go,
-    the arm is laid first."""
-    world = World(x_m=3.0, arm_moves=False, brake_on=True)
+def test_a_chair_that_is_held_on_a_flight_waits_for_its_flipper_planner_once_it_is_let_go() -> None:
+    """Test: woken up with the brake on, for ten seconds, in which the flipper stands as well. Expected result: nothing is late;
+    let go, the flipper is laid first."""
+    world = World(x_m=3.0, flipper_moves=False, brake_on=True)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run(limit_s=10.0)
     assert {plan.phase for plan in world.plans} == {"search"}
-    world.brake_on, world.arm_moves = False, True
+    world.brake_on, world.flipper_moves = False, True
     world.run("climb")
-    assert world.arm_rad < LAID_RAD
+    assert world.flipper_rad < LAID_RAD
 
 
-def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
+def test_askew_on_a_flight_it_does_not_wait_for_its_flipper_planner() -> None:
     world = World(x_m=3.0, heading_rad=5.0 * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run("climb")
@@ -308,16 +308,18 @@ def test_askew_on_a_flight_it_does_not_wait_for_its_front_section() -> None:
     ],
     ids=["falls", "trembles", "rises", "has met the nosing", "has slipped"],
 )
-def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, load: float, slip_m_s: float, goes_down: bool) -> None:
+def test_the_flipper_planner_goes_after_a_chair_that_falls(
+    falls_deg_s: float, load: float, slip_m_s: float, goes_down: bool
+) -> None:
     """Test: on the flight the pitch goes down by 4 °/s. Expected result: the section faster than that, to meet the nosing under it;
     not for a tremble, not once it bears, and not on a stair where the belts have slipped."""
     world = World(steps=14)
     world.run("climb")
-    assert CHAIR.arm is not None
+    assert CHAIR.flipper is not None
     world.planner._where._slip_m_s = slip_m_s
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-load * CHAIR.arm.torque_n_m))
+    world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-load * CHAIR.flipper.torque_n_m))
     for tick in range(10):  # 0.1 s: many times what the rate is smoothed in
-        world.planner.feel(
+        world.planner.update(
             ImuSample(
                 t_s=world.t_s + tick * TICK_S,
                 orientation=quaternion_of(rotation_y(-SLOPE_RAD)),
@@ -325,11 +327,13 @@ def test_the_front_section_goes_after_a_chair_that_falls(falls_deg_s: float, loa
                 linear_acceleration_m_s2=rotation_y(SLOPE_RAD) @ np.array([0.0, 0.0, G_M_S2]),
             )
         )
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
+    flipper = world.planner._lie(world.t_s, SQUARE)
+    assert flipper is not None
     expected = -CATCHES * (falls_deg_s * DEG - FALLS_RAD_S) if goes_down else load * RIDES_RAD_S
-    assert arm.rate_rad_s == pytest.approx(expected, rel=0.01, abs=1e-6)  # of the rate some 0.2 % is not yet through the smoothing
-    assert not goes_down or arm.rate_rad_s < -falls_deg_s * DEG
+    assert flipper.rate_rad_s == pytest.approx(
+        expected, rel=0.01, abs=1e-6
+    )  # of the rate some 0.2 % is not yet through the smoothing
+    assert not goes_down or flipper.rate_rad_s < -falls_deg_s * DEG
 
 
 def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> None:
@@ -358,8 +362,8 @@ def test_neither_section_nor_belts_go_after_the_fall_of_a_chair_that_turns(headi
     assert planner._ease(world.t_s, estimate) == (MOST_M_S if heading_deg == 0.0 else 0.0)
 
 
-@pytest.mark.parametrize(("falls_deg_s", "easing_m_s"), [(4.0, MOST_M_S), (-4.0, -MOST_M_S), (0.5, 0.0)])
-def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, easing_m_s: float) -> None:
+@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, MOST_M_S), (-4.0, -MOST_M_S), (0.5, 0.0)])
+def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
     """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add; not where
     they have slipped."""
     world = World(steps=14)
@@ -367,17 +371,17 @@ def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, 
     planner = world.planner
     planner._falling.rate_rad_s = falls_deg_s * DEG
     plan = planner.step(world.t_s, SQUARE)
-    assert (plan.speed_m_s, plan.turn_m_s, plan.easing_m_s) == (CONFIG.cruise_m_s, None, easing_m_s)
-    planner._falling = Falling()
+    assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (CONFIG.cruise_m_s, None, pitch_feedforward_m_s)
+    planner._falling = TipOverFeedforward()
     planner._falling.rate_rad_s = falls_deg_s * DEG
     planner._where._slip_m_s = 2.0 * LOSES_GRIP_M_S
-    assert planner.step(world.t_s, SQUARE).easing_m_s == 0.0
+    assert planner.step(world.t_s, SQUARE).pitch_feedforward_m_s == 0.0
 
 
 # --- approach, mount, traction
 
 
-def test_it_drives_at_the_stair_slower_near_it_with_the_arm_lowered_and_tests_the_traction() -> None:
+def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_tests_the_traction() -> None:
     world = World()
     world.run("mount")
     near = world.front_before_m
@@ -385,15 +389,15 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_arm_lowered_and_tests_th
     far = [p.speed_m_s for p, x in zip(world.plans, world.xs, strict=True) if p.phase == "approach" and x < world.first_m - 0.9]
     assert set(far[1:]) == {CONFIG.cruise_m_s}
     # The tip clears the first nosing by 5 cm: asin(0.21 / 0.45) = 27.8°.
-    assert world.arm_rad / DEG == pytest.approx(27.8, abs=0.5)
+    assert world.flipper_rad / DEG == pytest.approx(27.8, abs=0.5)
     world.run("traction")
     mounting = [plan for plan in world.plans if plan.phase == "mount"][1:]
     assert {plan.speed_m_s for plan in mounting} == {CONFIG.slow_m_s}
     assert world.pitch_rad > SLOPE_RAD - CONFIG.mounted_rad
     # Pitched by nearly the slope, nothing is left to clear; in line with the belts it is where it rides in time.
-    assert OVER_BELTS_RAD - 0.1 * DEG < world.arm_rad < 8.0 * DEG
+    assert OVER_BELTS_RAD - 0.1 * DEG < world.flipper_rad < 8.0 * DEG
     world.run(limit_s=1.0)
-    assert 0.0 <= world.arm_rad < OVER_BELTS_RAD
+    assert 0.0 <= world.flipper_rad < OVER_BELTS_RAD
     # The first nosing lies where belts on two nosings lift the rear pulley off the floor.
     assert world.first_m - world.x_m < 0.0
     world.run("climb")
@@ -463,13 +467,13 @@ def test_a_wall_that_one_map_puts_in_the_way_is_none() -> None:
 
 
 @pytest.mark.parametrize("stays_deg", [4.0, 40.0])
-def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
+def test_a_flipper_planner_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
     """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD 0.8 s after it could be there;
     re-armed, once more."""
     world = World()
     world.run("approach")
-    world.arm_moves, world.arm_rad = False, stays_deg * DEG
-    from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / ARM_RAD_S + LATE_S
+    world.flipper_moves, world.flipper_rad = False, stays_deg * DEG
+    from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / FLIPPER_RAD_S + LATE_S
     while world.tick().hold is None:
         assert world.t_s < from_s + 5.0
     assert world.t_s - from_s == pytest.approx(idle_s, abs=0.03)
@@ -478,7 +482,7 @@ def test_a_front_section_that_does_not_go_where_it_is_asked_holds_the_chair_on_t
     while world.tick().hold is None:
         assert world.t_s < again_s + 5.0
     assert world.t_s - again_s == pytest.approx(idle_s, abs=0.03)
-    world.arm_moves = True
+    world.flipper_moves = True
     assert world.run("climb").hold is None
 
 
@@ -595,7 +599,7 @@ def test_near_straight_the_plan_keeps_the_inner_belt_at_half_the_climb_speed() -
     world = World(steps=30)
     world.run("climb")
     world.run(limit_s=1.0)
-    assert world.plans[-1].slowest_share == pytest.approx(0.5)
+    assert world.plans[-1].min_inner_speed_ratio == pytest.approx(0.5)
 
 
 # --- climb to crest, land, arrived
@@ -617,12 +621,12 @@ class Script:
         del ahead_m
         self.seen += 1
 
-    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> CrestCommand:
-        del arm, tracks
+    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading) -> CrestCommand:
+        del flipper, tracks
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)]
         self.steps += 1
-        still = ArmCommand(t_s=imu.t_s, rate_rad_s=0.0)
-        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=self.SPEED_M_S, arm=still, tip_n=90.0)
+        still = FlipperCommand(t_s=imu.t_s, rate_rad_s=0.0)
+        return CrestCommand(t_s=imu.t_s, stage=stage, speed_m_s=self.SPEED_M_S, flipper=still, tip_n=90.0)
 
 
 @pytest.fixture
@@ -640,7 +644,7 @@ def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: 
     assert CONFIG.unseen_end_m < front < CONFIG.crest_from_m
     assert made.config.payload_kg == CONFIG.payload_kg
     assert made.seen > 0
-    assert f"pitch {SLOPE_RAD / DEG:.1f}°, 90 N on the arm's tip" in world.plans[-1].cause
+    assert f"pitch {SLOPE_RAD / DEG:.1f}°, 90 N on the flipper's tip" in world.plans[-1].cause
     assert not world.plans[-1].needs_stair
 
 
@@ -655,8 +659,8 @@ def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(cr
 
 @pytest.mark.usefixtures("crest")
 def test_slow_before_the_crest_its_section_still_rides_and_it_is_let_alone_nearly_square(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Test: 0.9° askew as the crest's sequencer slows down. Expected result: belts alike, the arm asked as on the flight and not as
-    the sequencer says."""
+    """Test: 0.9° askew as the crest's sequencer slows down. Expected result: belts alike, the flipper asked as on the flight and
+    not as the sequencer says."""
     monkeypatch.setattr(Script, "stages", ("climb", "slow"))
     world = World(steps=6)
     world.run("climb")
@@ -666,9 +670,9 @@ def test_slow_before_the_crest_its_section_still_rides_and_it_is_let_alone_nearl
     world.heading_rad = 0.9 * BLIND_RAD
     plan = world.tick()
     assert plan.turn_m_s == 0.0
-    assert plan.arm == world.planner._lie(plan.t_s, replace(SQUARE, heading_rad=world.heading_rad))
-    assert plan.arm is not None
-    assert plan.arm.rate_rad_s != 0.0
+    assert plan.flipper == world.planner._lie(plan.t_s, replace(SQUARE, heading_rad=world.heading_rad))
+    assert plan.flipper is not None
+    assert plan.flipper.rate_rad_s != 0.0
 
 
 @pytest.mark.usefixtures("crest")
@@ -677,14 +681,14 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
     monkeypatch: pytest.MonkeyPatch, stage: str, *, eases: bool
 ) -> None:
     """Test: standing on the last nosing the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard
-    to limit it; not once the tip carries, nor in a fall that the arm leads."""
+    to limit it; not once the tip carries, nor in a fall that the flipper leads."""
     monkeypatch.setattr(Script, "stages", ("climb", "slow", stage))
     world = World(steps=6)
     world.run("crest")
     world.planner._falling.rate_rad_s = 4.0 * DEG
     plan = world.planner.step(world.t_s, SQUARE)
     assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (MOST_M_S if eases else 0.0))
-    assert plan.easing_m_s == 0.0
+    assert plan.pitch_feedforward_m_s == 0.0
 
 
 @pytest.mark.usefixtures("crest")
@@ -702,16 +706,16 @@ def test_the_crest_follows_its_stages_and_arrives_level() -> None:
     assert (world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == (0.0, 0.0)
 
 
-def test_without_an_arms_reading_the_crest_waits_and_the_arm_is_left_alone() -> None:
+def test_without_a_flippers_reading_the_crest_waits_and_the_flipper_is_left_alone() -> None:
     world = World(steps=6)
-    silent = world.planner.feel
-    world.planner.feel = lambda signal: None if isinstance(signal, ArmReading) else silent(signal)  # type: ignore[method-assign]
+    silent = world.planner.update
+    world.planner.update = lambda signal: None if isinstance(signal, FlipperReading) else silent(signal)  # type: ignore[method-assign]
     world.run("climb")
-    assert all(plan.arm is None for plan in world.plans)
+    assert all(plan.flipper is None for plan in world.plans)
 
 
 @pytest.mark.parametrize(("heading_deg", "angle_deg"), [(0.3, -0.75), (-1.0, 0.625), (5.0, 2.0)])
-def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
+def test_on_the_flight_the_flipper_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
     heading_deg: float, angle_deg: float
 ) -> None:
     world = World(steps=14)
@@ -720,32 +724,32 @@ def test_on_the_flight_the_arm_carries_while_the_chair_is_square_and_is_lifted_f
         world.heading_rad = heading_deg * DEG
         world.tick()
     assert world.plans[-1].phase == "climb"
-    assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)
+    assert world.flipper_rad / DEG == pytest.approx(angle_deg, abs=0.1)
 
 
 @pytest.mark.parametrize("load", [0.1, 0.5])
-def test_an_arm_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
-    """Test: a tenth, and half, of its motor's torque on the arm of a chair that climbs. Expected result: it gives way at as much
-    of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
+def test_a_flipper_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
+    """Test: a tenth, and half, of its motor's torque on the flipper of a chair that climbs. Expected result: it gives way at as
+    much of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
     world = World(steps=14)
     world.run("climb")
     world.heading_rad = 0.0
     for _ in range(400):
         world.tick()
-    assert CHAIR.arm is not None
-    torque_n_m = -load * CHAIR.arm.torque_n_m
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(load * RIDES_RAD_S)
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD + load * 10.0 * DEG, torque_n_m=torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
-    world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-2.0 * CHAIR.arm.torque_n_m))
-    arm = world.planner._lie(world.t_s, SQUARE)
-    assert arm is not None
-    assert arm.rate_rad_s == pytest.approx(CHAIR.arm.max_rate_deg_s * DEG)
+    assert CHAIR.flipper is not None
+    torque_n_m = -load * CHAIR.flipper.torque_n_m
+    world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=torque_n_m))
+    flipper = world.planner._lie(world.t_s, SQUARE)
+    assert flipper is not None
+    assert flipper.rate_rad_s == pytest.approx(load * RIDES_RAD_S)
+    world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD + load * 10.0 * DEG, torque_n_m=torque_n_m))
+    flipper = world.planner._lie(world.t_s, SQUARE)
+    assert flipper is not None
+    assert flipper.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+    world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=Ascent.RIDES_RAD, torque_n_m=-2.0 * CHAIR.flipper.torque_n_m))
+    flipper = world.planner._lie(world.t_s, SQUARE)
+    assert flipper is not None
+    assert flipper.rate_rad_s == pytest.approx(CHAIR.flipper.max_rate_deg_s * DEG)
 
 
 @pytest.mark.parametrize(("heading_rad", "let_alone"), [(0.9 * BLIND_RAD, True), (1.1 * BLIND_RAD, False)])
@@ -759,28 +763,28 @@ def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_let_alone(he
     assert world.planner._steering(world.t_s, estimate) is None
 
 
-def test_a_front_section_shorter_than_from_nosing_to_nosing_does_not_ride() -> None:
-    """Test: nosings 0.5 m apart for an arm of 0.45 m, and as far apart as in a house. Expected result: held in line with the belts,
-    for it would drop off each nosing and have none to ride on until the next; and where it rides."""
+def test_a_flipper_planner_shorter_than_from_nosing_to_nosing_does_not_ride() -> None:
+    """Test: nosings 0.5 m apart for a flipper of 0.45 m, and as far apart as in a house. Expected result: held in line with the
+    belts, for it would drop off each nosing and have none to ride on until the next; and where it rides."""
     for run_m, angle_rad in ((0.48, IN_LINE_RAD), (0.3, Ascent.RIDES_RAD)):
         world = World(steps=14)
         world.run("climb")
         world.planner._where.run_m = run_m
-        world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=0.0))
-        arm = world.planner._lie(world.t_s, SQUARE)
-        assert arm is not None
-        assert arm.rate_rad_s == pytest.approx(0.0, abs=1e-9)
+        world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=0.0))
+        flipper = world.planner._lie(world.t_s, SQUARE)
+        assert flipper is not None
+        assert flipper.rate_rad_s == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.75), (-0.04, 0.625), (0.06, 2.0)])
-def test_a_chair_whose_belts_run_apart_lifts_its_front_section_to_turn(apart_m_s: float, angle_deg: float) -> None:
+def test_a_chair_whose_belts_run_apart_lifts_its_flipper_planner_to_turn(apart_m_s: float, angle_deg: float) -> None:
     world = World(steps=14)
     world.run("climb")
     world.heading_rad = 0.0
     for _ in range(400):
-        world.planner.feel(TrackReading(t_s=world.t_s, left_m_s=0.2, right_m_s=0.2 + apart_m_s, brake_on=False))
-        arm = world.planner._lie(world.t_s, SQUARE)
-        assert arm is not None
-        world.arm_rad += arm.rate_rad_s * TICK_S
-        world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=world.arm_rad, torque_n_m=0.0))
-    assert world.arm_rad / DEG == pytest.approx(angle_deg, abs=0.1)
+        world.planner.update(TrackReading(t_s=world.t_s, left_m_s=0.2, right_m_s=0.2 + apart_m_s, brake_on=False))
+        flipper = world.planner._lie(world.t_s, SQUARE)
+        assert flipper is not None
+        world.flipper_rad += flipper.rate_rad_s * TICK_S
+        world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=world.flipper_rad, torque_n_m=0.0))
+    assert world.flipper_rad / DEG == pytest.approx(angle_deg, abs=0.1)

@@ -16,10 +16,10 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
-from treadline.mission.falling import MOST_M_S
-from treadline.mission.front_section import ARM_RAD_S, CLEAR_M, LAID_RAD, LATE_S
+from treadline.mission.flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
+from treadline.mission.tip_over import MOST_M_S
 from treadline.mission.traversal import BLIND_RAD
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
+from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
 CONFIG = DescentConfig(chair=CHAIR, payload_kg=50.0)
@@ -39,10 +39,10 @@ class World:
     x_m: float = EDGE_M + 1.6
     knows: bool = True
     """Whether the filter has a heading."""
-    arm_rad: float = 0.7
-    arm_moves: bool = True
+    flipper_rad: float = 0.7
+    flipper_moves: bool = True
     tip_n_m: float = 0.0
-    """Torque that the arm's motor reports."""
+    """Torque that the flipper's motor reports."""
     blocked: bool = False
     """Whether something stands behind its rear."""
     tips: bool = True
@@ -57,9 +57,9 @@ class World:
         if self.x_m < EDGE_M:
             self.z_m, self.pitch_rad = (self.x_m / RUN_M + 1.0) * RISE_M, SLOPE_RAD
         self.turned = 0.0
-        self.plans: list[Plan] = []
+        self.plans: list[MotionPlan] = []
 
-    def run(self, *until: str, limit_s: float = 60.0) -> Plan:
+    def run(self, *until: str, limit_s: float = 60.0) -> MotionPlan:
         """Tick until a phase has begun, or for the time given."""
         end_s = self.t_s + limit_s
         while self.t_s < end_s:
@@ -69,12 +69,12 @@ class World:
         assert not until, f"still in {plan.phase}: {plan.cause}"
         return plan
 
-    def tick(self) -> Plan:
+    def tick(self) -> MotionPlan:
         speed = self._move()
         R = rotation_y(-self.pitch_rad)
         signals: list[Any] = [
             TrackReading(t_s=self.t_s, left_m_s=speed, right_m_s=speed, brake_on=False),
-            ArmReading(t_s=self.t_s, angle_rad=self.arm_rad, torque_n_m=self.tip_n_m),
+            FlipperReading(t_s=self.t_s, angle_rad=self.flipper_rad, torque_n_m=self.tip_n_m),
             ImuSample(
                 t_s=self.t_s,
                 orientation=quaternion_of(R),
@@ -86,7 +86,7 @@ class World:
             seen = self.spoil(self.camera())
             signals += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
         for signal in signals:
-            self.planner.feel(signal)
+            self.planner.update(signal)
         estimate = HeadingEstimate(
             t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
         )
@@ -97,10 +97,10 @@ class World:
 
     def _move(self) -> float:
         """Do what the last plan says."""
-        plan = self.plans[-1] if self.plans else Plan(t_s=0.0, phase="search", speed_m_s=0.0)
+        plan = self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0)
         moved = 0.0 if self.blocked else plan.speed_m_s * TICK_S
-        if plan.arm is not None and self.arm_moves:
-            self.arm_rad = min(self.arm_rad + plan.arm.rate_rad_s * TICK_S, 0.7)
+        if plan.flipper is not None and self.flipper_moves:
+            self.flipper_rad = min(self.flipper_rad + plan.flipper.rate_rad_s * TICK_S, 0.7)
         self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
         self.z_m += moved * math.sin(self.pitch_rad)
         if self.z_m < 0.0 or self.x_m < 0.0:
@@ -154,18 +154,18 @@ class Script:
         self.behind_m = behind_m
 
     def turn_back(self) -> bool:
-        """As an arm does that can still let the chair down again."""
+        """As a flipper does that can still let the chair down again."""
         can = self.stages[min(self.steps // 10, len(self.stages) - 1)] in ("press", "lift")
         self.stages = ("lower", "barred") if can else self.stages
         return can or "barred" in self.stages
 
-    def step(self, imu: ImuSample, arm: ArmReading, tracks: TrackReading) -> EdgeCommand:
-        del arm, tracks
+    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading) -> EdgeCommand:
+        del flipper, tracks
         near = self.behind_m < 0.02
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)] if near else "approach"
         self.steps += near
-        still = ArmCommand(t_s=imu.t_s, rate_rad_s=0.1)
-        return EdgeCommand(t_s=imu.t_s, stage=stage, speed_m_s=-0.1, arm=still, tip_n=90.0)
+        still = FlipperCommand(t_s=imu.t_s, rate_rad_s=0.1)
+        return EdgeCommand(t_s=imu.t_s, stage=stage, speed_m_s=-0.1, flipper=still, tip_n=90.0)
 
 
 @pytest.fixture
@@ -175,16 +175,17 @@ def edge(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
     return Script
 
 
-def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_front_section_laid() -> None:
-    """Test: on the flight, the arm at its rest; sound, and stuck. Expected result: it stands until the arm is laid, or late."""
+def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_flipper_planner_laid() -> None:
+    """Test: on the flight, the flipper at its rest; sound, and stuck. Expected result: it stands until the flipper is laid, or
+    late."""
     world = World(x_m=EDGE_M - 1.2)
     plan = world.run("descend")
-    assert world.arm_rad < LAID_RAD
-    assert f"front section {world.arm_rad / DEG:+.0f}°" in plan.cause
+    assert world.flipper_rad < LAID_RAD
+    assert f"flipper {world.flipper_rad / DEG:+.0f}°" in plan.cause
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
-    stuck = World(x_m=EDGE_M - 1.2, arm_moves=False)
+    stuck = World(x_m=EDGE_M - 1.2, flipper_moves=False)
     stuck.run("descend")
-    assert stuck.t_s == pytest.approx((stuck.arm_rad - LAID_RAD) / ARM_RAD_S + LATE_S, abs=0.15)
+    assert stuck.t_s == pytest.approx((stuck.flipper_rad - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
 
 
 def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> None:
@@ -262,8 +263,8 @@ def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(ed
     assert (made.config.payload_kg, made.config.cruise_m_s) == (CONFIG.payload_kg, CONFIG.slow_m_s)
     world.run("edge")
     assert made.behind_m == pytest.approx(world.x_m - EDGE_M, abs=0.02)
-    assert world.plans[-1].cause == "press: 90 N on the arm's tip"
-    assert world.plans[-1].arm is not None
+    assert world.plans[-1].cause == "press: 90 N on the flipper's tip"
+    assert world.plans[-1].flipper is not None
     assert not world.plans[-1].needs_stair
 
 
@@ -275,7 +276,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     edge: type[Script], stage: str, way: float, *, eases: bool
 ) -> None:
     """Test: over the edge the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard to limit it;
-    not while the arm turns the chair, or lets it down."""
+    not while the flipper turns the chair, or lets it down."""
     edge.stages = (stage,)
     world = World()
     world.run("edge")
@@ -283,7 +284,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
     plan = world.planner.step(world.t_s, square)
     assert plan.speed_m_s == pytest.approx(-0.1 + way * (MOST_M_S if eases else 0.0))
-    assert plan.easing_m_s == 0.0
+    assert plan.pitch_feedforward_m_s == 0.0
 
 
 @pytest.mark.usefixtures("edge")
@@ -311,17 +312,17 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
 
 
 @pytest.mark.usefixtures("edge")
-def test_it_leaves_with_its_front_section_just_above_a_step_and_stows_it_on_the_floor() -> None:
+def test_it_leaves_with_its_flipper_planner_just_above_a_step_and_stows_it_on_the_floor() -> None:
     world = World()
     world.run("descend", limit_s=60.0)
     while world.tick().needs_stair:
         pass
-    assert world.arm_rad == pytest.approx(Descent.RIDES_RAD, abs=0.5 * DEG)
+    assert world.flipper_rad == pytest.approx(Descent.RIDES_RAD, abs=0.5 * DEG)
     world.run("arrived", limit_s=30.0)
-    tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad)
+    tip_m = CHAIR.tracks.approach_m * math.sin(world.flipper_rad)
     assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)
     world.run(limit_s=3.0)
-    assert world.arm_rad == pytest.approx(CHAIR.tracks.approach_angle_deg * DEG, abs=0.5 * DEG)
+    assert world.flipper_rad == pytest.approx(CHAIR.tracks.approach_angle_deg * DEG, abs=0.5 * DEG)
 
 
 @pytest.mark.usefixtures("edge")
@@ -339,7 +340,7 @@ def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_let_alone() -> No
 
 
 @pytest.mark.usefixtures("edge")
-def test_a_chair_that_leans_on_its_front_section_is_let_down_gently_from_it() -> None:
+def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() -> None:
     """Test: the section is to be lifted from a degree below the belts' line, and from above it. Expected result: at 3 °/s, whatever
     its motor feels just then; at 15 °/s."""
     world = World()
@@ -347,21 +348,21 @@ def test_a_chair_that_leans_on_its_front_section_is_let_down_gently_from_it() ->
     for angle_rad, torque_n_m, rate_rad_s in (
         (-1.0 * DEG, -30.0, LETS_DOWN_RAD_S),
         (-1.0 * DEG, 5.0, LETS_DOWN_RAD_S),
-        (0.1 * DEG, 0.0, ARM_RAD_S),
+        (0.1 * DEG, 0.0, FLIPPER_RAD_S),
     ):
-        world.planner.feel(ArmReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=torque_n_m))
-        arm = world.planner._lift(world.t_s)
-        assert arm is not None
-        assert arm.rate_rad_s == rate_rad_s
+        world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=torque_n_m))
+        flipper = world.planner._lift(world.t_s)
+        assert flipper is not None
+        assert flipper.rate_rad_s == rate_rad_s
 
 
 @pytest.mark.usefixtures("edge")
-def test_an_arm_that_carries_much_gives_way_before_its_motor_is_at_its_limit() -> None:
-    """Test: 180 N·m on the arm as the chair leaves. Expected result: it rises to where both are in balance."""
+def test_a_flipper_that_carries_much_gives_way_before_its_motor_is_at_its_limit() -> None:
+    """Test: 180 N·m on the flipper as the chair leaves. Expected result: it rises to where both are in balance."""
     world = World(tip_n_m=-180.0)
     world.run("leave", limit_s=120.0)
     world.run("arrived", limit_s=30.0)
-    tip_m = CHAIR.tracks.approach_m * math.sin(world.arm_rad - 4.0 * DEG)
+    tip_m = CHAIR.tracks.approach_m * math.sin(world.flipper_rad - 4.0 * DEG)
     assert tip_m == pytest.approx(RISE_M + CLEAR_M, abs=0.005)
 
 
@@ -383,7 +384,7 @@ def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
         assert world.t_s < 60.0
     hold = world.plans[-1].hold
     assert hold is not None
-    assert hold.startswith("the arm could not let the chair down over the edge; it stands")
+    assert hold.startswith("the flipper could not let the chair down over the edge; it stands")
     assert world.plans[-1].phase == "edge"
 
 
@@ -405,7 +406,7 @@ def without(missing: int, from_phase: str = "", reach: float = 3.2) -> Callable[
     return spoil
 
 
-def held(world: World, missing: Callable[[World, StairMap], StairMap]) -> Plan:
+def held(world: World, missing: Callable[[World, StairMap], StairMap]) -> MotionPlan:
     world.spoil = lambda seen: missing(world, seen)
     while world.tick().hold is None:
         assert world.t_s < 90.0
@@ -424,8 +425,8 @@ def test_a_step_that_is_missing_below_the_edge_keeps_the_chair_on_the_landing(mi
 
 
 def test_a_step_that_is_seen_to_be_missing_while_the_chair_is_lifted_turns_it_back(edge: type[Script]) -> None:
-    """Test: what lies below the second nosing comes into view while the arm lifts, and there a step is missing. Expected result:
-    the arm lets the chair down again, and then it holds."""
+    """Test: what lies below the second nosing comes into view while the flipper lifts, and there a step is missing. Expected
+    result: the flipper lets the chair down again, and then it holds."""
     edge.stages = ("press", "lift", "lift", "lift", "lift", "lift", "lift", "settle", "done")
     world = World()
     plan = held(world, without(2, "edge"))
@@ -443,7 +444,7 @@ def test_a_step_that_is_seen_to_be_missing_too_late_to_turn_back_stops_the_chair
     assert plan.phase == "edge"
     assert plan.hold is not None
     assert "; it stands" not in plan.hold
-    assert (plan.speed_m_s, plan.arm) == (0.0, None)
+    assert (plan.speed_m_s, plan.flipper) == (0.0, None)
 
 
 @pytest.mark.usefixtures("edge")
@@ -478,23 +479,23 @@ def test_a_nosing_that_no_frame_shows_from_afar_is_not_missing(before_m: float) 
     assert not any(plan.hold for plan in world.plans)
 
 
-def test_let_down_on_the_landing_again_the_chair_stows_its_arm_before_it_holds(edge: type[Script]) -> None:
-    """Test: the arm's tip is on the landing when the edge is barred. Expected result: no HOLD until the arm is at its rest, or has
-    had its time, if it is dead."""
+def test_let_down_on_the_landing_again_the_chair_stows_its_flipper_before_it_holds(edge: type[Script]) -> None:
+    """Test: the flipper's tip is on the landing when the edge is barred. Expected result: no HOLD until the flipper is at its
+    rest, or has had its time, if it is dead."""
     edge.stages = ("press", "lower", "barred")
     for dead in (False, True):
-        world = World(arm_moves=not dead, tips=False)
+        world = World(flipper_moves=not dead, tips=False)
         world.run("edge")
-        world.arm_rad = -0.1
+        world.flipper_rad = -0.1
         began_s = world.t_s
         while world.tick().hold is None:
             assert world.t_s < began_s + 20.0
         assert (world.t_s - began_s > CONFIG.stow_s) == dead
-        assert dead == (world.arm_rad < 0.0)
+        assert dead == (world.flipper_rad < 0.0)
 
 
 def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Script]) -> None:
-    """Test: while the arm lifts, no more than a metre below the edge comes into view. Expected result: let down again, HOLD."""
+    """Test: while the flipper lifts, no more than a metre below the edge comes into view. Expected result: let down again, HOLD."""
     edge.stages = ("press", "lift", "lift", "lift", "settle", "done")
     world = World()
     seen_m = 1.0
@@ -583,7 +584,7 @@ def test_a_false_nosing_seen_once_beyond_the_edge_moves_nothing(edge: type[Scrip
 
 
 @pytest.mark.parametrize("changes", [{"loop": "open"}, {"vision": "paper"}, {"chair": read_chair("wheelchair-fixed")}])
-def test_coming_down_is_refused_without_arm_closed_loop_or_robust_vision(changes: dict[str, Any]) -> None:
+def test_coming_down_is_refused_without_flipper_closed_loop_or_robust_vision(changes: dict[str, Any]) -> None:
     config = MissionConfig(**({"chair": CHAIR, "direction": "down"} | changes))
     with pytest.raises(SettingsError, match="coming down needs"):
         planner_of(config)
@@ -591,28 +592,28 @@ def test_coming_down_is_refused_without_arm_closed_loop_or_robust_vision(changes
 
 @pytest.mark.usefixtures("edge")
 @pytest.mark.parametrize("stuck_s", [0.4, math.inf])
-def test_it_leaves_the_stair_only_with_its_front_section_lifted(stuck_s: float) -> None:
-    """Test: on its way down the arm does not move, for 0.4 s near the last nosing, or for good. Expected result: it waits until it
-    is lifted and goes on; it holds before the front pulley leaves the last nosing but one, for at its own angle the section would
-    drop off."""
+def test_it_leaves_the_stair_only_with_its_flipper_planner_lifted(stuck_s: float) -> None:
+    """Test: on its way down the flipper does not move, for 0.4 s near the last nosing, or for good. Expected result: it waits
+    until it is lifted and goes on; it holds before the front pulley leaves the last nosing but one, for at its own angle the
+    section would drop off."""
     world = World()
     plan = world.run("descend", limit_s=120.0)
-    world.arm_rad, world.arm_moves = 0.0, False
+    world.flipper_rad, world.flipper_moves = 0.0, False
     stood_s = 0.0
     while plan.hold is None and plan.phase != "arrived":
         plan = world.tick()
         stood_s += TICK_S * (plan.speed_m_s == 0.0)
-        world.arm_moves = stood_s > stuck_s
-        low = plan.phase != "arrived" and world.arm_rad < world.planner._stepping_rad - CONFIG.short_rad - 0.02
+        world.flipper_moves = stood_s > stuck_s
+        low = plan.phase != "arrived" and world.flipper_rad < world.planner._stepping_rad - CONFIG.short_rad - 0.02
         assert plan.speed_m_s == 0.0 or not low or world.x_m + PIVOT_M - RUN_M > 0.0
     if stuck_s < math.inf:
         assert plan.phase == "arrived"
         assert 0.0 < stood_s < 2.5
         return
     assert plan.hold is not None
-    assert "front section does not rise" in plan.hold
+    assert "flipper does not rise" in plan.hold
     assert plan.phase == "leave"
     assert world.x_m + PIVOT_M - RUN_M > 0.0
-    world.arm_moves = True  # after a person has looked
+    world.flipper_moves = True  # after a person has looked
     assert world.tick().hold is None
     world.run("arrived", limit_s=20.0)

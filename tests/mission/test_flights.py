@@ -9,7 +9,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
-from treadline.mission.whereabouts import KNOWN_AFTER, NEXT_MAPS, NEXT_S, TOLD_AFTER, Whereabouts
+from treadline.mission.stair_tracker import KNOWN_AFTER, NEXT_MAPS, NEXT_S, TOLD_AFTER, StairTracker
 from treadline.scenario import Scenario
 from treadline.signals import StairMap
 
@@ -107,15 +107,15 @@ def downward(places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]
 @pytest.mark.parametrize("up", [True, False])
 def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(*, up: bool) -> None:
     first, second = (FIRST, SECOND) if up else (downward(FIRST), downward(SECOND))
-    where = Whereabouts()
+    where = StairTracker()
     for k in range(KNOWN_AFTER):
-        where.feel(told(0.1 * k, first, up=up))
+        where.update(told(0.1 * k, first, up=up))
     before = where.ahead_m()
     assert not where.top_ends
     assert not where.bottom_ends
     for k in range(NEXT_MAPS):
         assert not where.shows_another
-        where.feel(told(0.3 + 0.1 * k, second, up=up))
+        where.update(told(0.3 + 0.1 * k, second, up=up))
     assert where.ahead_m() == before
     assert where.gaps_ahead_m() == []
     assert where.shows_another
@@ -125,30 +125,30 @@ def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(
 
 @pytest.mark.parametrize("missing", [1, 2, 3])
 def test_missing_steps_stay_a_gap_in_this_flight(missing: int) -> None:
-    where = Whereabouts()
+    where = StairTracker()
     beyond = [(FIRST[-1][0] + (missing + 1 + k) * RUN_M, FIRST[-1][1] + (missing + 1 + k) * RISE_M) for k in range(3)]
     for k in range(2 * TOLD_AFTER):
-        where.feel(told(0.1 * k, FIRST if k < TOLD_AFTER else beyond))
+        where.update(told(0.1 * k, FIRST if k < TOLD_AFTER else beyond))
     assert where.gaps_ahead_m() == [pytest.approx((FIRST[-1][0], beyond[0][0]))]
     assert not where.shows_another
 
 
 def test_a_flight_not_seen_for_a_while_is_looked_at_anew() -> None:
-    where = Whereabouts()
+    where = StairTracker()
     near = [(x - 1.5, z) for x, z in SECOND]
     for k in range(NEXT_MAPS):
-        where.feel(told(0.1 * k, FIRST))
+        where.update(told(0.1 * k, FIRST))
     for k in range(NEXT_MAPS):
-        where.feel(told(1.0 + 0.1 * k, near))
+        where.update(told(1.0 + 0.1 * k, near))
     assert where.shows_another
-    where.feel(told(1.5 + NEXT_S, near))
+    where.update(told(1.5 + NEXT_S, near))
     assert not where.shows_another
 
 
 def test_a_chair_that_wakes_up_on_a_flight_is_not_on_the_one_it_sees_across_the_landing() -> None:
-    where = Whereabouts()
+    where = StairTracker()
     where.pitch_rad = float(np.arctan2(RISE_M, RUN_M))
     for k in range(KNOWN_AFTER):
-        where.feel(told(0.1 * k, [(2.5 + 0.3 * i, -1.1 + 0.1 * i) for i in range(3)]))
+        where.update(told(0.1 * k, [(2.5 + 0.3 * i, -1.1 + 0.1 * i) for i in range(3)]))
     assert where.map_count == 0
     assert where.top_ahead_m() is None

@@ -126,7 +126,7 @@ def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
-    ("off_rad", "rate_rad_s", "slid_m", "steers"),
+    ("off_rad", "rate_rad_s", "roll_back_m", "steers"),
     [
         (WITHIN * SQUARE_RAD, 0.0, 0.0, False),
         (WITHIN * SQUARE_RAD, -BEYOND * TURNS_RAD_S, 0.0, False),  # nearly square, it can wait
@@ -139,7 +139,7 @@ def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
     ],
 )
 def test_a_chair_that_slips_and_does_not_turn_is_let_alone(
-    sign: float, off_rad: float, rate_rad_s: float, slid_m: float, *, steers: bool
+    sign: float, off_rad: float, rate_rad_s: float, roll_back_m: float, *, steers: bool
 ) -> None:
     """Test: belts 5 cm/s ahead of a chair that is askew and turns back, or not. Expected result: as told, whether square before or
     not; and none of it while the belts grip."""
@@ -147,7 +147,7 @@ def test_a_chair_that_slips_and_does_not_turn_is_let_alone(
         grip = SideGrip()
         for k in range(TICKS + 1):
             seen = heading(sign * off_rad, sign * rate_rad_s)
-            on = grip.steers(k * TICK_S, tracks(-sign * 0.4), seen, 0.0, slip_m_s if k else 0.0, slid_m)
+            on = grip.steers(k * TICK_S, tracks(-sign * 0.4), seen, 0.0, slip_m_s if k else 0.0, roll_back_m)
         assert on is expected
 
 

@@ -12,15 +12,15 @@ from treadline.angles import DEG, quaternion_of, rotation_x, rotation_y
 from treadline.estimation import HeadingHealth
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
     PinholeCamera,
-    Plan,
     Reading,
     RgbdFrame,
     SeatCommand,
@@ -131,7 +131,7 @@ class Drive:
             "imu": imu(t_s),
             "belts": belts(t_s, *self.speeds),
             "seat": SeatReading(t_s=t_s, pitch_rad=0.0, stroke_m=0.05),
-            "arm": ArmReading(t_s=t_s, angle_rad=0.7, torque_n_m=1.0),
+            "flipper": FlipperReading(t_s=t_s, angle_rad=0.7, torque_n_m=1.0),
         }
         if self.tick % FRAME_TICKS == 0:
             every["camera"] = frame(t_s)
@@ -144,7 +144,7 @@ class Drive:
             if spoilt is not None:
                 self.admitted[type(spoilt).__name__] = self.guard.admit(spoilt)
         if self.tick % FRAME_TICKS == 0 and not self.silent & {"camera", "stair"}:
-            self.guard.notice(heading(t_s))
+            self.guard.on_message(heading(t_s))
         if self.tick % 25 == 0 and "driver" not in self.silent:
             self.guard.propose(command(t_s, *self.asked))
         seen = None if self.heading_deg is None else estimate(t_s, self.heading_deg)
@@ -185,7 +185,7 @@ def test_a_healthy_drive_passes_unchanged() -> None:
     assert drive.guard.holding is None
     assert drive.events() == []
     assert all(drive.admitted.values())
-    assert set(drive.admitted) == {"ImuSample", "TrackReading", "SeatReading", "ArmReading", "FrameQuality"}
+    assert set(drive.admitted) == {"ImuSample", "TrackReading", "SeatReading", "FlipperReading", "FrameQuality"}
 
 
 def test_a_mission_may_begin_at_any_time_on_its_clock() -> None:
@@ -347,8 +347,8 @@ def test_over_a_crest_a_camera_that_lives_is_enough(valid_share: float, frozen: 
         return replace(reading, valid_share=valid_share, fingerprint=new, brightness=0.0, contrast=0.0)
 
     drive.spoil = spoil
-    plan = Plan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
-    drive.run(2.0, lambda drive: drive.guard.notice(replace(plan, t_s=drive.t_s)))
+    plan = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
+    drive.run(2.0, lambda drive: drive.guard.on_message(replace(plan, t_s=drive.t_s)))
     assert drive.admitted["FrameQuality"] is False
     assert (drive.guard.holding is not None) is lost
 
@@ -388,12 +388,12 @@ def test_an_imu_that_says_no_number_is_as_good_as_lost(field: str, bad: float) -
 
 
 @pytest.mark.parametrize("phase", ["crest", "edge"])
-def test_where_the_arm_follows_the_pitch_an_imu_must_be_there(phase: Any) -> None:
+def test_where_the_flipper_follows_the_pitch_an_imu_must_be_there(phase: Any) -> None:
     """Test: no IMU sample over crest or edge. Expected result: HOLD after 50 ms."""
     drive = Drive().run(1.0)
     drive.silent = {"imu"}
-    plan = Plan(t_s=1.0, phase=phase, speed_m_s=0.1)
-    assert drive.until_held(1.0, lambda drive: drive.guard.notice(plan)) == about(0.05)
+    plan = MotionPlan(t_s=1.0, phase=phase, speed_m_s=0.1)
+    assert drive.until_held(1.0, lambda drive: drive.guard.on_message(plan)) == about(0.05)
 
 
 def test_a_stuck_gyro_is_no_gyro() -> None:
@@ -401,13 +401,13 @@ def test_a_stuck_gyro_is_no_gyro() -> None:
     HOLD a second after it stuck."""
     drive = Drive().run(1.0)
     stuck_s = drive.t_s
-    drive.run(0.5, lambda drive: drive.guard.notice(health(drive.t_s, "stuck", stuck_s)))
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
     assert drive.mean_m_s == pytest.approx(0.1)
-    drive.guard.notice(health(drive.t_s, None, None))
+    drive.guard.on_message(health(drive.t_s, None, None))
     drive.run(0.5)
     assert drive.mean_m_s == pytest.approx(0.2)
     stuck_s = drive.t_s
-    held = drive.until_held(2.0, lambda drive: drive.guard.notice(health(drive.t_s, "stuck", stuck_s)))
+    held = drive.until_held(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
     assert held == about(1.01)
     assert drive.guard.holding == "gyro stuck for 1.01 s"
     assert drive.events()[:2] == [("slow", "gyro stuck for 0.00 s"), ("resumed", "nothing is missing any more")]
@@ -428,9 +428,9 @@ def test_without_camera_and_imu_it_holds_at_once() -> None:
 def test_a_gyro_that_was_mended_is_told_once(fault: Any) -> None:
     """Test: the filter has re-referenced the gyro, says so for 2 s, and again later. Expected result: two events, no HOLD."""
     drive = Drive().run(1.0)
-    drive.run(2.0, lambda drive: drive.guard.notice(health(drive.t_s, fault, 1.0, "gyro drifts by 1.0 °/s")))
-    drive.run(0.5, lambda drive: drive.guard.notice(health(drive.t_s, None, None)))
-    drive.run(0.5, lambda drive: drive.guard.notice(health(drive.t_s, fault, 3.5)))
+    drive.run(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, fault, 1.0, "gyro drifts by 1.0 °/s")))
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, None, None)))
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, fault, 3.5)))
     assert drive.guard.holding is None
     assert drive.events() == [("re-referenced", "gyro drifts by 1.0 °/s"), ("re-referenced", fault)]
 
@@ -439,10 +439,10 @@ def test_camera_and_gyro_may_disagree_for_half_a_second() -> None:
     """Test: a disagreement that ends after 0.4 s, then one that lasts. Expected result: HOLD 0.5 s after the second began."""
     drive = Drive().run(1.0)
     began_s = drive.t_s
-    drive.run(0.4, lambda drive: drive.guard.notice(health(drive.t_s, "disagreement", began_s)))
-    drive.run(1.0, lambda drive: drive.guard.notice(health(drive.t_s, None, None)))
+    drive.run(0.4, lambda drive: drive.guard.on_message(health(drive.t_s, "disagreement", began_s)))
+    drive.run(1.0, lambda drive: drive.guard.on_message(health(drive.t_s, None, None)))
     began_s = drive.t_s
-    held = drive.until_held(1.0, lambda drive: drive.guard.notice(health(drive.t_s, "disagreement", began_s)))
+    held = drive.until_held(1.0, lambda drive: drive.guard.on_message(health(drive.t_s, "disagreement", began_s)))
     assert held == about(0.51)
     assert drive.guard.holding == "camera and gyro disagree for 0.5 s"
 
@@ -470,15 +470,15 @@ def test_frames_without_a_stair_hold_after_a_while_unless_none_is_expected() -> 
     as the plan needs no stair; then after the time for that."""
     drive = Drive(GuardConfig(lost_timeout_s=2.0))
     drive.silent = {"stair"}
-    drive.run(3.0, lambda drive: drive.guard.notice(Plan(t_s=drive.t_s, phase="land", speed_m_s=0.2, needs_stair=False)))
+    drive.run(3.0, lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase="land", speed_m_s=0.2, needs_stair=False)))
     assert drive.guard.holding is None
-    held = drive.until_held(3.0, lambda drive: drive.guard.notice(Plan(t_s=drive.t_s, phase="climb", speed_m_s=0.2)))
+    held = drive.until_held(3.0, lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase="climb", speed_m_s=0.2)))
     assert held == about(2.0)
     assert drive.guard.holding == "no stair in view for 2.0 s"
 
 
 def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
-    return lambda drive: drive.guard.notice(Plan(t_s=drive.t_s, phase=phase, speed_m_s=0.1, needs_stair=needs_stair))
+    return lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase=phase, speed_m_s=0.1, needs_stair=needs_stair))
 
 
 @pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 2.75), ("descend", -0.05, 2.75), ("land", 0.03, 2.18)])
@@ -722,7 +722,7 @@ def test_each_phase_has_its_speed(phase: Any, speed: float, heading_deg: float, 
     pitches; on the flight and while it turns the limits of row 12."""
     drive = Drive(asked=(0.6, 0.6))
     drive.heading_deg = heading_deg
-    drive.guard.notice(Plan(t_s=0.0, phase=phase, speed_m_s=speed))
+    drive.guard.on_message(MotionPlan(t_s=0.0, phase=phase, speed_m_s=speed))
     drive.run(0.5)
     assert drive.mean_m_s == pytest.approx(mean_m_s)
 
@@ -730,15 +730,15 @@ def test_each_phase_has_its_speed(phase: Any, speed: float, heading_deg: float, 
 @pytest.mark.parametrize(
     ("plan", "brake"),
     [
-        (Plan(t_s=0.0, phase="arrived", speed_m_s=0.1), True),
-        (Plan(t_s=0.0, phase="refused", speed_m_s=0.1), True),
-        (Plan(t_s=0.0, phase="crest", speed_m_s=0.0, turn_m_s=0.0), False),
+        (MotionPlan(t_s=0.0, phase="arrived", speed_m_s=0.1), True),
+        (MotionPlan(t_s=0.0, phase="refused", speed_m_s=0.1), True),
+        (MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.0, turn_m_s=0.0), False),
     ],
 )
-def test_a_plan_that_ends_or_stands_stops_the_belts_at_once(plan: Plan, brake: bool) -> None:
+def test_a_plan_that_ends_or_stands_stops_the_belts_at_once(plan: MotionPlan, brake: bool) -> None:
     """Test: the driver still asks 0.2 m/s. Expected result: belts at rest at this tick, braked at an end; no HOLD."""
     drive = Drive().run(1.0)
-    drive.guard.notice(plan)
+    drive.guard.on_message(plan)
     assert drive.step() == TrackCommand(t_s=1.0, left_m_s=0.0, right_m_s=0.0, brake=brake)
     assert drive.guard.holding is None
 
@@ -747,33 +747,33 @@ def test_a_plan_that_ends_or_stands_stops_the_belts_at_once(plan: Plan, brake: b
 def test_of_two_plans_the_later_counts_and_of_two_at_once_the_last(t_s: float, stands: bool) -> None:
     """Test: after a plan of 0.5 s to drive, one to stand, older or of the same moment. Expected result: goes on; stands."""
     drive = Drive().run(1.0)
-    drive.guard.notice(Plan(t_s=0.5, phase="climb", speed_m_s=0.2))
-    drive.guard.notice(Plan(t_s=t_s, phase="crest", speed_m_s=0.0, turn_m_s=0.0))
+    drive.guard.on_message(MotionPlan(t_s=0.5, phase="climb", speed_m_s=0.2))
+    drive.guard.on_message(MotionPlan(t_s=t_s, phase="crest", speed_m_s=0.0, turn_m_s=0.0))
     assert (drive.step() == TrackCommand(t_s=1.0, left_m_s=0.0, right_m_s=0.0, brake=False)) is stands
 
 
 def test_a_plan_that_turns_on_the_spot_or_drives_straight_does_not_stand() -> None:
     """Test: a plan of turning alone; of speed without turning. Expected result: commands pass."""
     for plan in (
-        Plan(t_s=0.0, phase="align", speed_m_s=0.0, turn_m_s=0.1),
-        Plan(t_s=0.0, phase="climb", speed_m_s=0.1, turn_m_s=0.0),
-        Plan(t_s=0.0, phase="align", speed_m_s=0.0),
+        MotionPlan(t_s=0.0, phase="align", speed_m_s=0.0, turn_m_s=0.1),
+        MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, turn_m_s=0.0),
+        MotionPlan(t_s=0.0, phase="align", speed_m_s=0.0),
     ):
         drive = Drive(asked=(-0.1, 0.1))
-        drive.guard.notice(plan)
+        drive.guard.on_message(plan)
         assert drive.step().right_m_s == pytest.approx(0.1)
 
 
 def test_a_plan_may_ask_for_a_hold_and_must_be_a_number() -> None:
     """Test: a plan with a cause to hold; one of NaN. Expected result: HOLD with that cause."""
     drive = Drive().run(0.1)
-    drive.guard.notice(Plan(t_s=0.1, phase="crest", speed_m_s=0.1, hold="the tip finds no landing"))
+    drive.guard.on_message(MotionPlan(t_s=0.1, phase="crest", speed_m_s=0.1, hold="the tip finds no landing"))
     drive.step()
     assert drive.guard.holding == "the tip finds no landing"
-    good = Plan(t_s=0.1, phase="climb", speed_m_s=0.1)
-    for field in ("t_s", "speed_m_s", "turn_m_s", "heading_rad", "slowest_share", "easing_m_s"):
+    good = MotionPlan(t_s=0.1, phase="climb", speed_m_s=0.1)
+    for field in ("t_s", "speed_m_s", "turn_m_s", "heading_rad", "min_inner_speed_ratio", "pitch_feedforward_m_s"):
         drive = Drive().run(0.1)
-        drive.guard.notice(replace(good, **{field: math.nan}))
+        drive.guard.on_message(replace(good, **{field: math.nan}))
         assert drive.step().brake
         assert drive.guard.holding == "plan is not finite"
 
@@ -847,7 +847,7 @@ def test_a_belt_that_runs_away_is_held() -> None:
 def test_a_belt_that_runs_against_a_plan_that_stands_is_held() -> None:
     """Test: at an end of the way, braked, a belt reports 0.1 m/s. Expected result: HOLD."""
     drive = Drive().run(1.0)
-    drive.guard.notice(Plan(t_s=1.0, phase="arrived", speed_m_s=0.0))
+    drive.guard.on_message(MotionPlan(t_s=1.0, phase="arrived", speed_m_s=0.0))
     drive.run(0.5)
     drive.spoil = lambda reading: replace(reading, right_m_s=-0.1) if isinstance(reading, TrackReading) else reading
     assert drive.until_held(0.3) == about(0.2)
@@ -870,7 +870,7 @@ class Flight:
             first = 0.85 + (0.4 - self.passed_m) % PITCH_M
             places = [first + k * PITCH_M + self.noise.normal(0.0, 0.003) for k in range(4)]
             direction = "up" if self.sign > 0 else "down"
-            drive.guard.notice(stair(drive.t_s, [self.sign * place for place in places], direction=direction))
+            drive.guard.on_message(stair(drive.t_s, [self.sign * place for place in places], direction=direction))
 
 
 @pytest.mark.parametrize(("sign", "plan_m_s"), [(1.0, None), (-1.0, None), (1.0, 0.2), (-1.0, -0.2), (1.0, 0.0)])
@@ -879,7 +879,7 @@ def test_slip_slows_and_then_holds(sign: float, plan_m_s: float | None) -> None:
     Expected result: none before; slow within 0.5 s, HOLD within 1.1 s of that, by then less than 0.2 m lost."""
     drive, flight = Drive(asked=(sign * 0.2, sign * 0.2)), Flight(sign)
     if plan_m_s is not None:
-        drive.guard.notice(Plan(t_s=0.0, phase="climb" if sign > 0.0 else "descend", speed_m_s=plan_m_s))
+        drive.guard.on_message(MotionPlan(t_s=0.0, phase="climb" if sign > 0.0 else "descend", speed_m_s=plan_m_s))
     drive.run(3.0, flight)
     assert drive.events() == []
     flight.slip = 0.5
@@ -910,7 +910,7 @@ def test_slip_is_not_asked_where_nosings_do_not_pass_as_belts_run(why: str) -> N
     for slip."""
     drive, flight = Drive(), Flight()
     drive.heading_deg = None if why == "no estimate" else 0.0
-    drive.guard.notice(Plan(t_s=0.0, phase="crest" if why == "crest" else "climb", speed_m_s=0.2))
+    drive.guard.on_message(MotionPlan(t_s=0.0, phase="crest" if why == "crest" else "climb", speed_m_s=0.2))
     flight.slip = 0.5
 
     def each(drive: Drive) -> None:
@@ -958,13 +958,13 @@ def test_a_way_driven_back_on_purpose_is_not_rolled_back(why: str) -> None:
     flight and then back towards one that falls. Expected result: no event."""
     drive, flight = Drive(), Flight()
     if why == "phase":
-        drive.guard.notice(Plan(t_s=0.0, phase="climb", speed_m_s=0.2))
+        drive.guard.on_message(MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2))
     drive.run(1.5, flight)
     drive.asked = (-0.2, -0.2)
     if why == "phase":
-        drive.guard.notice(Plan(t_s=1.5, phase="back_off", speed_m_s=-0.2, needs_stair=False))
+        drive.guard.on_message(MotionPlan(t_s=1.5, phase="back_off", speed_m_s=-0.2, needs_stair=False))
         drive.run(2.5)
-        drive.guard.notice(Plan(t_s=4.0, phase="climb", speed_m_s=0.2))
+        drive.guard.on_message(MotionPlan(t_s=4.0, phase="climb", speed_m_s=0.2))
         drive.asked = (0.2, 0.2)
         drive.run(2.0, flight)
     else:
@@ -980,7 +980,7 @@ def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:
         drive.heading_deg = max(30.0 - 10.0 * drive.t_s, 0.0)
         if drive.tick % FRAME_TICKS == 0:
             across = math.cos(drive.guard._heading_rad if drive.tick else 30.0 * DEG)
-            drive.guard.notice(stair(drive.t_s, [(1.0 + k * PITCH_M) / across for k in range(5)]))
+            drive.guard.on_message(stair(drive.t_s, [(1.0 + k * PITCH_M) / across for k in range(5)]))
 
     drive.run(3.5, each)
     assert drive.events() == []
@@ -1014,7 +1014,7 @@ def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
 
     def look(drive: Drive) -> None:
         if drive.tick % FRAME_TICKS == 0:
-            drive.guard.notice(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m)))
+            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m)))
 
     drive.run(0.40, look)
     assert drive.mean_m_s == pytest.approx(0.2)
@@ -1035,7 +1035,7 @@ def test_a_nosing_that_is_missed_now_and_then_is_no_gap() -> None:
             places = nosings_with_a_gap(drive.guard._belts.travel_m)
             if drive.tick // FRAME_TICKS % 5 > 1:
                 places = sorted([*places, 1.75 + PITCH_M - drive.guard._belts.travel_m])
-            drive.guard.notice(stair(drive.t_s, places))
+            drive.guard.on_message(stair(drive.t_s, places))
 
     drive.run(2.0, look)
     assert drive.events() == []
@@ -1047,7 +1047,7 @@ def test_a_gap_does_not_stop_a_chair_that_backs_off() -> None:
 
     def look(drive: Drive) -> None:
         if drive.tick % FRAME_TICKS == 0:
-            drive.guard.notice(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m, 1.0)))
+            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m, 1.0)))
 
     drive.run(1.0, look)
     assert drive.guard.holding is None
@@ -1135,7 +1135,7 @@ def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: 
     """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves
     slowly, for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
     guard = Guard(GuardConfig())
-    guard.notice(Plan(t_s=0.0, phase=phase, speed_m_s=0.1))
+    guard.on_message(MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1))
     for sign in (1.0, -1.0):
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06 * sign)).rate_m_s == limit * sign
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.02 * sign)).rate_m_s == 0.02 * sign
@@ -1146,7 +1146,7 @@ def test_a_seat_far_from_level_has_all_that_its_actuator_gives_on_the_flight_too
     """Test: a seat on either side of 2°, watched or in a recording. Expected result: slow within 2°."""
     for config in (GuardConfig(), GuardConfig(watches_motion=False)):
         guard = Guard(config)
-        guard.notice(Plan(t_s=0.0, phase="climb", speed_m_s=0.1))
+        guard.on_message(MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1))
         guard.admit(SeatReading(t_s=0.0, pitch_rad=error_deg * DEG, stroke_m=0.05))
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06)).rate_m_s == rate_m_s
 
@@ -1211,14 +1211,14 @@ def test_what_was_overtaken_counts_no_more_unless_it_stops() -> None:
     drive.guard.propose(command(0.98, 0.0, 0.0))
     drive.guard.propose(command(0.97))
     assert drive.step().left_m_s == 0.0
-    drive.guard.notice(Plan(t_s=1.0, phase="approach", speed_m_s=0.1))
-    drive.guard.notice(Plan(t_s=0.9, phase="approach", speed_m_s=0.3))
+    drive.guard.on_message(MotionPlan(t_s=1.0, phase="approach", speed_m_s=0.1))
+    drive.guard.on_message(MotionPlan(t_s=0.9, phase="approach", speed_m_s=0.3))
     assert drive.run(0.1).mean_m_s == pytest.approx(0.1 * 1.25 + 0.02)  # the newer plan's, its margin and its spare
-    drive.guard.notice(health(1.1, "stuck", 1.0))
-    drive.guard.notice(health(1.0, None, None))
+    drive.guard.on_message(health(1.1, "stuck", 1.0))
+    drive.guard.on_message(health(1.0, None, None))
     drive.step()
     assert drive.events() == [("slow", "gyro stuck for 0.10 s")]
-    drive.guard.notice(Plan(t_s=0.95, phase="climb", speed_m_s=0.1, hold="no way"))
+    drive.guard.on_message(MotionPlan(t_s=0.95, phase="climb", speed_m_s=0.1, hold="no way"))
     assert drive.guard.holding == "no way"
 
 
@@ -1251,7 +1251,7 @@ def test_an_overtaken_message_makes_no_stuck_button_a_press() -> None:
     """Test: re-arm stays pressed; a fault holds; a message from before the press comes late. Expected result: held."""
     guard = Guard(GuardConfig())
     guard.admit(OperatorInput(t_s=1.0, rearm=True))
-    guard.notice(Plan(t_s=1.05, phase="climb", speed_m_s=0.1, hold="no way"))
+    guard.on_message(MotionPlan(t_s=1.05, phase="climb", speed_m_s=0.1, hold="no way"))
     assert not guard.admit(OperatorInput(t_s=0.9))
     guard.admit(OperatorInput(t_s=1.1, rearm=True))
     assert guard.holding == "no way"
@@ -1307,17 +1307,18 @@ def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "spoilt"), [("belts", {"left_m_s": math.nan}), ("seat", {"pitch_rad": math.inf}), ("arm", {"torque_n_m": math.nan})]
+    ("name", "spoilt"),
+    [("belts", {"left_m_s": math.nan}), ("seat", {"pitch_rad": math.inf}), ("flipper", {"torque_n_m": math.nan})],
 )
 @pytest.mark.parametrize("dumb", [True, False])
 def test_drives_that_have_spoken_must_go_on(name: str, spoilt: dict[str, float], dumb: bool) -> None:
-    """Test: belts, seat or arm report nothing from 1.0 s on, or nothing that is a number. Expected result: HOLD after 0.3 s, with
-    the name; what a chair never had is not waited for, nor what no command moves."""
+    """Test: belts, seat or flipper report nothing from 1.0 s on, or nothing that is a number. Expected result: HOLD after 0.3 s,
+    with the name; what a chair never had is not waited for, nor what no command moves."""
     drive = Drive().run(1.0)
     if dumb:
         drive.silent = {name}
     else:
-        kind = {"belts": TrackReading, "seat": SeatReading, "arm": ArmReading}[name]
+        kind = {"belts": TrackReading, "seat": SeatReading, "flipper": FlipperReading}[name]
         drive.spoil = lambda reading: replace(reading, **spoilt) if isinstance(reading, kind) else reading
     assert drive.until_held(1.0) == about(0.30)
     assert drive.guard.holding == f"readings of the {name} silent for 0.30 s"
@@ -1364,9 +1365,9 @@ def test_an_obstacle_is_held_off(direction: str, sign: float, lead_m: float) -> 
         if drive.tick % FRAME_TICKS == 0:
             there = 3.0 - sign * drive.guard._belts.travel_m
             places = [sign * (1.0 + k * PITCH_M) for k in range(3)]
-            drive.guard.notice(stair(drive.t_s, places, direction=direction, obstacle_m=there))
+            drive.guard.on_message(stair(drive.t_s, places, direction=direction, obstacle_m=there))
 
-    drive.guard.notice(Plan(t_s=0.0, phase="approach", speed_m_s=sign * 0.3))
+    drive.guard.on_message(MotionPlan(t_s=0.0, phase="approach", speed_m_s=sign * 0.3))
     drive.until_held(15.0, look)
     clear_m = 3.0 - sign * drive.guard._belts.travel_m - lead_m
     assert 0.34 + 0.06 <= clear_m <= 0.34 + 0.15
@@ -1378,7 +1379,7 @@ def test_something_on_the_landing_is_held_off(told: float) -> None:
     """Test: over the crest frames show something 1 m from mid-track; a number that is none. Expected result: HOLD; no HOLD."""
     drive = Drive()
     drive.spoil = lambda reading: replace(reading, obstacle_m=told) if isinstance(reading, FrameQuality) else reading
-    drive.guard.notice(Plan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False))
+    drive.guard.on_message(MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False))
     drive.run(1.0)
     assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(told)
 
@@ -1395,7 +1396,7 @@ def test_something_seen_once_is_nothing() -> None:
 
     drive.run(2.0, look)
     assert drive.guard.holding is None
-    held = drive.until_held(1.0, lambda drive: drive.guard.notice(stair(drive.t_s, [], obstacle_m=0.5)))
+    held = drive.until_held(1.0, lambda drive: drive.guard.on_message(stair(drive.t_s, [], obstacle_m=0.5)))
     assert held == about(0.01)
     assert drive.guard.holding == "obstacle -0.50 m ahead"
 
@@ -1405,7 +1406,7 @@ def test_a_map_that_comes_twice_counts_once() -> None:
     drive = Drive().run(1.0)
     once = stair(drive.t_s, [], obstacle_m=0.5)
     assert drive.guard.admit(once)
-    drive.guard.notice(once)
+    drive.guard.on_message(once)
     drive.run(0.5)
     assert drive.guard.holding is None
 
@@ -1425,7 +1426,7 @@ def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
     """Test: one field of a map is not finite. Expected result: not admitted, not noticed."""
     guard = Guard(GuardConfig())
     assert not guard.admit(stair(0.0, [1.0], **bad))
-    guard.notice(stair(0.1, [1.0], **bad))
+    guard.on_message(stair(0.1, [1.0], **bad))
     assert guard._map_s == -math.inf
 
 
@@ -1459,17 +1460,17 @@ def test_the_leveller_goes_on_under_a_hold_of_the_belts() -> None:
     assert guard.pass_seat(fine) == fine
 
 
-def test_a_held_arm_stands() -> None:
-    """Test: an arm's rate before and under HOLD, none at all, and NaN. Expected result: passes, zero, None, zero and HOLD."""
+def test_a_held_flipper_stands() -> None:
+    """Test: a flipper's rate before and under HOLD, none at all, and NaN. Expected result: passes, zero, None, zero and HOLD."""
     guard = Guard(GuardConfig())
-    fine = ArmCommand(t_s=0.0, rate_rad_s=0.1)
-    assert guard.pass_arm(None) is None
-    assert guard.pass_arm(fine) == fine
-    assert guard.pass_arm(replace(fine, rate_rad_s=math.nan)) == replace(fine, rate_rad_s=0.0)
-    assert guard.holding == "arm rate is not finite"
-    assert guard.pass_arm(fine) == replace(fine, rate_rad_s=0.0)
-    assert guard.pass_arm(None) is None
-    assert guard.pass_arm(replace(fine, t_s=math.nan)) == ArmCommand(t_s=0.0, rate_rad_s=0.0)
+    fine = FlipperCommand(t_s=0.0, rate_rad_s=0.1)
+    assert guard.pass_flipper(None) is None
+    assert guard.pass_flipper(fine) == fine
+    assert guard.pass_flipper(replace(fine, rate_rad_s=math.nan)) == replace(fine, rate_rad_s=0.0)
+    assert guard.holding == "flipper rate is not finite"
+    assert guard.pass_flipper(fine) == replace(fine, rate_rad_s=0.0)
+    assert guard.pass_flipper(None) is None
+    assert guard.pass_flipper(replace(fine, t_s=math.nan)) == FlipperCommand(t_s=0.0, rate_rad_s=0.0)
 
 
 @pytest.mark.parametrize(
@@ -1479,8 +1480,8 @@ def test_a_held_arm_stands() -> None:
         belts(0.0, 0.0, math.inf),
         SeatReading(t_s=0.0, pitch_rad=math.nan, stroke_m=0.0),
         SeatReading(t_s=0.0, pitch_rad=0.0, stroke_m=math.nan),
-        ArmReading(t_s=0.0, angle_rad=math.nan, torque_n_m=0.0),
-        ArmReading(t_s=0.0, angle_rad=0.0, torque_n_m=math.inf),
+        FlipperReading(t_s=0.0, angle_rad=math.nan, torque_n_m=0.0),
+        FlipperReading(t_s=0.0, angle_rad=0.0, torque_n_m=math.inf),
         replace(heading(0.0), heading_rad=math.nan),
         replace(heading(0.0), sigma_rad=0.0),
         replace(heading(0.0), sigma_rad=math.nan),

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.guard.stopping import RAMP_S
 from treadline.signals import (
-    ArmCommand,
+    FlipperCommand,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
-    Plan,
     SeatCommand,
     SeatReading,
     TrackCommand,
@@ -26,7 +26,7 @@ from treadline.signals import (
 
 ANY = st.one_of(st.floats(-2.0, 2.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0]))
 TIMES = st.one_of(st.floats(-0.05, 0.05), st.sampled_from([math.nan, math.inf, 5.0, -5.0]))
-KINDS = st.sampled_from(["imu", "belts", "seat", "frame", "heading", "operator", "plan", "command", "arm", "tick"])
+KINDS = st.sampled_from(["imu", "belts", "seat", "frame", "heading", "operator", "plan", "command", "flipper", "tick"])
 STEPS = st.lists(st.tuples(KINDS, TIMES, ANY, ANY), max_size=60)
 PHASES: Any = ["climb", "crest", "edge", "arrived", "align"]
 
@@ -52,9 +52,9 @@ def act(guard: Guard, kind: str, t_s: float, a: float, b: float) -> TrackCommand
             guard.admit(OperatorInput(t_s=t_s, stop=a > 1.5))
         case "plan":
             phase = PHASES[0 if not math.isfinite(a) else round(10.0 * min(abs(a), 2.0)) % 5]
-            guard.notice(Plan(t_s=t_s, phase=phase, speed_m_s=b))
-        case "arm":
-            passed = guard.pass_arm(ArmCommand(t_s=t_s, rate_rad_s=a))
+            guard.on_message(MotionPlan(t_s=t_s, phase=phase, speed_m_s=b))
+        case "flipper":
+            passed = guard.pass_flipper(FlipperCommand(t_s=t_s, rate_rad_s=a))
             assert passed is not None
             assert math.isfinite(passed.rate_rad_s)
             assert math.isfinite(passed.t_s)

@@ -7,7 +7,7 @@ import pytest
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.guard.latch import Latch
 from treadline.mission.guard.stopping import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
-from treadline.signals import OperatorInput, Plan, TrackCommand, TrackReading
+from treadline.signals import MotionPlan, OperatorInput, TrackCommand, TrackReading
 
 TICK_S = 0.01
 LAG_S = 0.15
@@ -101,7 +101,7 @@ def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() 
     operator's tick."""
     for after in (0, 5):
         guard = running()
-        guard.notice(Plan(t_s=1.0, phase="climb", speed_m_s=0.2, hold="nothing to see"))
+        guard.on_message(MotionPlan(t_s=1.0, phase="climb", speed_m_s=0.2, hold="nothing to see"))
         for k in range(after):
             passed = guard.step(1.01 + k * TICK_S, None)
             assert not passed.brake

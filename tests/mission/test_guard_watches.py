@@ -21,7 +21,7 @@ from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
 from treadline.mission.guard.stopping import CauseKind
-from treadline.signals import FrameQuality, HeadingEstimate, Plan, StairMap, TrackCommand, TrackReading
+from treadline.signals import FrameQuality, HeadingEstimate, MotionPlan, StairMap, TrackCommand, TrackReading
 
 
 def health(fault: Any, t_s: float, since_s: float | None = None) -> HeadingHealth:
@@ -197,12 +197,12 @@ def test_a_belts_travel_and_speed_are_the_means() -> None:
     """Test: 0.25 and 0.75 m/s for a second, a gap of readings, backwards. Expected result: half a metre, none for the gap."""
     watch = BeltWatch(GuardConfig(mismatch_s=99.0))
     for k in range(17):
-        watch.feel(reading(k / 16, 0.25, 0.75))
+        watch.update(reading(k / 16, 0.25, 0.75))
     assert watch.travel_m == 0.5
     assert watch.speed_m_s == 0.5
-    watch.feel(reading(2.0, 0.25, 0.75))
+    watch.update(reading(2.0, 0.25, 0.75))
     assert watch.travel_m == 0.5
-    watch.feel(reading(2.0625, -1.0, -1.0))
+    watch.update(reading(2.0625, -1.0, -1.0))
     assert watch.travel_m == 0.4375
 
 
@@ -210,23 +210,23 @@ def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
     watch = BeltWatch(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0))
-    watch.feel(reading(0.0, 0.0, 0.0))
+    watch.update(reading(0.0, 0.0, 0.0))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
-    watch.feel(reading(0.0625, 0.0, 0.0))
+    watch.update(reading(0.0625, 0.0, 0.0))
     lag = math.exp(-0.25)
     assert watch._expected == pytest.approx([0.125, -0.1 * (1.0 - lag)])
-    watch.feel(reading(0.125, 0.0, 0.0))
+    watch.update(reading(0.125, 0.0, 0.0))
     assert watch._expected == pytest.approx([0.25, -0.1 * (1.0 - lag * lag)])
     watch._expected = [1.0, -0.75]
     watch.ask(TrackCommand.stop(0.0))
-    watch.feel(reading(0.1875, 0.0, 0.0))
+    watch.update(reading(0.1875, 0.0, 0.0))
     assert watch._expected == [0.375, -0.125]
-    watch.feel(reading(0.25, 0.0, 0.0))
+    watch.update(reading(0.25, 0.0, 0.0))
     assert watch._expected == [0.0, 0.0]
     watch._expected = [-1.0, 0.0]
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=0.0))
     watch._config = GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=8.0)
-    watch.feel(reading(0.3125, 0.0, 0.0))
+    watch.update(reading(0.3125, 0.0, 0.0))
     assert watch._expected[0] == pytest.approx(-1.0 + 2.0 * (1.0 - lag))
 
 
@@ -237,10 +237,10 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
 
     def run(*lefts: float) -> str | None:
         watch = BeltWatch(config)
-        watch.feel(reading(0.0, 0.5, 0.5))
+        watch.update(reading(0.0, 0.5, 0.5))
         watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
         for k, left in enumerate(lefts, start=1):
-            watch.feel(reading(k / 16, left, 0.5))
+            watch.update(reading(k / 16, left, 0.5))
         return watch.cause
 
     assert run(*[0.3125] * 9) is None
@@ -259,7 +259,7 @@ def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
 
     def run(begin_s: float, *brakes: bool) -> str | None:
         for k, on in enumerate(brakes):
-            watch.feel(TrackReading(t_s=begin_s + k / 16, left_m_s=0.0, right_m_s=0.0, brake_on=on))
+            watch.update(TrackReading(t_s=begin_s + k / 16, left_m_s=0.0, right_m_s=0.0, brake_on=on))
         return watch.cause
 
     assert run(0.0, *[True] * 9) is None  # before anything is asked a chair stands braked
@@ -276,17 +276,17 @@ def test_readings_apart_by_the_gap_are_still_compared() -> None:
     """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
     watch = BeltWatch(GuardConfig(mismatch_s=0.0625))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
-    watch.feel(reading(0.0, 0.0, 0.0))
-    watch.feel(reading(0.0625, 0.0, 0.0))
-    watch.feel(reading(0.1875, 0.0, 0.0))
+    watch.update(reading(0.0, 0.0, 0.0))
+    watch.update(reading(0.0625, 0.0, 0.0))
+    watch.update(reading(0.1875, 0.0, 0.0))
     assert watch._expected == [0.0, 0.0]
     assert watch.cause is None
-    watch.feel(reading(0.25, 0.0, 0.0))
-    watch.feel(reading(0.3125, 0.0, 0.0))
+    watch.update(reading(0.25, 0.0, 0.0))
+    watch.update(reading(0.3125, 0.0, 0.0))
     assert watch.cause is not None
     watch.forget()
     assert watch.cause is None
-    watch.feel(reading(0.328125, 1.0, 1.0))
+    watch.update(reading(0.328125, 1.0, 1.0))
     assert watch._expected == [1.0, 1.0]
 
 
@@ -406,19 +406,19 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     watch = SlipWatch(GuardConfig())
     watch.look(0.0, [1.0], 0.0, 0.0)
     watch.look(0.25, [0.9375], 0.125, 0.0)
-    assert watch._slid_m == 0.0625
+    assert watch._roll_back_m == 0.0625
     watch.look(0.75, [0.75], 0.5, 0.0)
-    assert watch._slid_m == 0.0625
+    assert watch._roll_back_m == 0.0625
     assert len(watch._window) == 1
     watch.look(0.875, [], 0.5, 0.0)
     watch.look(1.0, [0.5], 0.625, 0.0)
-    assert watch._slid_m == 0.0625
+    assert watch._roll_back_m == 0.0625
     assert len(watch._window) == 1
     watch.cause, watch.slip, watch._since_s = "x", 0.5, 0.0
     watch.forget()
     assert (watch.cause, watch.slip, watch._since_s, len(watch._window)) == (None, 0.0, None, 0)
     watch.look(1.0625, [0.0], 0.625, 0.0)
-    assert watch._slid_m == 0.0625
+    assert watch._roll_back_m == 0.0625
 
 
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
@@ -431,11 +431,11 @@ def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_co
     assert watch.slip == 0.5
     watch.look(1.125, list(there + 0.15), 0.4375, 0.0)
     assert (watch.slip, watch.cause, len(watch._window)) == (0.0, None, 1)
-    slid_m = watch._slid_m
+    roll_back_m = watch._roll_back_m
     watch.look(1.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
-    assert watch._slid_m == slid_m
+    assert watch._roll_back_m == roll_back_m
     watch.look(1.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
-    assert watch._slid_m == pytest.approx(slid_m + 0.025)
+    assert watch._roll_back_m == pytest.approx(roll_back_m + 0.025)
 
 
 def test_something_in_the_way_counts_from_its_second_map() -> None:
@@ -610,12 +610,12 @@ def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, c
     config = GuardConfig(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
     watch = TiltWatch(config)
     for k in range(4):
-        watch.feel(k / 64, tilted(pitch, roll), rate)
+        watch.update(k / 64, tilted(pitch, roll), rate)
     assert watch.cause is None
-    watch.feel(4 / 64, tilted(pitch, roll), rate)
+    watch.update(4 / 64, tilted(pitch, roll), rate)
     assert watch.cause == cause
     watch.forget()
-    watch.feel(5 / 64, tilted(pitch, roll), rate)
+    watch.update(5 / 64, tilted(pitch, roll), rate)
     assert watch.cause is None
 
 
@@ -623,7 +623,7 @@ def test_a_tilt_that_ends_is_forgotten() -> None:
     """Test: beyond for 3/64 s, within, beyond for 3/64 s. Expected result: no cause."""
     watch = TiltWatch(GuardConfig(front_up_rad=0.5))
     for k in range(8):
-        watch.feel(k / 64, tilted(0.6 if k % 4 else 0.0, 0.0), 0.0)
+        watch.update(k / 64, tilted(0.6 if k % 4 else 0.0, 0.0), 0.0)
     assert watch.cause is None
 
 
@@ -632,7 +632,7 @@ def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
     for sign in (1.0, -1.0):
         watch = TiltWatch(GuardConfig())
         for k in range(9):
-            watch.feel(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
+            watch.update(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
         assert watch.cause == f"pitch {sign * 90:.0f}°"
 
 
@@ -640,10 +640,10 @@ def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
 def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
     """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
     watch = SeatWatch(GuardConfig(seat_rad=0.25, seat_s=1.0))
-    watch.feel(0.0, 0.5 * sign)
-    watch.feel(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
+    watch.update(0.0, 0.5 * sign)
+    watch.update(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
     assert watch.cause is None
-    watch.feel(0.25, 0.54 * sign)
+    watch.update(0.25, 0.54 * sign)
     assert watch.cause == f"seat is {sign * 30.9:.1f}° off level for 0.2 s"
 
 
@@ -653,34 +653,34 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     config = GuardConfig(seat_rad=0.25, seat_s=1.0)
     watch = SeatWatch(config)
     for k in range(20):
-        watch.feel(k / 8, 0.25)
+        watch.update(k / 8, 0.25)
     assert watch.cause is None
     for k in range(8):
-        watch.feel(3.0 + k / 8, -0.5)
+        watch.update(3.0 + k / 8, -0.5)
         assert watch.cause is None
-    watch.feel(4.0, -0.5)
+    watch.update(4.0, -0.5)
     assert watch.cause == "seat is -28.6° off level for 1.0 s"
     watch.forget()
     assert watch.cause is None
     for k in range(8):
-        watch.feel(5.0 + k / 8, 0.5)
-    watch.feel(6.0, 0.4375)
+        watch.update(5.0 + k / 8, 0.5)
+    watch.update(6.0, 0.4375)
     assert watch.cause is None
-    watch.feel(6.9375, 0.4375)
+    watch.update(6.9375, 0.4375)
     assert watch.cause is None
-    watch.feel(7.0, 0.4375 - 0.03)
+    watch.update(7.0, 0.4375 - 0.03)
     assert watch.cause is not None
 
 
-def plan(phase: Any, *, needs_stair: bool = False) -> Plan:
-    return Plan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
+def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
+    return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
 
 
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: BlindTurnWatch | None = None) -> BlindTurnWatch:
     """Let the belts run apart for so many sixteenths of a second."""
     watch = watch or BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     for _ in range(ticks):
-        watch.feel_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
+        watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
 
 
@@ -699,7 +699,7 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
 def test_what_the_belts_did_while_nobody_reported_is_no_turn() -> None:
     """Test: a reading, and a fast one after a second of silence, on the flight. Expected result: no cause; it begins anew."""
     watch = turning(0.0, "climb", 1)
-    watch.feel_belts(watch.t_s + 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
+    watch.update_belts(watch.t_s + 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
     assert watch.cause is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 32, watch).cause is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
@@ -721,12 +721,12 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
     turning(apart, "search", 1, watch)
     assert turning(apart, "climb", 24, watch).cause is None
     for _ in range(40):
-        watch.feel_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
+        watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
     assert watch.cause is None
     assert turning(apart, "climb", 1, watch).cause is not None
     none = BlindTurnWatch(GuardConfig())
-    none.feel_belts(0.0, 1.0, None)
-    none.feel_belts(100.0, 1.0, None)
+    none.update_belts(0.0, 1.0, None)
+    none.update_belts(100.0, 1.0, None)
     assert none.cause is None
 
 
@@ -745,7 +745,7 @@ def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_no
     """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
     belts turn the chair there."""
     watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
-    watch.feel_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
+    watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
     turning(0.3 / per_metre, "crest", 27, watch)
     assert watch.cause is None
     turning(0.3 / per_metre, "crest", 1, watch)
@@ -770,7 +770,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
     the level from the first reading on."""
     c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
     watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
-    watch.feel_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
+    watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
     assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
 
 
@@ -778,16 +778,16 @@ def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
         watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
-        watch.feel_motion(0.0, tilted(0.3, 0.0), rate)
+        watch.update_motion(0.0, tilted(0.3, 0.0), rate)
         assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
         for k in range(1, 100):
-            watch.feel_motion(k / 64, tilted(0.3, 0.0), rate)
+            watch.update_motion(k / 64, tilted(0.3, 0.0), rate)
         turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
     watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
-    watch.feel_motion(0.0, tilted(0.3, 0.0), 0.0)
-    watch.feel_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
+    watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
+    watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
 
 
@@ -934,7 +934,7 @@ def test_limits_hold_on_their_very_values() -> None:
     assert mean_limit(config, estimate(heading_rad=0.125), None, doubt=False) == 0.30
     assert mean_limit(config, estimate(heading_rad=-0.25), None, doubt=False) == 0.55
     assert mean_limit(config, estimate(heading_rad=0.25), None, doubt=True) == 0.10
-    slow = Plan(t_s=0.0, phase="crest", speed_m_s=0.02)
+    slow = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.02)
     assert mean_limit(config, estimate(), slow, doubt=True) == pytest.approx(0.045)
     asked = TrackCommand(t_s=0.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
     assert limited(asked, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-1.0, right_m_s=1.0, brake=True)

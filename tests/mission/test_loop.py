@@ -13,14 +13,14 @@ from treadline.mission.loop import Blocks, Mission, Signal
 from treadline.mission.planner import Cruise, Felt, Planner
 from treadline.mission.rates import Rate
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     PinholeCamera,
-    Plan,
     Reading,
     RgbdFrame,
     SeatCommand,
@@ -40,7 +40,7 @@ class RecordedPlant:
         self._readings = list(readings)
         self._t_s = 0.0
         self.written: list[tuple[TrackCommand, SeatCommand]] = []
-        self.arms: list[ArmCommand | None] = []
+        self.flippers: list[FlipperCommand | None] = []
 
     def start(self) -> None:
         self._t_s = 0.0
@@ -53,9 +53,9 @@ class RecordedPlant:
         self._readings = self._readings[len(due) :]
         return due
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         self.written.append((tracks, seat))
-        self.arms.append(arm)
+        self.flippers.append(flipper)
 
     def close(self) -> None:
         pass
@@ -94,14 +94,14 @@ class Square:
 class Scripted:
     """A planner that plays a script: from each time on its plan, and remembers what it felt."""
 
-    def __init__(self, *plans: Plan) -> None:
+    def __init__(self, *plans: MotionPlan) -> None:
         self._plans = plans
         self.felt: list[str] = []
 
-    def feel(self, signal: Felt) -> None:
+    def update(self, signal: Felt) -> None:
         self.felt.append(type(signal).__name__)
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         del estimate
         return replace([plan for plan in self._plans if plan.t_s <= t_s + 1e-9][-1], t_s=t_s)
 
@@ -176,7 +176,7 @@ def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
     """Test: the driver dies at 0.5 s. Expected result: each step of the ramp down is logged, and the brake, as they are written."""
 
     class Dying(ConstantSpeed):
-        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
+        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
             return replace(super().step(estimate, t_s, plan), t_s=min(t_s, 0.5))
 
     logged: list[Any] = []
@@ -206,8 +206,8 @@ def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() 
 
 
 def test_a_turn_of_the_plan_reaches_the_belts_at_each_tick_and_the_driver_forgets() -> None:
-    turning = Plan(t_s=0.0, phase="align", speed_m_s=0.05, turn_m_s=0.1)
-    driving = Plan(t_s=0.5, phase="climb", speed_m_s=0.2)
+    turning = MotionPlan(t_s=0.0, phase="align", speed_m_s=0.05, turn_m_s=0.1)
+    driving = MotionPlan(t_s=0.5, phase="climb", speed_m_s=0.2)
     plant, driver = RecordedPlant(stream(1.0)), Listening()
     mission, _, _ = counting_mission(plant, Scripted(turning, driving), driver)
     ticks = [mission.tick() for _ in range(100)]
@@ -217,21 +217,21 @@ def test_a_turn_of_the_plan_reaches_the_belts_at_each_tick_and_the_driver_forget
     assert driver.asked == [None, None, 0.1, 0.1]
 
 
-def test_the_plans_arm_passes_the_guard_and_no_arm_stays_none() -> None:
-    moving = Plan(t_s=0.0, phase="climb", speed_m_s=0.1, arm=ArmCommand(t_s=0.0, rate_rad_s=0.2))
-    still = Plan(t_s=0.1, phase="climb", speed_m_s=0.1)
+def test_the_plans_flipper_passes_the_guard_and_no_flipper_stays_none() -> None:
+    moving = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, flipper=FlipperCommand(t_s=0.0, rate_rad_s=0.2))
+    still = MotionPlan(t_s=0.1, phase="climb", speed_m_s=0.1)
     plant = RecordedPlant(stream(0.2))
     mission, _, _ = counting_mission(plant, Scripted(moving, still))
     for _ in range(20):
         mission.tick()
-    assert plant.arms[0] == ArmCommand(t_s=0.0, rate_rad_s=0.2)
-    assert plant.arms[-1] is None
+    assert plant.flippers[0] == FlipperCommand(t_s=0.0, rate_rad_s=0.2)
+    assert plant.flippers[-1] is None
 
 
 def test_where_the_plan_knows_no_further_the_guard_holds_with_its_cause() -> None:
-    lost = Plan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
+    lost = MotionPlan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
     plant, told = RecordedPlant(stream(0.3)), []
-    go = Plan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
+    go = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
     mission, _, _ = counting_mission(plant, Scripted(go, lost), log=told.append)
     for _ in range(30):
         mission.tick()
@@ -240,7 +240,9 @@ def test_where_the_plan_knows_no_further_the_guard_holds_with_its_cause() -> Non
 
 
 def test_each_phase_is_told_once_with_its_cause() -> None:
-    plans = [Plan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))]  # type: ignore[arg-type]
+    plans = [
+        MotionPlan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))
+    ]  # type: ignore[arg-type]
     told: list[Signal] = []
     mission, _, _ = counting_mission(RecordedPlant(stream(0.3)), Scripted(*plans), log=told.append)
     for _ in range(30):
@@ -267,12 +269,12 @@ def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
 
 def test_the_planner_feels_what_it_needs_and_no_frame() -> None:
     readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
-    readings += [ArmReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0), frame(0.06, 200), stair_map(0.06)]
-    planner = Scripted(Plan(t_s=0.0, phase="drive", speed_m_s=0.2))
+    readings += [FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0), frame(0.06, 200), stair_map(0.06)]
+    planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
     mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     for _ in range(10):
         mission.tick()
-    assert set(planner.felt) == {"ImuSample", "TrackReading", "ArmReading", "StairMap"}
+    assert set(planner.felt) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
 
 
 def stair_map(t_s: float) -> StairMap:
@@ -290,7 +292,7 @@ class Listening:
     def __init__(self) -> None:
         self.asked: list[float | None] = []
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         self.asked.append(None if estimate is None else estimate.heading_rad)
         return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s, right_m_s=plan.speed_m_s)
 

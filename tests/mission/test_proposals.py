@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from treadline.mission.proposals import Proposals
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 KNOWN = HeadingEstimate(t_s=0.0, heading_rad=0.1, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
 
@@ -18,15 +18,15 @@ class Steering:
     def __init__(self) -> None:
         self.knew: list[HeadingEstimate | None] = []
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         self.knew.append(estimate)
         if estimate is None:
             return TrackCommand.stop(t_s)
         return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s - 0.02, right_m_s=plan.speed_m_s + 0.02)
 
 
-def plan(t_s: float, *, turn_m_s: float | None = None, easing_m_s: float = 0.0) -> Plan:
-    return Plan(t_s=t_s, phase="climb", speed_m_s=0.2, turn_m_s=turn_m_s, easing_m_s=easing_m_s)
+def plan(t_s: float, *, turn_m_s: float | None = None, pitch_feedforward_m_s: float = 0.0) -> MotionPlan:
+    return MotionPlan(t_s=t_s, phase="climb", speed_m_s=0.2, turn_m_s=turn_m_s, pitch_feedforward_m_s=pitch_feedforward_m_s)
 
 
 def belts(command: TrackCommand | None) -> tuple[float, float] | None:
@@ -40,10 +40,10 @@ def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> N
     proposals = Proposals(driver)
     assert belts(proposals.step(plan(0.0), KNOWN, held=False, due=True)) == (0.18, 0.22)
     assert proposals.step(plan(0.01), KNOWN, held=False, due=False) is None
-    falls = proposals.step(plan(0.02, easing_m_s=-0.1), KNOWN, held=False, due=False)
+    falls = proposals.step(plan(0.02, pitch_feedforward_m_s=-0.1), KNOWN, held=False, due=False)
     assert falls is not None
     assert (belts(falls), falls.t_s) == ((0.08, 0.12), 0.02)
-    assert proposals.step(plan(0.03, easing_m_s=-0.1), KNOWN, held=False, due=False) is None
+    assert proposals.step(plan(0.03, pitch_feedforward_m_s=-0.1), KNOWN, held=False, due=False) is None
     assert belts(proposals.step(plan(0.04), KNOWN, held=False, due=False)) == (0.18, 0.22)
     assert driver.knew == [KNOWN]
 
@@ -51,7 +51,7 @@ def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> N
 def test_the_plans_own_turn_is_asked_at_each_tick_and_the_driver_forgets() -> None:
     driver = Steering()
     proposals = Proposals(driver)
-    assert belts(proposals.step(plan(0.0, turn_m_s=0.05, easing_m_s=0.1), KNOWN, held=False, due=True)) == (0.25, 0.35)
+    assert belts(proposals.step(plan(0.0, turn_m_s=0.05, pitch_feedforward_m_s=0.1), KNOWN, held=False, due=True)) == (0.25, 0.35)
     assert belts(proposals.step(plan(0.01, turn_m_s=0.05), KNOWN, held=False, due=False)) == (0.15, 0.25)
     assert driver.knew == [None]
 
@@ -72,14 +72,14 @@ def test_what_the_driver_said_before_the_plan_turned_is_void() -> None:
     proposals = Proposals(Steering())
     proposals.step(plan(0.0), KNOWN, held=False, due=True)
     proposals.step(plan(0.01, turn_m_s=0.0), KNOWN, held=False, due=False)
-    assert proposals.step(plan(0.02, easing_m_s=0.1), KNOWN, held=False, due=False) is None
-    assert belts(proposals.step(plan(0.25, easing_m_s=0.1), KNOWN, held=False, due=True)) == (0.28, 0.32)
+    assert proposals.step(plan(0.02, pitch_feedforward_m_s=0.1), KNOWN, held=False, due=False) is None
+    assert belts(proposals.step(plan(0.25, pitch_feedforward_m_s=0.1), KNOWN, held=False, due=True)) == (0.28, 0.32)
 
 
-@pytest.mark.parametrize("easing_m_s", [0.1, -0.1])
-def test_belts_that_are_to_stand_stand(easing_m_s: float) -> None:
+@pytest.mark.parametrize("pitch_feedforward_m_s", [0.1, -0.1])
+def test_belts_that_are_to_stand_stand(pitch_feedforward_m_s: float) -> None:
     """Test: no heading is known, so the driver stops. Expected result: no fall moves the belts."""
-    asked = Proposals(Steering()).step(plan(0.0, easing_m_s=easing_m_s), None, held=False, due=True)
+    asked = Proposals(Steering()).step(plan(0.0, pitch_feedforward_m_s=pitch_feedforward_m_s), None, held=False, due=True)
     assert asked is not None
     assert (belts(asked), asked.brake) == ((0.0, 0.0), True)
 
@@ -89,12 +89,12 @@ def test_a_driver_that_repeats_itself_grows_old_whatever_falls() -> None:
     is, for the guard to tell a driver that has died."""
 
     class Dead(Steering):
-        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
             return replace(super().step(estimate, t_s, plan), t_s=min(t_s, 0.25))
 
     proposals = Proposals(Dead())
     asked = [proposals.step(plan(t_s), KNOWN, held=False, due=True) for t_s in (0.25, 0.5)]
     assert [command.t_s for command in asked if command is not None] == [0.25, 0.25]
-    falls = proposals.step(plan(0.6, easing_m_s=0.1), KNOWN, held=False, due=False)
+    falls = proposals.step(plan(0.6, pitch_feedforward_m_s=0.1), KNOWN, held=False, due=False)
     assert falls is not None
     assert falls.t_s == pytest.approx(0.35)

@@ -51,10 +51,10 @@ class Foot:
             chair += change * TICK_S
             self.farthest_m += chair * TICK_S
             self.fastest_m_s = max(self.fastest_m_s, belts)
-            test.feel(TrackReading(t_s=t_s, left_m_s=belts, right_m_s=belts, brake_on=False))
+            test.update(TrackReading(t_s=t_s, left_m_s=belts, right_m_s=belts, brake_on=False))
             R = rotation_y(-(pitch + self.gravity_deg * DEG))
             force = rotation_y(-pitch).T @ np.array([0.0, 0.0, G_M_S2]) + np.array([change + self.bias_m_s2, 0.0, 0.0])
-            test.feel(
+            test.update(
                 ImuSample(
                     t_s=t_s,
                     orientation=quaternion_of(R),
@@ -126,7 +126,7 @@ def test_the_pulse_asks_for_the_share_over_what_the_stair_needs() -> None:
     speeds = []
     for k in range(120):
         at_rest = np.array([G_M_S2 * math.sin(slope), 0.0, G_M_S2 * math.cos(slope)])
-        test.feel(
+        test.update(
             ImuSample(
                 t_s=k * TICK_S,
                 orientation=quaternion_of(rotation_y(-slope)),
@@ -162,8 +162,8 @@ def test_a_test_that_was_stopped_begins_again_and_has_shown_nothing() -> None:
     attitude = quaternion_of(rotation_y(-28.0 * DEG))
     for tick in range(420):
         t_s, braked = tick * TICK_S, 80 <= tick < 280
-        test.feel(TrackReading(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake_on=braked))
-        test.feel(ImuSample(t_s=t_s, orientation=attitude, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=force))
+        test.update(TrackReading(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake_on=braked))
+        test.update(ImuSample(t_s=t_s, orientation=attitude, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=force))
         assert not test.over or tick > 280 + round((CONFIG.rest_s + CONFIG.pulse_s) / TICK_S)
         if 80 <= tick < 279 + round(CONFIG.rest_s / TICK_S):
             assert test.speed_m_s == 0.0

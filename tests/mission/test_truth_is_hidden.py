@@ -13,7 +13,7 @@ from treadline.mission.loop import Mission
 from treadline.models import ControllerDesign, LinearModel
 from treadline.ports import Plant, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 
@@ -39,16 +39,16 @@ class Recording:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self.batches: list[Sequence[Reading]] = []
-        self.written: list[tuple[TrackCommand, SeatCommand, ArmCommand | None]] = []
+        self.written: list[tuple[TrackCommand, SeatCommand, FlipperCommand | None]] = []
         self.start, self.advance, self.close = plant.start, plant.advance, plant.close
 
     def read(self) -> Sequence[Reading]:
         self.batches.append(self._plant.read())
         return self.batches[-1]
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        self.written.append((tracks, seat, arm))
-        self._plant.write(tracks, seat, arm)
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        self.written.append((tracks, seat, flipper))
+        self._plant.write(tracks, seat, flipper)
 
 
 class Replay:
@@ -56,7 +56,7 @@ class Replay:
 
     def __init__(self, batches: Sequence[Sequence[Reading]]) -> None:
         self._batches = iter(batches)
-        self.written: list[tuple[TrackCommand, SeatCommand, ArmCommand | None]] = []
+        self.written: list[tuple[TrackCommand, SeatCommand, FlipperCommand | None]] = []
 
     def start(self) -> None: ...
     def advance(self, until_s: float) -> None: ...
@@ -65,8 +65,8 @@ class Replay:
     def read(self) -> Sequence[Reading]:
         return next(self._batches)
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        self.written.append((tracks, seat, arm))
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        self.written.append((tracks, seat, flipper))
 
 
 def drive(plant: Plant, config: MissionConfig, ticks: int) -> None:

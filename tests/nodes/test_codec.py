@@ -10,18 +10,18 @@ from treadline.errors import LogFormatError
 from treadline.estimation import HeadingHealth
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder, encoded
-from treadline.nodes.words import Beat, Clock, Drive, GuardState, Mounts, Odometry
+from treadline.nodes.words import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
     PinholeCamera,
-    Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
@@ -50,7 +50,7 @@ MAP = StairMap(
 )
 SIGNALS = [
     (on.CLOCK, Clock(t_s=T_S)),
-    (on.TWIST, Drive(speed_m_s=0.2, turn_rad_s=-0.1)),
+    (on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=-0.1)),
     (
         on.ODOM,
         Odometry(
@@ -72,7 +72,7 @@ SIGNALS = [
     ),
     (on.TRACKS, TrackReading(t_s=T_S, left_m_s=0.1, right_m_s=-0.2, brake_on=True)),
     (on.SEAT, SeatReading(t_s=T_S, pitch_rad=0.1, stroke_m=0.2)),
-    (on.ARM, ArmReading(t_s=T_S, angle_rad=0.3, torque_n_m=-40.0)),
+    (on.FLIPPER, FlipperReading(t_s=T_S, angle_rad=0.3, torque_n_m=-40.0)),
     (on.OPERATOR, OperatorInput(t_s=T_S, dead_man=True, stop=False, rearm=True)),
     (on.CAMERA, RgbdFrame(t_s=T_S, rgb=np.arange(144, dtype=np.uint8).reshape(6, 8, 3), depth_m=DEPTH, camera=CAMERA)),
     (on.CAMERA_HEADING, HeadingMeasurement(t_s=T_S, heading_rad=0.1, sigma_rad=0.01, edge_count=4)),
@@ -97,17 +97,17 @@ SIGNALS = [
             walk_rad_rts=1e-4,
         ),
     ),
-    (on.PLAN, Plan(t_s=T_S, phase="climb", speed_m_s=0.2, cause="traction tried")),
+    (on.PLAN, MotionPlan(t_s=T_S, phase="climb", speed_m_s=0.2, cause="traction tried")),
     (
         on.PLAN,
-        Plan(
+        MotionPlan(
             t_s=T_S,
             phase="crest",
             speed_m_s=-0.1,
             turn_m_s=0.05,
             heading_rad=0.1,
-            easing_m_s=-0.1 + 0.003,
-            arm=ArmCommand(t_s=T_S, rate_rad_s=0.1 + 0.2),
+            pitch_feedforward_m_s=-0.1 + 0.003,
+            flipper=FlipperCommand(t_s=T_S, rate_rad_s=0.1 + 0.2),
             needs_stair=False,
             cause="Kuppe",
             hold="knows no further",
@@ -117,7 +117,7 @@ SIGNALS = [
     (on.TRACKS_CMD, TrackCommand.stop(T_S)),
     (on.SEAT_PROPOSED, SeatCommand(t_s=T_S, rate_m_s=0.01)),
     (on.SEAT_CMD, SeatCommand(t_s=T_S, rate_m_s=-0.01)),
-    (on.ARM_CMD, ArmCommand(t_s=T_S, rate_rad_s=0.3)),
+    (on.FLIPPER_CMD, FlipperCommand(t_s=T_S, rate_rad_s=0.3)),
     (on.GUARD, GuardState(t_s=T_S, holding=None)),
     (on.GUARD, GuardState(t_s=T_S, holding="slip 0.40")),
     (on.DIAGNOSTICS, Beat(t_s=T_S, node="camera")),

@@ -13,10 +13,10 @@ from treadline.nodes.inproc import InProcess
 from treadline.nodes.lockstep import LockStep
 from treadline.nodes.plant import LOST_S, PlantNode
 from treadline.nodes.shells import GuardNode
-from treadline.nodes.words import Drive, GuardState
+from treadline.nodes.words import GuardState, VelocityCommand
 from treadline.ports import Truth
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, OperatorInput, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 KILLED_S, WITHIN_S = 1.0, 0.8
@@ -75,13 +75,13 @@ def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None
     commands: list[TrackCommand] = []
     transport.subscribe(on.TRACKS_CMD, commands.append)
     for k in range(10):
-        transport.publish(on.TWIST, Drive(speed_m_s=0.2, turn_rad_s=0.1))
+        transport.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.1))
         guard.tick(0.01 * k)
     assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.175, 0.225))
-    transport.publish(on.TWIST, Drive(speed_m_s=5.0, turn_rad_s=0.0))
+    transport.publish(on.TWIST, VelocityCommand(speed_m_s=5.0, turn_rad_s=0.0))
     guard.tick(0.1)
     assert commands[-1].left_m_s <= 1.0
-    transport.publish(on.TWIST, Drive(speed_m_s=float("nan"), turn_rad_s=0.0))
+    transport.publish(on.TWIST, VelocityCommand(speed_m_s=float("nan"), turn_rad_s=0.0))
     guard.tick(0.11)
     assert commands[-1].brake
 
@@ -114,7 +114,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     assert {truth.left_m_s for truth in truths} == {0.0}
     assert (states[-1].holding or "").startswith("the brake is on, and nobody asked for it")
     speak(graph, rearm=True)
-    while graph.tick() < began_s + 8.0:  # its front section is laid first
+    while graph.tick() < began_s + 8.0:  # its flipper is laid first
         speak(graph)
     assert max(truth.left_m_s for truth in truths) > 0.05
 
@@ -123,7 +123,7 @@ class Bench:
     """A plant that keeps what it is told."""
 
     def __init__(self) -> None:
-        self.told: list[tuple[TrackCommand, ArmCommand | None]] = []
+        self.told: list[tuple[TrackCommand, FlipperCommand | None]] = []
 
     def start(self) -> None: ...
 
@@ -132,21 +132,21 @@ class Bench:
     def read(self) -> list[Reading]:
         return []
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         del seat
-        self.told.append((tracks, arm))
+        self.told.append((tracks, flipper))
 
     def close(self) -> None: ...
 
 
-def test_what_was_asked_of_the_arm_is_forgotten_with_the_guard_that_asked() -> None:
-    """Test: the guard lowers the arm and dies; half a second later one speaks that says nothing of the arm. Expected result: the
-    arm runs no longer than its command is fresh, and not again."""
+def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() -> None:
+    """Test: the guard lowers the flipper and dies; half a second later one speaks that says nothing of the flipper. Expected
+    result: the flipper runs no longer than its command is fresh, and not again."""
     transport, bench = InProcess(), Bench()
     node = PlantNode(bench)
     node.listen(transport)
-    lowers = ArmCommand(t_s=0.1, rate_rad_s=-0.3)
-    transport.publish(on.ARM_CMD, lowers)
+    lowers = FlipperCommand(t_s=0.1, rate_rad_s=-0.3)
+    transport.publish(on.FLIPPER_CMD, lowers)
     drives = TrackCommand(t_s=0.1, left_m_s=0.1, right_m_s=0.1)
     transport.publish(on.TRACKS_CMD, drives)
     assert bench.told[-1] == (drives, lowers)

@@ -11,7 +11,7 @@ from treadline.mission.loop import Mission
 from treadline.nodes.lockstep import LockStep
 from treadline.ports import Plant
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 from treadline.sim.faults import faulty
 
@@ -29,9 +29,9 @@ class Noting:
     def read(self) -> Sequence[Reading]:
         return self._plant.read()
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        self.written.append((tracks, seat, 0.0 if arm is None else arm.rate_rad_s))
-        self._plant.write(tracks, seat, arm)
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        self.written.append((tracks, seat, 0.0 if flipper is None else flipper.rate_rad_s))
+        self._plant.write(tracks, seat, flipper)
 
 
 def commands(scenario: Scenario, seconds: float, *, graph: bool) -> tuple[list[Written], str | None]:
@@ -54,7 +54,7 @@ FLOOR = {"start": {"place": "floor"}, "sensors": {"camera": "statistical"}}
     ("values", "seconds", "held"),
     [
         pytest.param(FLIGHT, 1.5, False, id="images, on the flight"),
-        pytest.param(FLOOR, 6.0, False, id="a camera that measures, from the floor, arm and all"),
+        pytest.param(FLOOR, 6.0, False, id="a camera that measures, from the floor, flipper and all"),
         pytest.param(FLOOR | {"fault": [{"kind": "imu_nan", "at_s": 1.0, "for_s": 5.0}]}, 2.5, True, id="IMU of NaN: held"),
         pytest.param(FLIGHT | {"fault": [{"kind": "camera_frozen", "at_s": 0.5, "for_s": 0.6}]}, 1.5, False, id="frozen camera"),
         pytest.param(FLOOR | {"fault": [{"kind": "operator_stop", "at_s": 0.8}]}, 1.2, True, id="operator stop"),

@@ -35,7 +35,7 @@ def test_a_way_up_and_then_to_the_left_adds_up() -> None:
     for k in range(201):
         # On the flight one belt runs ahead, and slips; on the landing both count.
         yaw, pitch, right_m_s = (0.0, 0.5, 0.9) if k <= 100 else (0.5 * math.pi, 0.0, 0.5)
-        reckoning.feel(attitude(k / 100, yaw_rad=yaw, pitch_up_rad=pitch))
+        reckoning.update(attitude(k / 100, yaw_rad=yaw, pitch_up_rad=pitch))
         place = reckoning.step(belts(k / 100, 0.5, right_m_s))
     assert place is not None
     np.testing.assert_allclose(place.p_OB, [0.5 * math.cos(0.5), 0.5, 0.5 * math.sin(0.5)], atol=1e-9)
@@ -44,7 +44,7 @@ def test_a_way_up_and_then_to_the_left_adds_up() -> None:
 
 def test_over_a_gap_nothing_is_made_up() -> None:
     reckoning = DeadReckoning()
-    reckoning.feel(attitude(0.0))
+    reckoning.update(attitude(0.0))
     reckoning.step(belts(0.0, 0.5, 0.5))
     place = reckoning.step(belts(3.0, 0.5, 0.5))
     assert place is not None

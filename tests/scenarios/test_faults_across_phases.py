@@ -17,7 +17,7 @@ from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
 TICK_S = 0.01
 FOREVER_S = 1000.0
 WAITS_S = 3.0
-"""Until the front section of a chair that wakes up on a flight is laid, up to 0.2 s more or less."""
+"""Until the flipper of a chair that wakes up on a flight is laid, up to 0.2 s more or less."""
 CREST_S, EDGE_S = WAITS_S + 19.0, 11.2
 """In the middle of the pitch, from four steps below the crest and from the landing."""
 PITCH_RATE = 20.0 * DEG
@@ -52,7 +52,7 @@ def pitches(run: Traverse, t_s: float, phase: str) -> None:
 
 
 def stands_still(run: Traverse) -> None:
-    """Check rule H but its margin, which crest and edge lend from the arm's tip: still half a second after the hold."""
+    """Check rule H but its margin, which crest and edge lend from the flipper's tip: still half a second after the hold."""
     held_s = next(event.t_s for event in run.events if event.name == "hold")
     rest = slice(round((held_s + 0.5) / TICK_S), None)
     assert len(run.trace["t_s"][rest]) > 100
@@ -126,13 +126,13 @@ def test_14_a_belt_that_loses_grip_before_the_foot(seed: int) -> None:
     assert float(np.abs(run.trace["heading_rad"]).max()) <= 4.0 * DEG
 
 
-def test_18_a_front_section_that_is_stuck_in_line_on_the_way_down() -> None:
+def test_18_a_flipper_planner_that_is_stuck_in_line_on_the_way_down() -> None:
     """Test: backing down, the section carries in line with the belts, and moves no more. Expected result: HOLD on the flight, for
     as the chair left the stair it would drop off the last nosing (47 °/s)."""
-    run = ride(fault("arm_stuck", at_s=WAITS_S + 3.3), place="flight", direction="down", step=7)
+    run = ride(fault("flipper_stuck", at_s=WAITS_S + 3.3), place="flight", direction="down", step=7)
     assert run.verdict == "held", run.cause
     assert run.cause is not None
-    assert "front section does not rise" in run.cause
+    assert "flipper does not rise" in run.cause
     assert run.scores.max_pitch_rate_deg_s <= PITCH_RATE / DEG
     stands_still(run)
 
@@ -161,9 +161,9 @@ def test_22_a_dead_controller() -> None:
 @pytest.mark.parametrize(
     ("place", "direction", "at_s", "phase"), [("flight", "up", CREST_S, "crest"), ("landing", "down", EDGE_S, "edge")]
 )
-def test_18_a_dead_arm_while_the_chair_pitches(place: str, direction: str, at_s: float, phase: str) -> None:
-    """Test: the arm's motor dies half-way. Expected result: let down at 20 °/s at most, upright, heading within 6°."""
-    run = ride(fault("arm_lost", at_s=at_s), place=place, direction=direction)
+def test_18_a_dead_flipper_while_the_chair_pitches(place: str, direction: str, at_s: float, phase: str) -> None:
+    """Test: the flipper's motor dies half-way. Expected result: let down at 20 °/s at most, upright, heading within 6°."""
+    run = ride(fault("flipper_lost", at_s=at_s), place=place, direction=direction)
     pitches(run, at_s, phase)
     assert run.verdict in ("held", "arrived", "time_up"), run.cause
     assert float(np.abs(run.trace["pitch_rate_rad_s"]).max()) <= PITCH_RATE
@@ -175,8 +175,8 @@ def test_18_a_dead_arm_while_the_chair_pitches(place: str, direction: str, at_s:
 )
 @pytest.mark.parametrize("kind", ["operator_stop", "imu_lost"])
 def test_9_21_a_hold_while_the_chair_pitches(kind: str, place: str, direction: str, at_s: float, phase: str) -> None:
-    """Test: stop is pressed, or the IMU falls silent, half-way. Expected result: HOLD at once; the arm stands, and the chair with
-    it."""
+    """Test: stop is pressed, or the IMU falls silent, half-way. Expected result: HOLD at once; the flipper stands, and the chair
+    with it."""
     run = ride(fault(kind, at_s=at_s), place=place, direction=direction)
     pitches(run, at_s, phase)
     assert run.verdict == "held", run.cause

@@ -1,6 +1,6 @@
 """What fails on the flight, and what must then happen: the rows of docs/decisions/0014, in physical terms.
 
-The camera is the one without images. Each run waits for its front section, drives on the flight for four
+The camera is the one without images. Each run waits for its flipper, drives on the flight for four
 seconds before something fails, and is watched for three after it holds.
 """
 
@@ -19,7 +19,7 @@ from treadline.sim.faults.sensors import DEPTH_ENOUGH
 
 TICK_S = 0.01
 WAITS_S = 3.1
-"""Until the front section of a chair that wakes up on a flight is laid."""
+"""Until the flipper of a chair that wakes up on a flight is laid."""
 AT_S, AFTER_S = WAITS_S + 4.0, 3.0
 BOTH_WAYS = pytest.mark.parametrize("direction", ["up"])
 """Backing down passes the same tests; a run costs some seconds where shapes are checked."""
@@ -174,7 +174,7 @@ def test_9_camera_and_imu_lost_together(direction: str) -> None:
 
 @BOTH_WAYS
 def test_13_drives_that_report_nothing(direction: str) -> None:
-    """Test: no reading of belts, seat and arm arrives, though all of them work. Expected result: HOLD within 0.6 s."""
+    """Test: no reading of belts, seat and flipper arrives, though all of them work. Expected result: HOLD within 0.6 s."""
     stands_still(ride(fault("readings_lost"), direction=direction), within_s=0.6)
 
 

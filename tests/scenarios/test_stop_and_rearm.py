@@ -14,7 +14,7 @@ from treadline.mission.config import build_blocks
 from treadline.mission.loop import Mission, Signal
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import ArmCommand, Event, OperatorInput, Plan, Reading, SeatCommand, TrackCommand
+from treadline.signals import Event, FlipperCommand, MotionPlan, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
 LIMIT_S = 150.0
@@ -46,8 +46,8 @@ class Attended:
             said.append(OperatorInput(t_s=self._t_s, stop=self.stop, rearm=self.rearm))
         return [*self._plant.read(), *said]
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
-        self._plant.write(tracks, seat, arm)
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        self._plant.write(tracks, seat, flipper)
 
     def truth(self) -> list[Truth]:
         return list(self._plant.truth())
@@ -67,7 +67,7 @@ class Ride:
     """From the button's press on."""
 
 
-def ride(direction: str, place: str, when: Callable[[Plan, float, Truth], bool], *, held_s: float) -> Ride:
+def ride(direction: str, place: str, when: Callable[[MotionPlan, float, Truth], bool], *, held_s: float) -> Ride:
     """Drive on a short flight of 28°; stop once ``when`` (plan, seconds in its phase, truth) holds, re-arm after ``held_s``."""
     scenario = Scenario.model_validate(
         {

@@ -12,11 +12,11 @@ from treadline.angles import DEG, rotation_of
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
 from treadline.ports import Truth, TruthPlant
-from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.settings import settings_of
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingMeasurement,
     ImuSample,
@@ -37,7 +37,7 @@ GRAVITY_M_S2 = 9.81
 SLOPE_DEG = 28.0
 AT_S, FOR_S = 0.5, 0.4
 TICK_S = 0.01
-Orders = Callable[[float], tuple[TrackCommand, SeatCommand, ArmCommand | None]]
+Orders = Callable[[float], tuple[TrackCommand, SeatCommand, FlipperCommand | None]]
 Run = tuple[list[tuple[float, Reading]], list[Truth]]
 
 
@@ -47,7 +47,7 @@ def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up",
         stair=Stair(rise_m=0.30 * math.tan(SLOPE_DEG * DEG), walls="none", width_m=4.0, friction=(friction, 0.8 * friction)),
         chair=Chair(belt_mismatch=0.0),
         start=Start(place="flight", step=8),
-        drive=Drive.model_validate({"direction": direction}),
+        drive=DriveSettings.model_validate({"direction": direction}),
         control=Control(vision="robust"),
         sensors=Sensors.model_validate({"camera": camera}),
         fault=faults,
@@ -58,15 +58,15 @@ def fault(kind: str, value: float = 0.0, *, at_s: float = AT_S, for_s: float = F
     return Fault.model_validate({"kind": kind, "value": value, "at_s": at_s, "for_s": for_s})
 
 
-def climbing(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+def climbing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
     return TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=t_s, rate_m_s=0.0), None
 
 
-def standing(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+def standing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
     return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None
 
 
-def backing(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+def backing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
     return TrackCommand(t_s=t_s, left_m_s=-0.1, right_m_s=-0.1), SeatCommand(t_s=t_s, rate_m_s=0.0), None
 
 
@@ -281,7 +281,7 @@ def test_a_stuck_imu_repeats_itself_and_a_dead_one_says_nan_or_nothing() -> None
 
 def test_drives_that_report_nothing_leave_the_other_senses() -> None:
     came = run(scenario(fault("readings_lost")))[0]
-    for kind in (TrackReading, SeatReading, ArmReading):
+    for kind in (TrackReading, SeatReading, FlipperReading):
         assert not any(within(reading.t_s) for reading in of(came, kind))
         assert len(of(came, kind)) > 20
     assert len(of(came, ImuSample)) == 121
@@ -342,7 +342,7 @@ def test_the_persons_handset_speaks_in_scenarios_that_have_one() -> None:
 
 
 def test_a_late_mission_is_heard_late_and_hears_in_bursts() -> None:
-    def braking(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+    def braking(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
         return standing(t_s) if t_s >= AT_S - 1e-6 else climbing(t_s)
 
     came, truth = run(scenario(fault("late_tick", 0.2, for_s=0.6)), 1.3, orders=braking)
@@ -356,7 +356,7 @@ def test_a_late_mission_is_heard_late_and_hears_in_bursts() -> None:
 
 
 def test_a_dead_mission_is_braked_by_the_actuators_and_let_go_after_a_stop_only() -> None:
-    def going_on(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+    def going_on(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
         return standing(t_s) if 1.5 - 1e-6 <= t_s < 1.6 else climbing(t_s)
 
     _, truth = run(scenario(fault("process_killed", for_s=0.6)), 2.2, orders=going_on)
@@ -368,7 +368,7 @@ def test_a_dead_mission_is_braked_by_the_actuators_and_let_go_after_a_stop_only(
 
 
 def test_a_dead_seat_process_leaves_the_actuator_running_until_its_watchdog() -> None:
-    def lifting(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand | None]:
+    def lifting(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
         return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.01 if t_s < AT_S - 1e-6 else -0.01), None
 
     came, _ = run(scenario(fault("process_killed", Process.SEAT, for_s=1.0)), 1.5, orders=lifting)
@@ -463,9 +463,9 @@ def test_friction_above_the_slopes_tangent_still_holds() -> None:
     assert truth[-1].friction_use == pytest.approx(math.tan(SLOPE_DEG * DEG) / 0.558, rel=1e-6)
 
 
-def lifting(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand]:
-    """Return the order to stand, to lengthen the seat's actuator and to lower the arm."""
-    return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.01), ArmCommand(t_s=t_s, rate_rad_s=-10.0 * DEG)
+def lifting(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand]:
+    """Return the order to stand, to lengthen the seat's actuator and to lower the flipper."""
+    return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.01), FlipperCommand(t_s=t_s, rate_rad_s=-10.0 * DEG)
 
 
 def test_a_stuck_seat_stays_and_goes_on_afterwards() -> None:
@@ -476,25 +476,25 @@ def test_a_stuck_seat_stays_and_goes_on_afterwards() -> None:
     assert stroke[1.2] > stroke[0.9] + 0.001
 
 
-def test_a_stuck_arm_stays_and_a_lost_one_falls() -> None:
+def test_a_stuck_flipper_stays_and_a_lost_one_falls() -> None:
     angles, torques = {}, {}
-    for kind in ("arm_stuck", "arm_lost"):
-        arms = of(run(scenario(fault(kind, for_s=1.0)), 2.0, orders=lifting)[0], ArmReading)
-        angles[kind] = {round(arm.t_s, 2): arm.angle_rad / DEG for arm in arms}
-        torques[kind] = np.array([arm.torque_n_m for arm in arms])
-    stuck, lost = angles["arm_stuck"], angles["arm_lost"]
+    for kind in ("flipper_stuck", "flipper_lost"):
+        flippers = of(run(scenario(fault(kind, for_s=1.0)), 2.0, orders=lifting)[0], FlipperReading)
+        angles[kind] = {round(flipper.t_s, 2): flipper.angle_rad / DEG for flipper in flippers}
+        torques[kind] = np.array([flipper.torque_n_m for flipper in flippers])
+    stuck, lost = angles["flipper_stuck"], angles["flipper_lost"]
     # It coasts to a stop within its servo's lag, and goes on at 10 °/s.
     assert stuck[1.5] == pytest.approx(stuck[0.7], abs=0.2)
     assert stuck[2.0] < stuck[1.5] - 4.0
     # 3 kg with 0.23 m of lever on 0.5 kg·m² fall from 35° in well under a second; the tip's noise is 2 N·m.
     assert lost[1.5] < stuck[1.5] - 10.0
-    assert abs(torques["arm_lost"][60:150]).max() < 10.0 < abs(torques["arm_lost"][150:]).max()
+    assert abs(torques["flipper_lost"][60:150]).max() < 10.0 < abs(torques["flipper_lost"][150:]).max()
 
 
 def test_without_power_the_brake_falls_in_and_gears_hold() -> None:
-    def going_on(t_s: float) -> tuple[TrackCommand, SeatCommand, ArmCommand]:
-        _, seat, arm = lifting(t_s)
-        return climbing(t_s)[0] if t_s < 1.5 - 1e-6 else TrackCommand.stop(t_s), seat, arm
+    def going_on(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand]:
+        _, seat, flipper = lifting(t_s)
+        return climbing(t_s)[0] if t_s < 1.5 - 1e-6 else TrackCommand.stop(t_s), seat, flipper
 
     came, truth = run(scenario(fault("power_cut", for_s=0.6)), 1.7, orders=going_on)
     assert all(sample.left_m_s == sample.right_m_s == 0.0 for sample in truth[53:])
@@ -503,15 +503,15 @@ def test_without_power_the_brake_falls_in_and_gears_hold() -> None:
     assert abs(truth[-1].x_m - truth[60].x_m) < 2e-3
     strokes = [reading.stroke_m for reading in of(came, SeatReading)]
     assert strokes[110] == strokes[51]
-    arms = [reading.angle_rad for reading in of(came, ArmReading)]
-    assert arms[110] == pytest.approx(arms[70], abs=0.2 * DEG)
+    flippers = [reading.angle_rad for reading in of(came, FlipperReading)]
+    assert flippers[110] == pytest.approx(flippers[70], abs=0.2 * DEG)
 
 
 @pytest.mark.parametrize(("direction", "orders", "speed_m_s"), [("up", climbing, 0.2), ("down", backing, 0.1)])
 def test_an_obstacle_cannot_be_passed(direction: str, orders: Orders, speed_m_s: float) -> None:
     asked = scenario(fault("obstacle", 0.02, at_s=0.0, for_s=9.0), direction=direction)
     _, truth = run(asked, 4.0, orders=orders)
-    # The arm at its rest reaches 0.11 m less far than laid in line, from where the distance counts.
+    # The flipper at its rest reaches 0.11 m less far than laid in line, from where the distance counts.
     assert abs(truth[-1].x_m - truth[0].x_m) < 0.6 * (4.0 - 0.15) * speed_m_s
 
 

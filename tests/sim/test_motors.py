@@ -13,7 +13,7 @@ from treadline.mechanics.loading import Loading
 from treadline.ports import Truth
 from treadline.realism import Realism
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.signals import ArmCommand, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant
 
@@ -254,15 +254,15 @@ def test_a_screw_that_is_too_weak_lets_the_seat_sink_and_the_shipped_one_holds()
 
 
 def test_a_flipper_motor_loses_its_torque_with_speed() -> None:
-    assert CHAIR.arm is not None
+    assert CHAIR.flipper is not None
     peaks = []
     for no_load in (60.0, None):
-        chair = CHAIR.model_copy(update={"arm": CHAIR.arm.model_copy(update={"no_load_deg_s": no_load})})
+        chair = CHAIR.model_copy(update={"flipper": CHAIR.flipper.model_copy(update={"no_load_deg_s": no_load})})
         plant = open_plant(Scenario(stair=Stair(walls="none"), control=Control(vision="truth")), 0, chair=chair)
         plant.start()
         # Raised in the air: 30 °/s is half of the rate without load.
         for tick in range(1, 61):
-            plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0), ArmCommand(t_s=0.0, rate_rad_s=30.0 * DEG))
+            plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0), FlipperCommand(t_s=0.0, rate_rad_s=30.0 * DEG))
             plant.advance(tick * 0.01)
         peaks.append(float(plant._model.actuator_forcerange[1, 1]))
         assert plant._data.qvel[7] > 0.0

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
 from treadline.ports import Truth
-from treadline.scenario import Chair, Control, Drive, Scenario, Stair, Start
+from treadline.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, open_plant
 
@@ -48,7 +48,7 @@ class Plane:
             stair=Stair(landing_m=20.0, width_m=10.0, walls="none"),
             chair=Chair(belt_mismatch=0.0),
             start=Start(place="landing", seat="chassis"),
-            drive=Drive(direction="down"),
+            drive=DriveSettings(direction="down"),
             control=Control(vision="truth"),
         )
         self.plant = open_plant(scenario, seed=1)

@@ -39,7 +39,7 @@ MARGIN = "min_stability_margin_deg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class SweepPlan:
     """What is to be flown."""
 
     spec: Spec
@@ -78,7 +78,7 @@ class Plan:
 
 
 def fly_sweep(
-    plan: Plan,
+    plan: SweepPlan,
     folder: Path,
     runners: Runners,
     *,
@@ -123,7 +123,7 @@ def fly_sweep(
         return write_results(plan, folder, journal.rows, flown)
 
 
-def write_results(plan: Plan, folder: Path, rows: Mapping[int, Row], flights: Mapping[int, Flight]) -> dict[str, Any]:
+def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flights: Mapping[int, Flight]) -> dict[str, Any]:
     """Write tables, scenarios of the worst and of all that did not arrive, summary and page; return the summary."""
     kept = [rows[index] for index in sorted(rows) if index in flights]
     files = write_tables(folder, kept)
@@ -154,12 +154,12 @@ def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
     return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out)])
 
 
-def _left(plan: Plan, journal: Journal) -> int:
+def _left(plan: SweepPlan, journal: Journal) -> int:
     return plan.total - sum(index < plan.total for index in journal.rows)
 
 
 def _search(
-    plan: Plan,
+    plan: SweepPlan,
     cube: Float[np.ndarray, "count dimension"],
     fly: Callable[[Sequence[Flight]], None],
     journal: Journal,
@@ -176,7 +176,7 @@ def _search(
     search(cube, evaluate, generations=plan.total // len(cube), seed=plan.seed)
 
 
-def _write_what_was_asked(plan: Plan, folder: Path) -> None:
+def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
     """Write spec and manifest. More than one commit in it: gone on with by another version, so not all of one kind."""
     manifest = folder / "manifest.json"
     before = read_json(manifest)["settings"]["commits"] if manifest.exists() else []

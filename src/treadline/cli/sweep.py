@@ -50,14 +50,14 @@ def sweep(
     from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
-    from treadline.campaign.sweep import Plan, fly_sweep
+    from treadline.campaign.sweep import SweepPlan, fly_sweep
     from treadline.errors import SettingsError
     from treadline.processes import default_workers
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
     choice("--score", score, scores())
-    plan = Plan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
+    plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
     if plan.total < runs:

@@ -26,7 +26,7 @@ SLOWEST_BACKING = 0.5
 """The share backing down, where turning runs away."""
 
 
-def min_inner_speed_ratio(heading_error_rad: float) -> float:
+def inner_speed_ratio(heading_error_rad: float) -> float:
     """Return the share of the climb speed that the inner belt keeps, for a heading error [rad]."""
     return INNER_SHARE_NEAR_STRAIGHT if abs(heading_error_rad) <= NEAR_STRAIGHT_RAD else INNER_SHARE_TURNING
 
@@ -38,13 +38,13 @@ class BeltLimits:
     climb_speed_m_s: float
     max_speed_m_s: float
     max_mean_m_s: float = 0.55
-    slowest_share: float = SLOWEST_CLIMBING
+    min_inner_speed_ratio: float = SLOWEST_CLIMBING
     """Of the climb speed, kept by the slower belt."""
 
     @property
     def slowest_m_s(self) -> float:
         """Speed below which the slower belt would let a chair slide that turns as it climbs."""
-        return self.slowest_share * self.climb_speed_m_s
+        return self.min_inner_speed_ratio * self.climb_speed_m_s
 
 
 def clipped(asked: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:

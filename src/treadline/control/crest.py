@@ -1,22 +1,22 @@
-"""Over the crest on an arm: the front track section reaches the landing first and lets the chair down onto it.
+"""Over the crest on a flipper: the front track section reaches the landing first and lets the chair down onto it.
 
 Paper: Section II.A, Fig. 3(b) ("variable angle of attack"); sequence and figures are ours, see
-docs/decisions/0013-the-front-section-is-an-arm.md. ``ImuSample, ArmReading, TrackReading -> CrestCommand``.
+docs/decisions/0013-flipper.md. ``ImuSample, FlipperReading, TrackReading -> CrestCommand``.
 
-Without an arm a chair whose centre of mass passes the last nosing falls freely onto its front. With it, five stages:
-climb; slow down and lay the arm in line with the belts; stand still and reach down until the tip carries; drive on, the
-arm keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque,
-and by the pitch where the arm lifts the chair.
+Without a flipper a chair whose centre of mass passes the last nosing falls freely onto its front. With it, five stages:
+climb; slow down and lay the flipper in line with the belts; stand still and reach down until the tip carries; drive on, the
+flipper keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque,
+and by the pitch where the flipper lifts the chair.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
+from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.mechanics.loading import Loading, plumb
-from treadline.signals import ArmReading
+from treadline.signals import FlipperReading
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
@@ -25,7 +25,7 @@ LATER_M = 0.03
 NEAR_M = 0.06
 """Of the centre of mass before the nosing: no further while the tip is unloaded."""
 PROPPED_RAD = 4.0 * DEG
-"""Above the pitch at which it began to reach: the arm stands on something else than the landing, and lifts the chair."""
+"""Above the pitch at which it began to reach: the flipper stands on something else than the landing, and lifts the chair."""
 EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
 """Above where the landing is expected: a tip that stands there stands on the nosing, which is then so far ahead of the front
 pulley, for belts that slip outrun the chair."""
@@ -35,8 +35,8 @@ NOT_FOLLOWED_RAD = 0.4 * DEG
 """Of pitch behind the lead, nothing under the tip. The load alone does not tell: a tip that is thrust forward over ground that
 grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
 LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
-"""Of pitch behind the lead, from which on a chair that does not lean on the tip is led slowly: it would fall after a faster arm,
-and onto it with 2.6 to 2.8 m/s² at its passenger."""
+"""Of pitch behind the lead, from which on a chair that does not lean on the tip is led slowly: it would fall after a faster
+flipper, and onto it with 2.6 to 2.8 m/s² at its passenger."""
 LIES_S = 1.0
 """Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
 
@@ -48,7 +48,7 @@ class CrestConfig(Loading):
     cruise_m_s: float = 0.2
     crest_m_s: float = 0.1
     lead_m_s: float = 0.03
-    """While the pitch goes down: the further the chair goes, the more the arm has to carry."""
+    """While the pitch goes down: the further the chair goes, the more the flipper has to carry."""
     slow_within_m: float = 0.5
     """Of the centre of mass before the nosing."""
     reach_from_m: float = 0.08
@@ -70,9 +70,9 @@ class CrestConfig(Loading):
     press_n: float = 130.0
     """Load that the tip keeps while the chair drives on."""
     press_rad_s_n: float = 0.1 * DEG
-    """Arm rate per newton that is missing."""
+    """Flipper rate per newton that is missing."""
     trim_per_s: float = 2.0
-    """Arm rate per angle by which the pitch is behind its lead."""
+    """Flipper rate per angle by which the pitch is behind its lead."""
     behind_rad: float = 2.0 * DEG
     """A lead never runs further ahead of the pitch."""
     level_rad: float = 0.7 * DEG
@@ -82,7 +82,7 @@ class CrestConfig(Loading):
 
 
 CrestCommand = PitchCommand[Stage]
-"""What the crest asks of belts and arm."""
+"""What the crest asks of belts and flipper."""
 
 
 class Crest(Sequencer[Stage]):
@@ -110,7 +110,7 @@ class Crest(Sequencer[Stage]):
         if self._tries == 0:
             self._see(ahead_m)
 
-    def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+    def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         config = self._config
         waits = self._stage in ("reach", "carry") and self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD
         self._waited_s = self._waited_s + dt_s if waits else 0.0
@@ -123,7 +123,7 @@ class Crest(Sequencer[Stage]):
             case "slow" if self._past_m > config.reach_from_m:
                 self._stage, self._reached_rad = "reach", pitch
             case "reach" if self._tip.carries or self._is_lifted(pitch):
-                self._meet(pitch, arm)
+                self._meet(pitch, flipper)
             case "carry" if self._tip.carries and beyond > self._lead_from_m:
                 self._stage = "lead"
                 self._lead_from(pitch)
@@ -144,23 +144,23 @@ class Crest(Sequencer[Stage]):
         """Return why the chair would not get over, as far as is felt; nothing where it may."""
         config = self._config
         if self._waited_s > config.patience_s:
-            return f"nothing carried the front section in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
+            return f"nothing carried the flipper in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
         if (lifted := pitch - self._reached_rad) > PROPPED_RAD:
-            return f"the front section lifted the chair by {lifted / DEG:.1f}°, and stands on something else than the landing"
+            return f"the flipper lifted the chair by {lifted / DEG:.1f}°, and stands on something else than the landing"
         if self._carried_m > CARRIED_M:
             return f"the belts ran {self._carried_m:.1f} m under a chair that stays: they slip on the last nosing"
         return ""
 
-    def _meet(self, pitch: float, arm: ArmReading) -> None:
+    def _meet(self, pitch: float, flipper: FlipperReading) -> None:
         """Tell by where the tip stands on what it stands."""
-        if self._to_go(pitch, arm) <= EARLY_RAD:
+        if self._to_go(pitch, flipper) <= EARLY_RAD:
             self._stage = "carry"
-            self._ahead_m = self._by_the_arm(pitch, arm)
+            self._ahead_m = self._by_the_flipper(pitch, flipper)
             return
         self._stage = "slow" if self._may_go_on else "barred"
         self._tries += 1
         self._ahead_m = self._geometry.pivot_m + EARLY_M
-        self._cause = f"the front section stood on the last nosing, try {self._tries}: the belts slip, or it was believed too near"
+        self._cause = f"the flipper stood on the last nosing, try {self._tries}: the belts slip, or it was believed too near"
 
     @property
     def _may_go_on(self) -> bool:
@@ -168,38 +168,38 @@ class Crest(Sequencer[Stage]):
         goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
         return plumb(self._loading, self._reached_rad) < self._geometry.pivot_m - goes_m
 
-    def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
+    def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config
         match self._stage:
             case "climb":
                 return config.cruise_m_s, 0.0
             case "slow":
-                return config.crest_m_s, self._towards(OVER_BELTS_RAD, arm)
+                return config.crest_m_s, self._towards(OVER_BELTS_RAD, flipper)
             case "reach":
-                return 0.0, self._reach(pitch, arm)
+                return 0.0, self._reach(pitch, flipper)
             case "carry":
-                return self._carry(pitch, arm, speed, dt_s)
+                return self._carry(pitch, flipper, speed, dt_s)
             case "barred":
                 return 0.0, 0.0
             case "lead":
-                return config.lead_m_s, self._lead(pitch, arm, speed, dt_s)
+                return config.lead_m_s, self._lead(pitch, flipper, speed, dt_s)
             case _:
-                return config.crest_m_s, min(self._towards(self._rest_rad, arm), config.stow_rad_s)
+                return config.crest_m_s, min(self._towards(self._rest_rad, flipper), config.stow_rad_s)
 
-    def _reach(self, pitch: float, arm: ArmReading) -> float:
+    def _reach(self, pitch: float, flipper: FlipperReading) -> float:
         config = self._config
-        return -min(max(config.soften_per_s * self._to_go(pitch, arm), config.meet_rad_s), config.reach_rad_s)
+        return -min(max(config.soften_per_s * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
 
-    def _to_go(self, pitch: float, arm: ArmReading) -> float:
-        """Return how far the arm is above where its tip is expected to meet the landing."""
-        return arm.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
+    def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
+        """Return how far the flipper is above where its tip is expected to meet the landing."""
+        return flipper.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
 
     def _is_lifted(self, pitch: float) -> bool:
-        """Return whether the arm has pitched the chair up: a light one is lifted before it weighs on its tip as it should."""
+        """Return whether the flipper has pitched the chair up: a light one is lifted before it weighs on its tip as it should."""
         return pitch > self._reached_rad + LIFTED_RAD
 
-    def _carry(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
-        self._refine(pitch, arm, dt_s)
+    def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
+        self._refine(pitch, flipper, dt_s)
         self._carried_m += abs(speed) * dt_s
         config = self._config
         _, per_metre = self._geometry.rates(pitch, self._past_m)
@@ -208,9 +208,9 @@ class Crest(Sequencer[Stage]):
         waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
         return (0.0 if waits else config.crest_m_s), rate
 
-    def _lead(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
+    def _lead(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
         config = self._config
-        self._refine(pitch, arm, dt_s)
+        self._refine(pitch, flipper, dt_s)
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
         slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # a wrong place is no division
         smoothly = config.slide_m_s / slides_m

@@ -1,12 +1,12 @@
-"""Down over the edge, rearwards, on an arm: the front section stands on the landing and lifts the chair's front first.
+"""Down over the edge, rearwards, on a flipper: the flipper stands on the landing and lifts the chair's front first.
 
 The crest run backwards (``control/crest.py``); sequence and figures are ours, see
-docs/decisions/0013-the-front-section-is-an-arm.md. ``ImuSample, ArmReading, TrackReading -> EdgeCommand``.
+docs/decisions/0013-flipper.md. ``ImuSample, FlipperReading, TrackReading -> EdgeCommand``.
 
-Without an arm a chair whose centre of mass is backed over the edge falls onto the flight. With it, five stages: back to
+Without a flipper a chair whose centre of mass is backed over the edge falls onto the flight. With it, five stages: back to
 the edge; stand still and press the tip on the landing; lift the front until the belts point down the flight, centre of
-mass still on the landing's side of the nosing; back on until the belts lie; stow the arm. What the tip carries tells
-where the centre of mass is: the belts keep it where the arm can still lower the chair onto the landing again.
+mass still on the landing's side of the nosing; back on until the belts lie; stow the flipper. What the tip carries tells
+where the centre of mass is: the belts keep it where the flipper can still lower the chair onto the landing again.
 """
 
 import math
@@ -14,24 +14,25 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.angles import DEG
-from treadline.control.arm import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, arm_of
+from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, flipper_of
 from treadline.control.sequencer import PitchCommand, Sequencer
 from treadline.mechanics.loading import Loading, plumb
-from treadline.signals import ArmReading
+from treadline.signals import FlipperReading
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
 CLOSE_RAD = 0.5 * DEG
 """To the pitch it is lifted to."""
 SUNK_RAD = 4.0 * DEG
-"""Below the pitch it was lifted to: the arm has given way."""
+"""Below the pitch it was lifted to: the flipper has given way."""
 PROPPED_RAD = 3.0 * DEG
-"""Above that pitch: the arm stands where it is to fold, and props the chair up as it backs."""
+"""Above that pitch: the flipper stands where it is to fold, and props the chair up as it backs."""
 BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
-"""Of the motor's torque, beyond which the arm gives way to a chair whose belts lie, and how fast at all of it. With less, a chair
-whose centre of mass passes a high nosing falls to its rear; with more, the tip drags one on little friction down the flight."""
+"""Of the motor's torque, beyond which the flipper gives way to a chair whose belts lie, and how fast at all of it. With less, a
+chair whose centre of mass passes a high nosing falls to its rear; with more, the tip drags one on little friction down the
+flight."""
 STOWED_RAD = 5.0 * DEG
-"""To where the arm is to be."""
+"""To where the flipper is to be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +57,9 @@ class EdgeConfig(Loading):
     soften_per_s: float = 2.0
     """Lead per angle that is left."""
     trim_per_s: float = 2.0
-    """Arm rate per angle by which the pitch is behind its lead."""
+    """Flipper rate per angle by which the pitch is behind its lead."""
     yield_per_s: float = 6.0
-    """The same where the pitch is above it: belts that slip back over the nosing prop the chair up by its arm."""
+    """The same where the pitch is above it: belts that slip back over the nosing prop the chair up by its flipper."""
     behind_rad: float = 1.0 * DEG
     """A lead never runs further ahead of the pitch."""
     steeper_rad: float = 1.5 * DEG
@@ -69,20 +70,20 @@ class EdgeConfig(Loading):
     """Of the centre of mass further from the nosing than it was, as the tip's load tells: the chair turns about the next one."""
     touched_s: float = 0.1
     patience_s: float = 8.0
-    """For one more degree, and for the arm to be stowed: a motor that is too weak, or dead, gets no further."""
+    """For one more degree, and for the flipper to be stowed: a motor that is too weak, or dead, gets no further."""
     spare_rad: float = 3.0 * DEG
-    """Of the arm's range."""
+    """Of the flipper's range."""
     settle_m_s: float = 0.05
     seek_rad_s: float = 4.0 * DEG
     """At which a tip that does not carry is lowered onto the landing."""
     leave_m: float = 0.06
-    """Of the front pulley before the nosing, where the arm is stowed: until then the tip steadies the chair on uneven nosings, and
-    soon the front section lies on the first of them."""
+    """Of the front pulley before the nosing, where the flipper is stowed: until then the tip steadies the chair on uneven nosings,
+    and soon the flipper lies on the first of them."""
     stow_rad_s: float = 25.0 * DEG
 
 
 EdgeCommand = PitchCommand[Stage]
-"""What the edge asks of belts and arm."""
+"""What the edge asks of belts and flipper."""
 
 
 class Edge(Sequencer[Stage]):
@@ -98,10 +99,10 @@ class Edge(Sequencer[Stage]):
     def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
         super().__init__(config, "approach", -nosing_behind_m)
         self._config = config
-        arm = arm_of(config.chair)
-        self._max_rate_rad_s = arm.max_rate_deg_s * DEG
-        self._most_n_m = arm.torque_n_m
-        self._lowest_rad = arm.range_deg[0] * DEG
+        flipper = flipper_of(config.chair)
+        self._max_rate_rad_s = flipper.max_rate_deg_s * DEG
+        self._most_n_m = flipper.torque_n_m
+        self._lowest_rad = flipper.range_deg[0] * DEG
         self._slope_rad = slope_rad
         self._press_from_m = config.early_m - plumb(config, slope_rad)
         self._level_rad = 0.0
@@ -115,7 +116,7 @@ class Edge(Sequencer[Stage]):
         self._see(-behind_m)
 
     def turn_back(self) -> bool:
-        """Let the chair down on the landing again, as long as the arm can; say whether it can."""
+        """Let the chair down on the landing again, as long as the flipper can; say whether it can."""
         on_the_landing = self._stage == "settle" and self._com_beyond(self._slope_rad) > 0.0
         self._turns_back |= on_the_landing or self._stage in ("press", "lift", "lower")
         return self._turns_back
@@ -132,7 +133,7 @@ class Edge(Sequencer[Stage]):
         self._lifted_rad = self._slope_rad + self._config.steeper_rad
         self._least_m, self._touched_s = math.inf, 0.0
 
-    def _sequence(self, pitch: float, arm: ArmReading, dt_s: float) -> None:
+    def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         config = self._config
         match self._stage:
             case "approach" if self._behind_m < self._press_from_m:
@@ -152,37 +153,37 @@ class Edge(Sequencer[Stage]):
                 self._stage = "barred"
             case "settle" if self._past_m < config.leave_m:
                 self._begin("leave", pitch)
-            case "leave" if self._past_m < 0.0 and self._is_up(arm, OVER_BELTS_RAD - STOWED_RAD):
+            case "leave" if self._past_m < 0.0 and self._is_up(flipper, OVER_BELTS_RAD - STOWED_RAD):
                 self._stage = "done"
             case _:
                 pass
 
     def _gives_up(self) -> bool:
-        """Tell whether the chair is to be let down again: it was told to, or the arm gets no further."""
+        """Tell whether the chair is to be let down again: it was told to, or the flipper gets no further."""
         return self._turns_back or (self._stage != "settle" and self._waited_s > self._config.patience_s)
 
-    def _act(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> tuple[float, float]:
+    def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config
         match self._stage:
             case "approach":
                 is_near = self._behind_m < self._press_from_m + config.slow_within_m
                 if not is_near:
                     return -config.cruise_m_s, 0.0
-                return -config.edge_m_s, self._towards(OVER_BELTS_RAD, arm)
+                return -config.edge_m_s, self._towards(OVER_BELTS_RAD, flipper)
             case "press":
                 self._watch(pitch, dt_s)
                 return 0.0, -config.reach_rad_s
             case "lift":
-                return self._balance(pitch), self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+                return self._balance(pitch), self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
             case "settle":
-                return -config.settle_m_s, self._settle(pitch, arm, speed, dt_s)
+                return -config.settle_m_s, self._settle(pitch, flipper, speed, dt_s)
             case "lower":
-                return max(self._balance(pitch), 0.0), self._lower(pitch, arm, speed, dt_s)
+                return max(self._balance(pitch), 0.0), self._lower(pitch, flipper, speed, dt_s)
             case "barred":
-                return 0.0, self._stow(self._rest_rad, arm)
+                return 0.0, self._stow(self._rest_rad, flipper)
             case _:
                 self._watch(pitch, dt_s)
-                return (-config.edge_m_s if self._is_up(arm, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, arm)
+                return (-config.edge_m_s if self._is_up(flipper, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, flipper)
 
     def _left_over(self, pitch: float) -> float:
         """Return how far before the nosing the whole lift leaves the centre of mass, by what the tip carries now."""
@@ -191,10 +192,10 @@ class Edge(Sequencer[Stage]):
         before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
         return before + plumb(config, self._slope_rad) - plumb(config, pitch)
 
-    def _settle(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
-        """Return the arm rate that keeps the front on its tip as the chair backs onto the nosings, and gives way to its load."""
-        share = max(-arm.torque_n_m / self._most_n_m, 0.0)
-        rate = self._turn(self._lifted_rad, pitch, arm, speed, dt_s)
+    def _settle(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
+        """Return the flipper rate that keeps the front on its tip while the chair backs onto the nosings; it yields to load."""
+        share = max(-flipper.torque_n_m / self._most_n_m, 0.0)
+        rate = self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
 
     def _touches(self, pitch: float, dt_s: float) -> bool:
@@ -217,23 +218,23 @@ class Edge(Sequencer[Stage]):
         highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
         return min(max(speed, -config.lift_m_s), highest)
 
-    def _lower(self, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
-        """Return the arm rate that lets the chair down on the landing, as long as it leans on the tip.
+    def _lower(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
+        """Return the flipper rate that lets the chair down on the landing, as long as it leans on the tip.
 
-        A chair that lies on the flight does not follow an arm that is raised, and would fall onto it as it drives back over the
+        A chair that lies on the flight does not follow a flipper that is raised, and would fall onto it as it drives back over the
         nosing: the tip seeks the landing until it carries.
         """
         if self._tip.load_n >= UNLOADED_N:
-            return self._turn(self._level_rad - LIFTED_RAD, pitch, arm, speed, dt_s)
+            return self._turn(self._level_rad - LIFTED_RAD, pitch, flipper, speed, dt_s)
         self._lead_from(pitch)
         self._watch(pitch, dt_s)
         _, per_metre = self._geometry.rates(pitch, self._past_m)
         return per_metre * speed - self._config.seek_rad_s
 
-    def _turn(self, target: float, pitch: float, arm: ArmReading, speed: float, dt_s: float) -> float:
-        """Return the arm rate that leads the pitch to a target, tip on the landing."""
+    def _turn(self, target: float, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
+        """Return the flipper rate that leads the pitch to a target, tip on the landing."""
         config = self._config
-        self._refine(pitch, arm, dt_s)
+        self._refine(pitch, flipper, dt_s)
         self._watch(pitch, dt_s)
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
         to_go = target - self._lead_rad
@@ -255,10 +256,10 @@ class Edge(Sequencer[Stage]):
         if pitch > self._highest_rad + LIFTED_RAD:
             self._highest_rad, self._waited_s = pitch, 0.0
 
-    def _is_up(self, arm: ArmReading, angle_rad: float) -> bool:
-        """Tell whether the arm is up so far, or dead: then it trails over the nosing, for its brake lets it rise slowly."""
-        return arm.angle_rad > angle_rad or self._waited_s > self._config.patience_s
+    def _is_up(self, flipper: FlipperReading, angle_rad: float) -> bool:
+        """Tell whether the flipper is up so far, or dead: then it trails over the nosing, for its brake lets it rise slowly."""
+        return flipper.angle_rad > angle_rad or self._waited_s > self._config.patience_s
 
-    def _stow(self, angle_rad: float, arm: ArmReading) -> float:
+    def _stow(self, angle_rad: float, flipper: FlipperReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
-        return min(self._towards(angle_rad, arm), fastest)
+        return min(self._towards(angle_rad, flipper), fastest)

@@ -14,13 +14,13 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, min_inner_speed_ratio
+from treadline.control.allocate import SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, inner_speed_ratio
 from treadline.control.heading import FASTEST_TURN_RAD_S, YAW_RATE_SIGMA_RAD_S, ControllerConfig, HeadingController, share_kept
 from treadline.control.observer import DISTURBANCE_LIMIT
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.models import ControllerDesign
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 SOURCES = Path(__file__).parents[1] / "data" / "export"
 TOLERANCE_M_S = 1e-6
@@ -30,10 +30,10 @@ SEED = 4
 SPOILT_PLANS: dict[int, dict[str, Any]] = {
     90: {"heading_rad": math.nan},
     91: {"speed_m_s": math.nan},
-    92: {"slowest_share": math.nan},
+    92: {"min_inner_speed_ratio": math.nan},
     93: {"heading_rad": 4.0},
     94: {"speed_m_s": 1e3},
-    95: {"slowest_share": -2.0},
+    95: {"min_inner_speed_ratio": -2.0},
 }
 """By step of the rehearsal: what no plan says, and what a copy must stand still for."""
 
@@ -45,7 +45,7 @@ class Exchange:
     """One period: what the controller was told, and what it answered."""
 
     estimate: HeadingEstimate | None
-    plan: Plan
+    plan: MotionPlan
     answer: TrackCommand
 
 
@@ -83,16 +83,16 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
     return exchanges
 
 
-def _rehearsed(share: float, t_s: float, speed_m_s: float) -> Plan:
+def _rehearsed(share: float, t_s: float, speed_m_s: float) -> MotionPlan:
     speed = speed_m_s if share < 0.5 else 0.0 if share < 0.55 else 0.5 * speed_m_s if share < 0.7 else -0.75 * speed_m_s
     error_rad = math.radians(30.0 if share < 0.1 else 5.0)
-    return Plan(
+    return MotionPlan(
         t_s=t_s,
         phase="drive",
         speed_m_s=speed,
         turn_m_s=0.0 if 0.25 < share < 0.28 else None,
         heading_rad=0.1 if 0.3 < share < 0.4 else 0.0,
-        slowest_share=None if share < 0.05 else min_inner_speed_ratio(error_rad),
+        min_inner_speed_ratio=None if share < 0.05 else inner_speed_ratio(error_rad),
     )
 
 
@@ -234,7 +234,7 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
             "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
             "speed_m_s": _said(exchange.plan.speed_m_s),
             "target_heading_rad": _said(exchange.plan.heading_rad),
-            "slowest_share": _said(share_kept(exchange.plan)),
+            "min_inner_speed_ratio": _said(share_kept(exchange.plan)),
             "left_m_s": exchange.answer.left_m_s,
             "right_m_s": exchange.answer.right_m_s,
             "brake": exchange.answer.brake,

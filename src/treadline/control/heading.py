@@ -1,6 +1,6 @@
 """The heading controller: the estimate and the plan in, belt speeds out, once per period.
 
-Paper: Section V, Eq. (11). ``HeadingEstimate, Plan -> TrackCommand``. The plan says how fast (backing down is negative) and
+Paper: Section V, Eq. (11). ``HeadingEstimate, MotionPlan -> TrackCommand``. The plan says how fast (backing down is negative) and
 which heading; without one it is the configured climb speed and zero.
 """
 
@@ -18,7 +18,7 @@ from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT, SIGMA_Y
 from treadline.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.models import ControllerDesign, Reconstruct
-from treadline.signals import PERIOD_ROUNDING_S, HeadingEstimate, Plan, TrackCommand
+from treadline.signals import PERIOD_ROUNDING_S, HeadingEstimate, MotionPlan, TrackCommand
 
 YAW_RATE_SIGMA_RAD_S = SIGMA_Y[1]
 """Standard deviation of the yaw rate as the estimator delivers it."""
@@ -68,7 +68,7 @@ class HeadingController:
         """Time between calls."""
         return self._config.period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan | None = None) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
         """Answer one estimate; without one, or with numbers that no chair and no plan can have, stand still.
 
         Where the plan turns the chair itself, or lets it alone because it does not turn as it steers, it stands still too, and what
@@ -94,7 +94,7 @@ class HeadingController:
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
 
     def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float, share: float) -> Float[np.ndarray, " 2"]:
-        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s, slowest_share=share)
+        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s, min_inner_speed_ratio=share)
         if speed_m_s < 0.0:
             return back_safe(asked, limits)
         return (climb_safe if self._config.allocation == "climb-safe" else clipped)(asked, limits)
@@ -126,9 +126,9 @@ def in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
     return abs(predicted_rad_s) > 3.0 * YAW_RATE_SIGMA_RAD_S and abs(measured_rad_s) < YAW_RATE_SIGMA_RAD_S
 
 
-def share_kept(plan: Plan | None) -> float:
+def share_kept(plan: MotionPlan | None) -> float:
     """Return the share of the climb speed that the slower belt keeps."""
-    return SLOWEST_CLIMBING if plan is None or plan.slowest_share is None else plan.slowest_share
+    return SLOWEST_CLIMBING if plan is None or plan.min_inner_speed_ratio is None else plan.min_inner_speed_ratio
 
 
 def usable(estimate: HeadingEstimate) -> bool:

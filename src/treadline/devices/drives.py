@@ -1,4 +1,4 @@
-"""The chair's drives: ``orders -> belt speeds, seat angle, arm angle`` that the simulator's bodies then follow."""
+"""The chair's drives: ``orders -> belt speeds, seat angle, flipper angle`` that the simulator's bodies then follow."""
 
 import math
 
@@ -8,19 +8,19 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.devices import kernels, motor_kernels
 from treadline.errors import MechanicsError, SettingsError, SimulationDiverged
-from treadline.mechanics.chair import GRAVITY_M_S2, Arm, ChairDescription
+from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, Flipper
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
 from treadline.scenario import Scenario
-from treadline.signals import TICK_S, ArmCommand, SeatCommand, TrackCommand
+from treadline.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt when the brake falls in."""
-ARM_STIFFNESS_N_M_RAD = 6000.0
-"""Of the arm's gear and servo: 200 N·m turn it by 2°."""
-ARM_LAG_S = 0.1
-"""Damping over stiffness of that servo: a chair that leans on its arm does not swing."""
-ARM_FRICTION_N_M_S_RAD = 1.0
+FLIPPER_STIFFNESS_N_M_RAD = 6000.0
+"""Of the flipper's gear and servo: 200 N·m turn it by 2°."""
+FLIPPER_LAG_S = 0.1
+"""Damping over stiffness of that servo: a chair that leans on its flipper does not swing."""
+FLIPPER_FRICTION_N_M_S_RAD = 1.0
 TABLE_SIZE = 257
 
 
@@ -45,15 +45,17 @@ class Drives:
         strokes = np.linspace(low, high, TABLE_SIZE)
         self.seat = np.array([low, high, strokes[1] - strokes[0]])
         self.angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
-        self.arm = np.array([]) if chair.arm is None else _arm_limits(chair.arm, limited=scenario.realism.motor_limits)
+        self.flipper = (
+            np.array([]) if chair.flipper is None else _flipper_limits(chair.flipper, limited=scenario.realism.motor_limits)
+        )
         self.state = np.zeros(kernels.DRIVES)
         self.command = np.zeros(5)
         self.motor = _motor_limits(scenario, chair)
         self.electric = np.zeros(motor_kernels.ELECTRIC)
         self._charge = scenario.realism.battery_charge
 
-    def rest(self, seat_rad: float, arm_rad: float) -> None:
-        """Stand still, with the seat and the arm at an angle.
+    def rest(self, seat_rad: float, flipper_rad: float) -> None:
+        """Stand still, with the seat and the flipper at an angle.
 
         Raises:
             SettingsError: If the seat cannot be there.
@@ -61,7 +63,7 @@ class Drives:
         self.state[:] = 0.0
         self.state[kernels.STROKE] = self._stroke(seat_rad)
         self.state[kernels.SEAT_ANGLE] = seat_rad
-        self.state[kernels.ARM_TARGET] = arm_rad
+        self.state[kernels.FLIPPER_TARGET] = flipper_rad
         self.command[:] = 0.0
         self.electric[:] = 0.0
         self.electric[motor_kernels.CHARGE] = self._charge
@@ -75,21 +77,21 @@ class Drives:
             remedy = "give start.seat = 'chassis', a gentler stair, or a chair of longer seat.stroke_m"
             raise SettingsError(f"start.seat = 'level' cannot be: {error}; {remedy}") from None
 
-    def take(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None) -> None:
+    def take(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None) -> None:
         """Take orders; they hold until the next ones.
 
         Raises:
             SimulationDiverged: If one is not finite.
         """
-        rate = 0.0 if arm is None else arm.rate_rad_s
+        rate = 0.0 if flipper is None else flipper.rate_rad_s
         command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
         if not all(math.isfinite(value) for value in command):
             raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
         self.command[:] = command
 
-    def act(self, arm_rad: float) -> None:
-        """Go on by a tick; the arm stands at ``arm_rad``."""
-        kernels.act(self.command, self.limits, self.state, self.seat, self.angles, self.arm, arm_rad)
+    def act(self, flipper_rad: float) -> None:
+        """Go on by a tick; the flipper stands at ``flipper_rad``."""
+        kernels.act(self.command, self.limits, self.state, self.seat, self.angles, self.flipper, flipper_rad)
 
     @property
     def belts_m_s(self) -> Float[np.ndarray, " 2"]:
@@ -97,13 +99,13 @@ class Drives:
         return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
 
 
-def _arm_limits(arm: Arm, *, limited: bool) -> Float[np.ndarray, " n"]:
-    """Return the arm's numbers as the compiled loop takes them."""
-    low, high = (angle * DEG for angle in arm.range_deg)
-    wind_up = arm.torque_n_m / ARM_STIFFNESS_N_M_RAD
-    no_load = arm.no_load_deg_s * DEG if limited and arm.no_load_deg_s is not None else math.inf
-    servo = (wind_up, ARM_LAG_S, arm.lost_damping_n_m_s_rad, ARM_FRICTION_N_M_S_RAD)
-    return np.array([low, high, arm.max_rate_deg_s * DEG, *servo, arm.torque_n_m, no_load])
+def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:
+    """Return the flipper's numbers as the compiled loop takes them."""
+    low, high = (angle * DEG for angle in flipper.range_deg)
+    wind_up = flipper.torque_n_m / FLIPPER_STIFFNESS_N_M_RAD
+    no_load = flipper.no_load_deg_s * DEG if limited and flipper.no_load_deg_s is not None else math.inf
+    servo = (wind_up, FLIPPER_LAG_S, flipper.lost_damping_n_m_s_rad, FLIPPER_FRICTION_N_M_S_RAD)
+    return np.array([low, high, flipper.max_rate_deg_s * DEG, *servo, flipper.torque_n_m, no_load])
 
 
 def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:

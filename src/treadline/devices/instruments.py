@@ -18,7 +18,7 @@ from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Chair, Scenario
-from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackReading
+from treadline.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
@@ -29,10 +29,10 @@ ROCKING_M = 0.015
 """Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
 TIP_GAP_M = 0.010
 """Gap between the front tip and the ground that still counts as support: 0.4 m ahead of the front pulley the chair tips onto it
-within 1.5°, as it does onto a nosing within ``ROCKING_M``. Whether the arm's motor can carry the load is not asked."""
+within 1.5°, as it does onto a nosing within ``ROCKING_M``. Whether the flipper's motor can carry the load is not asked."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
-ARM_TORQUE_NOISE_N_M = 2.0
-"""Of the torque that the arm's drive tells from its current: 1 % of full torque."""
+FLIPPER_TORQUE_NOISE_N_M = 2.0
+"""Of the torque that the flipper's drive tells from its current: 1 % of full torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,8 +49,8 @@ class ChairState:
     belts_m_s: Float[np.ndarray, " 2"]
     """As run, mismatch included."""
     brake_on: bool
-    arm_rad: float
-    arm_torque_n_m: float
+    flipper_rad: float
+    flipper_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
     """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
     contact_force_share: float = math.nan
@@ -76,7 +76,7 @@ class Streams:
 
     imu: np.random.Generator
     seat: np.random.Generator
-    arm: np.random.Generator
+    flipper: np.random.Generator
     link: np.random.Generator
     """Latency and loss of the camera's readings."""
 
@@ -133,9 +133,9 @@ class Instruments:
         right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
         left, right = (encoder.speed_m_s(v) for encoder, v in zip(self._encoders, (truth.left_m_s, right_m_s), strict=True))
         readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
-        if self._chair.arm is not None:
-            torque = state.arm_torque_n_m + ARM_TORQUE_NOISE_N_M * float(self._streams.arm.standard_normal())
-            readings.append(ArmReading(t_s=t_s, angle_rad=state.arm_rad, torque_n_m=torque))
+        if self._chair.flipper is not None:
+            torque = state.flipper_torque_n_m + FLIPPER_TORQUE_NOISE_N_M * float(self._streams.flipper.standard_normal())
+            readings.append(FlipperReading(t_s=t_s, angle_rad=state.flipper_rad, torque_n_m=torque))
         if state.tick % CAMERA_TICKS == 0 and not self._link.is_dropped():
             self._link.send(state.tick, self._look(state))
         readings.extend(self._link.arrived(state.tick))
@@ -156,7 +156,7 @@ class Instruments:
         tracks = self._chair.tracks
         half_run_m = 0.5 * tracks.flat_run_m
         front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
-        angle = tracks.approach_angle_deg * DEG if self._chair.arm is None else state.arm_rad
+        angle = tracks.approach_angle_deg * DEG if self._chair.flipper is None else state.flipper_rad
         tip_m = kernels.tip_support(
             self._surfaces,
             half_run_m + tracks.approach_m * math.cos(angle),
@@ -206,7 +206,7 @@ class Instruments:
             left_m_s=float(state.belts_m_s[0]),
             right_m_s=float(state.belts_m_s[1]),
             stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.arm_rad),
+                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.flipper_rad),
                 (forward_z, left_z, up_z),
                 self._support_of(state),
             ).worst,

@@ -14,11 +14,11 @@ from treadline.products import dot, fused
 from treadline.signals import TICK_S
 
 # Rows of the drive state.
-LEFT, RIGHT, STROKE, STROKE_RATE, ARM_TARGET, ARM_LOST = 0, 1, 2, 3, 4, 5
+LEFT, RIGHT, STROKE, STROKE_RATE, FLIPPER_TARGET, FLIPPER_LOST = 0, 1, 2, 3, 4, 5
 # What is broken: 0 or 1; of the belts one row each.
-STALLED, POWER_CUT, SEAT_STUCK, ARM_STUCK = 6, 8, 9, 10
-# What follows from the orders: where the seat is held, how fast the arm's target moves, whether the brake is on.
-SEAT_ANGLE, ARM_RATE, BRAKED = 11, 12, 13
+STALLED, POWER_CUT, SEAT_STUCK, FLIPPER_STUCK = 6, 8, 9, 10
+# What follows from the orders: where the seat is held, how fast the flipper's target moves, whether the brake is on.
+SEAT_ANGLE, FLIPPER_RATE, BRAKED = 11, 12, 13
 DRIVES = 14
 
 # An IMU's figures per tick: how much of its bias stays and how much is added; weight of the accelerometer in the attitude filter,
@@ -62,17 +62,17 @@ def table(value, start, spacing, entries):
 
 @njit(cache=True)
 @no_type_check
-def act(command, drives, state, seat, angles, arm, arm_angle):
+def act(command, drives, state, seat, angles, flipper, flipper_angle):
     """Advance the drives by a tick: ``state`` is changed in place.
 
     Args:
-        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
+        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: rows as named above.
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
-        arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, and more; empty without one.
-        arm_angle: where the arm is.
+        flipper: lowest and highest angle, rate limit, angle by which full torque winds the servo up, and more; empty without one.
+        flipper_angle: where the flipper is.
     """
     powered = state[POWER_CUT] < 0.5
     braked = command[2] > 0.5 or not powered  # a brake that power holds open
@@ -87,13 +87,13 @@ def act(command, drives, state, seat, angles, arm, arm_angle):
     state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
     state[SEAT_ANGLE] = table(state[STROKE], seat[0], seat[2], angles)
 
-    if arm.shape[0] > 0:
-        rate = min(max(command[4], -arm[2]), arm[2]) if state[ARM_STUCK] < 0.5 and powered else 0.0
+    if flipper.shape[0] > 0:
+        rate = min(max(command[4], -flipper[2]), flipper[2]) if state[FLIPPER_STUCK] < 0.5 and powered else 0.0
         # No wind-up: the target stays within the deflection at which the motor gives all its torque.
-        target = min(max(state[ARM_TARGET] + rate * TICK_S, arm_angle - arm[3]), arm_angle + arm[3])
-        held = min(max(target, arm[0]), arm[1])
-        state[ARM_TARGET] = held
-        state[ARM_RATE] = rate if held == target else 0.0
+        target = min(max(state[FLIPPER_TARGET] + rate * TICK_S, flipper_angle - flipper[3]), flipper_angle + flipper[3])
+        held = min(max(target, flipper[0]), flipper[1])
+        state[FLIPPER_TARGET] = held
+        state[FLIPPER_RATE] = rate if held == target else 0.0
 
 
 @njit(cache=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from treadline.devices.drives import Drives
 from treadline.devices.instruments import ChairState, Instruments
 from treadline.ports import Truth
-from treadline.signals import ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 
 
 class InstrumentedPlant(ABC):
@@ -30,9 +30,9 @@ class InstrumentedPlant(ABC):
         truth, self._truth = self._truth, []
         return truth
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         """Take the commands; they hold until the next call."""
-        self._drives.take(tracks, seat, arm)
+        self._drives.take(tracks, seat, flipper)
 
     @abstractmethod
     def _passed(self) -> Iterator[tuple[ChairState, float]]:

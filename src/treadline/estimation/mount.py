@@ -125,14 +125,14 @@ class MountCalibrator:
         """
         match signal:
             case ImuSample():
-                self._feel(signal)
+                self._update(signal)
             case TrackReading():
                 self._standing = max(abs(signal.left_m_s), abs(signal.right_m_s)) < STANDING_M_S
             case StairAxes():
                 self._see(signal)
         return self._estimate
 
-    def _feel(self, sample: ImuSample) -> None:
+    def _update(self, sample: ImuSample) -> None:
         finite = np.isfinite(sample.orientation).all() and np.isfinite(sample.angular_velocity_rad_s).all()
         newer = not self._felt or sample.t_s > self._felt[-1][0]
         length = float(np.linalg.norm(sample.orientation))

@@ -51,7 +51,7 @@ class OffsetEstimator:
         """Take one signal; return the heading now, or None before the first heading. Belts tell it nothing."""
         match signal:
             case ImuSample():
-                self._feel(signal)
+                self._update(signal)
             case HeadingMeasurement():
                 self._see(signal)
             case _:
@@ -66,7 +66,7 @@ class OffsetEstimator:
             source="vision" if self._t_s - self._seen_s <= COAST_S else "gyro",
         )
 
-    def _feel(self, sample: ImuSample) -> None:
+    def _update(self, sample: ImuSample) -> None:
         R = rotation_of(sample.orientation)
         rate = float(sample.angular_velocity_rad_s[2])
         finite = math.isfinite(sample.t_s) and math.isfinite(rate) and bool(np.isfinite(R).all())

@@ -21,7 +21,7 @@ from treadline.io.plain import plain
 from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
 from treadline.models import write_whole
 from treadline.ports import TruthPlant
-from treadline.scenario import Drive, Scenario, Stair, Start, read_scenario
+from treadline.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
 from treadline.signals import SeatCommand, TrackCommand
 
 CHAIR = "wheelchair"
@@ -118,7 +118,7 @@ def _braked(variation: Variation, slope_deg: float) -> TruthPlant:
     scenario = Scenario(
         stair=Stair(slope_deg=slope_deg, run_m=0.30, steps=30, width_m=2.4),
         start=Start(place="flight", step=22),
-        drive=Drive(check=False),
+        drive=DriveSettings(check=False),
     )
     scenario = variation.scenario(plan.without_images(scenario))
     plant = variation.opener(scenario.chair.model)(scenario, variation.seed)

@@ -1,4 +1,4 @@
-"""Over the crest, with the arm and without: pitch rate, seat error and what the passenger feels.
+"""Over the crest, with the flipper and without: pitch rate, seat error and what the passenger feels.
 
 The crest gets the last nosing's place with an error and a belief of the load; truth only scores.
 """
@@ -19,7 +19,7 @@ from treadline.ports import Truth
 from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 from treadline.seat import Leveller, LevellerConfig
 from treadline.seat.feed_forward import PitchFeedForward
-from treadline.signals import TICK_S, ArmReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
+from treadline.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
 from treadline.sim import MujocoPlant, open_plant
 
 STEPS = 8
@@ -42,9 +42,9 @@ class CrestCase:
     direction: Direction = "up"
     """Up over the crest, or rearwards down over the edge."""
     at: Literal["top", "foot"] = "top"
-    """At the foot nothing is sequenced, and the arm rests: up mounts the flight, down leaves it rearwards."""
+    """At the foot nothing is sequenced, and the flipper rests: up mounts the flight, down leaves it rearwards."""
     speed_m_s: float = 0.1
-    """Of the belts where nothing is sequenced: at the foot, and without an arm."""
+    """Of the belts where nothing is sequenced: at the foot, and without a flipper."""
     slope_deg: float = 28.0
     friction: tuple[float, float] = (0.62, 0.5)
     """Of the belts along and across, on stair, floor and landing alike."""
@@ -61,27 +61,27 @@ class CrestCase:
     gravity_error_deg: float = 0.0
     """Of the IMU's idea of down."""
     keep_m: float | None = None
-    """Of the centre of mass before the edge; far below zero the belts go on whatever the arm does."""
+    """Of the centre of mass before the edge; far below zero the belts go on whatever the flipper does."""
     range_deg: tuple[float, float] | None = None
     torque_n_m: float | None = None
     motor_lost_at_deg: float | None = None
-    """Pitch at which the arm's motor dies."""
+    """Pitch at which the flipper's motor dies."""
     lost_damping_n_m_s_rad: float | None = None
     seed: int = 0
     duration_s: float = 40.0
 
     def description(self) -> ChairDescription:
-        """Return the chair, its arm as this case has it."""
+        """Return the chair, its flipper as this case has it."""
         chair = read_chair(self.chair)
-        if chair.arm is None:
+        if chair.flipper is None:
             return chair
         changes = {
             "range_deg": self.range_deg,
             "torque_n_m": self.torque_n_m,
             "lost_damping_n_m_s_rad": self.lost_damping_n_m_s_rad,
         }
-        arm = chair.arm.model_copy(update={key: value for key, value in changes.items() if value is not None})
-        return chair.model_copy(update={"arm": arm})
+        flipper = chair.flipper.model_copy(update={key: value for key, value in changes.items() if value is not None})
+        return chair.model_copy(update={"flipper": flipper})
 
     def scenario(self) -> Scenario:
         """Return the stair and the start: upwards the front pulley two nosings before the last, or all of it on the floor."""
@@ -113,7 +113,7 @@ class Moment:
 
     truth: Truth
     command: CrestCommand | EdgeCommand | None
-    arm: ArmReading | None
+    flipper: FlipperReading | None
     height_m: float
     """Of the passenger's centre."""
 
@@ -123,7 +123,7 @@ class Crossing:
     """What a crossing came to."""
 
     is_across: bool
-    """Whether the rear has left the last nosing; without an arm, whether the chair lies on the landing."""
+    """Whether the rear has left the last nosing; without a flipper, whether the chair lies on the landing."""
     duration_s: float
     pitch_rate_deg_s: float
     """Largest, whichever way."""
@@ -169,10 +169,10 @@ class _Ride:
 
     def step(self) -> bool:
         """Feel, decide, act; say whether the chair is across."""
-        imu, seat, tracks, arm = _newest(self._plant.read())
+        imu, seat, tracks, flipper = _newest(self._plant.read())
         truth = self._plant.truth()[-1]
-        command = None if arm is None or self._case.at == "foot" else self._sequence(truth).step(imu, arm, tracks)
-        self._moments.append(Moment(truth=truth, command=command, arm=arm, height_m=self._plant.passenger_height_m))
+        command = None if flipper is None or self._case.at == "foot" else self._sequence(truth).step(imu, flipper, tracks)
+        self._moments.append(Moment(truth=truth, command=command, flipper=flipper, height_m=self._plant.passenger_height_m))
         if self._is_across():
             return True
         self._fail(truth)
@@ -182,7 +182,7 @@ class _Ride:
         self._plant.write(
             TrackCommand(t_s=imu.t_s, left_m_s=speed + turn, right_m_s=speed - turn),
             self._feed_forward.step(imu, seat, self._leveller.step(seat)),
-            None if command is None else command.arm,
+            None if command is None else command.flipper,
         )
         return False
 
@@ -235,11 +235,11 @@ class _Ride:
         if lost_deg is None or self._is_lost:
             return
         if truth.pitch_rad < lost_deg * DEG if self._case.direction == "up" else truth.pitch_rad > lost_deg * DEG:
-            self._plant.lose_arm_motor()
+            self._plant.lose_flipper_motor()
             self._is_lost = True
 
 
-def _newest(readings: Sequence[Reading]) -> tuple[ImuSample, SeatReading, TrackReading, ArmReading | None]:
+def _newest(readings: Sequence[Reading]) -> tuple[ImuSample, SeatReading, TrackReading, FlipperReading | None]:
     """Return the newest reading of each kind that the crest needs."""
     newest: dict[type[Reading], Any] = {type(reading): reading for reading in readings}
-    return newest[ImuSample], newest[SeatReading], newest[TrackReading], newest.get(ArmReading)
+    return newest[ImuSample], newest[SeatReading], newest[TrackReading], newest.get(FlipperReading)

@@ -12,7 +12,7 @@ from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, traver
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.models import InputOutputRecord
 from treadline.scenario import Scenario
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.sim import open_plant as open_mujoco
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
@@ -35,7 +35,7 @@ class ExcitationDriver:
         """Time between samples."""
         return self._period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the next random speeds; outputs are read before they act."""
         del plan
         heading = 0.0 if estimate is None else estimate.heading_rad

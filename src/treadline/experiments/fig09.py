@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, Plan, straight
+from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, straight
 from treadline.models import ControllerDesign
 
 KEYS = (
@@ -26,12 +26,12 @@ KEYS = (
 )
 
 
-def open_jobs(plan: Plan, runs: Path) -> list[RunJob]:
+def open_jobs(plan: ReproducePlan, runs: Path) -> list[RunJob]:
     """Return one run per slope that nothing steers."""
     return _jobs(plan, "open", None, runs)
 
 
-def closed_jobs(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
+def closed_jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     """Return one run per slope that the controller steers."""
     return _jobs(plan, "closed", controller, runs)
 
@@ -42,7 +42,7 @@ def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{key: result[key] for key in KEYS} for result in ordered]
 
 
-def _jobs(plan: Plan, loop: str, controller: ControllerDesign | None, runs: Path) -> list[RunJob]:
+def _jobs(plan: ReproducePlan, loop: str, controller: ControllerDesign | None, runs: Path) -> list[RunJob]:
     return [
         RunJob(
             name=f"straight-{slope}-{loop}",

@@ -17,7 +17,7 @@ import numpy as np
 from treadline.experiments import fig09, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, Plan, excitation, without_images
+from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.pool import run_jobs
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
 from treadline.experiments.traverse import Opener
@@ -32,13 +32,13 @@ GROUNDS = (CONTROLLER_GROUND,)
 """The controller's own is enough here."""
 
 
-def job_count(plan: Plan) -> int:
+def job_count(plan: ReproducePlan) -> int:
     """Return how many parts ``reproduce_in_gazebo`` will report as done."""
     drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
     return len(SIMULATORS) * (len(_excitations(plan, Path(), open_mujoco)) + drives)
 
 
-def reproduce_in_gazebo(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
+def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
     """Run both simulators and write ``results.json``; in a folder each also models, ``controller.json`` and ``runs/``.
 
     Returns:
@@ -93,7 +93,7 @@ def summary(values: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: Done) -> dict[str, Any]:
+def _paper_in(plan: ReproducePlan, out: Path, open_plant: Opener, *, workers: int, done: Done) -> dict[str, Any]:
     runs = out / "runs"
     recordings: list[Recording] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
     controller, fig08_by_ground = learn(plan, recordings, out)
@@ -110,7 +110,7 @@ def _paper_in(plan: Plan, out: Path, open_plant: Opener, *, workers: int, done: 
     return values
 
 
-def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
+def _excitations(plan: ReproducePlan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
     return [
         ExciteJob(
             name=f"excite-{ground.name}-seed{seed}",
@@ -126,7 +126,7 @@ def _excitations(plan: Plan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
     ]
 
 
-def _drives(plan: Plan, controller: ControllerDesign, runs: Path, open_plant: Opener) -> list[RunJob]:
+def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: Opener) -> list[RunJob]:
     straight = [*fig09.closed_jobs(plan, controller, runs), *fig09.open_jobs(plan, runs)]
     jobs = [*straight, *table2.jobs(plan, controller, runs, "climb-safe")]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]

@@ -15,7 +15,7 @@ from treadline.angles import DEG
 from treadline.control import lqr_gain
 from treadline.control.reconstruct import static_reconstruction
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, Plan, turn
+from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, ReproducePlan, turn
 from treadline.models import ControllerDesign, LinearModel
 
 
@@ -67,7 +67,7 @@ def facts() -> dict[str, Any]:
     }
 
 
-def job(plan: Plan, runs: Path) -> RunJob:
+def job(plan: ReproducePlan, runs: Path) -> RunJob:
     """Return the run that shows what the recipe does from +30° at 28°, with clipping at the track's limit."""
     scenario = turn(FIG10_SLOPE, 30, plan.turn_s, allocation="paper")
     control = scenario.control.model_copy(update={"reconstruct": "static"})

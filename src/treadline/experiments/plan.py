@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from treadline import paper
 from treadline.experiments.excite import long_enough
-from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 
 SLOPES_DEG = (25, 28, 30)
 STARTS_DEG = (30, -30)
@@ -58,7 +58,7 @@ GROUNDS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class ReproducePlan:
     """How much of the paper is run."""
 
     quick: bool
@@ -73,7 +73,7 @@ class Plan:
     turn_s: float
 
 
-WHOLE = Plan(
+WHOLE = ReproducePlan(
     quick=False,
     slopes_deg=SLOPES_DEG,
     seeds=(0, 1, 2, 3, 4),
@@ -83,7 +83,7 @@ WHOLE = Plan(
     straight_s=paper.FIG9_DURATION_S,
     turn_s=paper.FIG10_DURATION_S,
 )
-QUICK = Plan(
+QUICK = ReproducePlan(
     quick=True,
     slopes_deg=SLOPES_DEG,
     seeds=(0,),
@@ -139,7 +139,7 @@ def _flight(slope_deg: int, *, heading_deg: float, duration_s: float, mismatch: 
         stair=Stair.model_validate({"slope_deg": float(slope_deg), "run_m": 0.30, "width_m": 2.4}),
         chair=Chair(payload_kg=paper.PAYLOAD_KG, belt_mismatch=mismatch),
         start=Start(place="flight", step=6, heading_deg=heading_deg),
-        drive=Drive(speed_m_s=TABLE_SPEED_M_S, duration_s=duration_s),
+        drive=DriveSettings(speed_m_s=TABLE_SPEED_M_S, duration_s=duration_s),
         sensors=Sensors(gravity_error_deg=GRAVITY_ERROR_DEG),
     )
     return long_enough(scenario, duration_s, spare_m=6.0)

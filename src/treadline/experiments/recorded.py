@@ -17,7 +17,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.mechanics.chair import read_chair
-from treadline.mission.config import heading_driver, is_whole
+from treadline.mission.config import heading_driver, is_full_traversal
 from treadline.mission.drivers import Driver
 from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
@@ -51,7 +51,7 @@ def recorded_run(
         TreadlineError: Before anything is written, if the scenario or controller cannot be driven.
     """
     config = mission_config(scenario, controller)
-    whole = is_whole(config, driver) and scenario.drive.check
+    whole = is_full_traversal(config, driver) and scenario.drive.check
     driver = driver or heading_driver(config)
     # A seat that is shifted before the start is part of what is replayed.
     driven = ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario

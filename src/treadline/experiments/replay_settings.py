@@ -29,7 +29,7 @@ from treadline.mission.planner import Cruise
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
 from treadline.perception.camera_file import CameraFile, Pixels
-from treadline.scenario import Control, Drive
+from treadline.scenario import Control, DriveSettings
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
 
@@ -227,7 +227,7 @@ def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
 
 def _meanings(model: type[Settings], before: str = "") -> dict[str, str]:
     """Return what each key means, as the block's own settings, or a scenario's for what a scenario says too, have it."""
-    written = meanings(Control) | meanings(Drive) | meanings(model)
+    written = meanings(Control) | meanings(DriveSettings) | meanings(model)
     told: dict[str, str] = {}
     for name, field in model.model_fields.items():
         if isinstance(field.default, Settings):

@@ -20,7 +20,7 @@ from treadline.experiments.plan import (
     GRAVITY_ERROR_DEG,
     PAPER_FRICTION,
     Ground,
-    Plan,
+    ReproducePlan,
     excitation,
     without_images,
 )
@@ -36,13 +36,13 @@ FIT_SEED, FRESH_SEED = 0, 1
 """Seeds of the recording that is fitted and of the one that judges it."""
 
 
-def job_count(plan: Plan) -> int:
+def job_count(plan: ReproducePlan) -> int:
     """Return how many parts ``reproduce_paper`` will report as done."""
     placeholder = literal.paper_controller(0.2)
     return len(_excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
 
 
-def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
+def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
     """Run everything and write ``results.json``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:
@@ -90,7 +90,7 @@ def reproduce_paper(plan: Plan, out: Path, *, workers: int, done: Done) -> dict[
     return values
 
 
-def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
+def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
     return [
         ExciteJob(
             name=f"excite-{ground.name}-seed{seed}",
@@ -107,7 +107,7 @@ def _excitations(plan: Plan, runs: Path) -> list[ExciteJob]:
     ]
 
 
-def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
+def learn(plan: ReproducePlan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
     """Return the controller tuned on what was identified, and each ground's figures; models and controller are written to files."""
     fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
     figures: dict[Ground, dict[str, Any]] = {}
@@ -126,7 +126,7 @@ def learn(plan: Plan, recordings: list[Recording], out: Path) -> tuple[Controlle
     return controller, figures
 
 
-def _steerless(plan: Plan, out: Path) -> list[Job[dict[str, Any]]]:
+def _steerless(plan: ReproducePlan, out: Path) -> list[Job[dict[str, Any]]]:
     """Return what can be driven before anything is identified: the seat, the stages of a frame, Eq. (14), dead zone, open loops."""
     runs, seed = out / "runs", plan.seeds[0]
     return [
@@ -138,7 +138,7 @@ def _steerless(plan: Plan, out: Path) -> list[Job[dict[str, Any]]]:
     ]
 
 
-def _drives(plan: Plan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
+def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     return [
         *fig09.closed_jobs(plan, controller, runs),  # the longest first: the pool ends level
         *table2.jobs(plan, controller, runs, "climb-safe"),

@@ -13,7 +13,16 @@ import numpy as np
 
 from treadline import paper
 from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, PAPER_FRICTION, STARTS_DEG, Friction, Plan, suffix_of, turn, without_images
+from treadline.experiments.plan import (
+    FIG10_SLOPE,
+    PAPER_FRICTION,
+    STARTS_DEG,
+    Friction,
+    ReproducePlan,
+    suffix_of,
+    turn,
+    without_images,
+)
 from treadline.models import ControllerDesign
 
 PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
@@ -31,7 +40,7 @@ WORST = {
 """Key of a row and the score whose largest value over the seeds it holds."""
 
 
-def jobs(plan: Plan, controller: ControllerDesign, runs: Path, allocation: str) -> list[RunJob]:
+def jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, allocation: str) -> list[RunJob]:
     """Return one job per friction, slope, start and seed."""
     prefix, made = VARIANTS[allocation], []
     for friction, slope, start, seed in itertools.product(plan.frictions, plan.slopes_deg, STARTS_DEG, plan.seeds):

@@ -22,13 +22,13 @@ from treadline.faults import Fault, Message, Process, is_killed, stamp_of
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.verdict import check
-from treadline.mission.config import MissionConfig, build_blocks, is_whole
+from treadline.mission.config import MissionConfig, build_blocks, is_full_traversal
 from treadline.mission.drivers import Driver
 from treadline.mission.loop import Mission, Noted, Signal, Tick
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import TICK_S, Event, Plan, StairMap
+from treadline.signals import TICK_S, Event, MotionPlan, StairMap
 from treadline.sim import open_plant as open_mujoco
 from treadline.sim.faults import faulty
 
@@ -39,7 +39,7 @@ FALLEN_SLIDE_M = 0.5
 SEAT_SHIFT_M = 0.10
 """How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
 
-MESSAGES = {StairMap: Message.MAP, Plan: Message.PLAN, HeadingHealth: Message.HEALTH}
+MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
 Opener = Callable[[Scenario, int], TruthPlant]
 """Makes a scenario's plant from a seed."""
 Sink = Callable[[Signal | Truth], None]
@@ -96,10 +96,10 @@ class _Ending:
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
         if above > FALLEN_RAD:
             return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
-        slid_m = self._slide.update(truth)
-        return ("fell", f"slid {slid_m:.2f} m down the flight by {truth.t_s:.2f} s") if slid_m > FALLEN_SLIDE_M else None
+        roll_back_m = self._slide.update(truth)
+        return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
 
-    def verdict(self, truth: Truth, plan: Plan, holding: str | None) -> tuple[str, str | None] | None:
+    def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
         fallen = self.fall(truth)
         if fallen is not None:
             return fallen
@@ -170,7 +170,7 @@ def refusals(scenario: Scenario, controller: ControllerDesign | None) -> list[st
     report = check(scenario, chair)
     if not scenario.drive.check or report.verdict == "go":
         return []
-    is_mended = is_whole(mission_config(scenario, controller), None) and ready(scenario, chair)[1] is None
+    is_mended = is_full_traversal(mission_config(scenario, controller), None) and ready(scenario, chair)[1] is None
     return [] if is_mended else list(report.reasons)
 
 
@@ -196,7 +196,7 @@ def traverse(
     """
     config = mission_config(scenario, controller)
     shifted = refusal = None
-    if is_whole(config, driver) and scenario.drive.check:
+    if is_full_traversal(config, driver) and scenario.drive.check:
         scenario, refusal, shifted = ready(scenario, read_chair(scenario.chair.model))
         config = mission_config(scenario, controller)
     blocks = build_blocks(config, driver)

@@ -45,11 +45,11 @@ class GazeboPlant(InstrumentedPlant):
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
-        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5], link=streams[6])
+        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
         self._server: server.GazeboServer | None = None
         self._tick = 0
-        self._arm_rad = 0.0
+        self._flipper_rad = 0.0
         self._began_s = 0.0
         self._row = np.zeros(server.COLUMNS)
         self._pending: list[ChairState] = []
@@ -62,8 +62,8 @@ class GazeboPlant(InstrumentedPlant):
         """
         self.close()
         self._server = server.GazeboServer(self._environment, self._world, port=self._port)
-        self._arm_rad = self._chair.tracks.approach_angle_deg * DEG
-        self._drives.rest(standing(self.staircase, self._chair.tracks, self._scenario.start).seat_rad, self._arm_rad)
+        self._flipper_rad = self._chair.tracks.approach_angle_deg * DEG
+        self._drives.rest(standing(self.staircase, self._chair.tracks, self._scenario.start).seat_rad, self._flipper_rad)
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
         self._drives.command[:] = 0.0
@@ -101,12 +101,12 @@ class GazeboPlant(InstrumentedPlant):
     def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
         if self._server is None:
             raise SettingsError("the Gazebo plant was not started; call start() first")
-        self._drives.act(self._arm_rad)
+        self._drives.act(self._flipper_rad)
         state = self._drives.state
         left, right = self._drives.belts_m_s
-        seat_rad, arm_rad, arm_rate = state[kernels.SEAT_ANGLE], state[kernels.ARM_TARGET], state[kernels.ARM_RATE]
-        row = self._server.step(np.array([STEPS, left, right, seat_rad, arm_rad, arm_rate, *friction]))
-        self._arm_rad = float(row[server.ARM])
+        seat_rad, flipper_rad, flipper_rate = state[kernels.SEAT_ANGLE], state[kernels.FLIPPER_TARGET], state[kernels.FLIPPER_RATE]
+        row = self._server.step(np.array([STEPS, left, right, seat_rad, flipper_rad, flipper_rate, *friction]))
+        self._flipper_rad = float(row[server.FLIPPER])
         return row
 
     def _check(self, row: Float[np.ndarray, " 22"]) -> None:
@@ -134,8 +134,8 @@ class GazeboPlant(InstrumentedPlant):
             stroke_m=float(self._drives.state[kernels.STROKE]),
             belts_m_s=self._drives.belts_m_s,
             brake_on=bool(self._drives.state[kernels.BRAKED] > 0.5),
-            arm_rad=float(row[server.ARM]),
-            arm_torque_n_m=float(row[server.ARM_TORQUE]),
+            flipper_rad=float(row[server.FLIPPER]),
+            flipper_torque_n_m=float(row[server.FLIPPER_TORQUE]),
             reach_m=row[server.REACH : server.REACH + 4],
         )
 

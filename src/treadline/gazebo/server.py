@@ -25,7 +25,7 @@ from treadline.processes import killed_with_starter
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
 """Doubles in an order and in an answer: as in ``ros/gazebo/lockstep.cc``."""
-T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, ARM, ARM_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
+T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, FLIPPER, FLIPPER_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
 """In which a world must be loaded, on a machine that does other things too."""

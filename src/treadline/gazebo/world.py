@@ -34,8 +34,8 @@ def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: flo
     for side in ("left", "right"):
         # Both belts are parts of the same bodies; the plugin tells them apart by the names of their shapes.
         child(element, f"{side}_track", "chair")
-        if chair.arm is not None:
-            child(element, f"{side}_flipper", "arm")
+        if chair.flipper is not None:
+            child(element, f"{side}_flipper", "flipper")
     child(element, "tracks_separation", text(chair.tracks.gauge_m))
     # Table I: 3.07 rad/s at ±1 m/s are the belts' difference over the gauge.
     child(element, "steering_efficiency", "1")
@@ -45,8 +45,8 @@ def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: flo
     child(element, "track_mu", "1")
     child(element, "track_mu2", "1")
     child(element, "seat_start", text(seat_rad))
-    if chair.arm is not None:
-        child(element, "arm_start", text(chair.tracks.approach_angle_deg * DEG))
-        child(element, "arm_torque", text(chair.arm.torque_n_m))
+    if chair.flipper is not None:
+        child(element, "flipper_start", text(chair.tracks.approach_angle_deg * DEG))
+        child(element, "flipper_torque", text(chair.flipper.torque_n_m))
     child(element, "port", str(port))
     return tostring(element, encoding="unicode")

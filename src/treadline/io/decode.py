@@ -17,17 +17,17 @@ from treadline.io.cdr import HEADER, seconds_of
 from treadline.io.messages import TRUTH_NAMES
 from treadline.ports import Truth
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
     Phase,
     PinholeCamera,
-    Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
@@ -285,15 +285,15 @@ def _track_reading(r: CdrReader) -> TrackReading:
     return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=brake)
 
 
-def _arm_command(r: CdrReader) -> ArmCommand:
+def _flipper_command(r: CdrReader) -> FlipperCommand:
     t_s, _, _, rates = _joints(r)
-    return ArmCommand(t_s=t_s, rate_rad_s=_counted(rates, 1)[0])
+    return FlipperCommand(t_s=t_s, rate_rad_s=_counted(rates, 1)[0])
 
 
-def _arm_reading(r: CdrReader) -> ArmReading:
+def _flipper_reading(r: CdrReader) -> FlipperReading:
     t_s, _, places, _ = _joints(r)
     angle, torque = _counted(places, 2)
-    return ArmReading(t_s=t_s, angle_rad=angle, torque_n_m=torque)
+    return FlipperReading(t_s=t_s, angle_rad=angle, torque_n_m=torque)
 
 
 def _seat_command(r: CdrReader) -> SeatCommand:
@@ -345,19 +345,23 @@ def _quality(r: CdrReader) -> FrameQuality:
     )
 
 
-def _plan(r: CdrReader) -> Plan:
+def _plan(r: CdrReader) -> MotionPlan:
     told = status(r)
     values = told.values
-    arm = ArmCommand(t_s=float(values["arm_t_s"]), rate_rad_s=float(values["arm_rad_s"])) if "arm_t_s" in values else None
-    return Plan(
+    flipper = (
+        FlipperCommand(t_s=float(values["flipper_t_s"]), rate_rad_s=float(values["flipper_rad_s"]))
+        if "flipper_t_s" in values
+        else None
+    )
+    return MotionPlan(
         t_s=told.t_s,
         phase=one_of(Phase, told.name),
         speed_m_s=float(values["speed_m_s"]),
         turn_m_s=float(values["turn_m_s"]) if "turn_m_s" in values else None,
         heading_rad=float(values["heading_rad"]),
-        slowest_share=float(values["slowest_share"]) if "slowest_share" in values else None,
-        easing_m_s=float(values.get("easing_m_s", 0.0)),
-        arm=arm,
+        min_inner_speed_ratio=float(values["min_inner_speed_ratio"]) if "min_inner_speed_ratio" in values else None,
+        pitch_feedforward_m_s=float(values.get("pitch_feedforward_m_s", 0.0)),
+        flipper=flipper,
         needs_stair=values["needs_stair"] == "True",
         cause=told.message,
         hold=values.get("hold"),
@@ -391,8 +395,10 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/tracks/state": (JOINTS, _track_reading),
     "/seat/cmd": (JOINTS, _seat_command),
     "/seat/state": (JOINTS, _seat_reading),
-    "/arm/cmd": (JOINTS, _arm_command),
-    "/arm/state": (JOINTS, _arm_reading),
+    "/flipper/cmd": (JOINTS, _flipper_command),
+    "/flipper/state": (JOINTS, _flipper_reading),
+    "/arm/cmd": (JOINTS, _flipper_command),  # logs of release 0.1
+    "/arm/state": (JOINTS, _flipper_reading),
     "/operator": (JOINTS, _operator),
     "/stair/heading/detail": (JOINTS, _estimate),
     HEADINGS: (JOINTS, _measurement),

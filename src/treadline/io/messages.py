@@ -15,15 +15,15 @@ import numpy as np
 from treadline.io.cdr import CdrWriter
 from treadline.ports import Truth
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
-    Plan,
     RgbdFrame,
     SeatCommand,
     SeatReading,
@@ -239,10 +239,10 @@ def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]
     return [joints(topic, quality.t_s, tuple(values), tuple(values.values()), (), "camera", writer)]
 
 
-def _plan(plan: Plan, topic: str, writer: Writer) -> list[Message]:
+def _plan(plan: MotionPlan, topic: str, writer: Writer) -> list[Message]:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
-    numbers |= {"slowest_share": plan.slowest_share, "easing_m_s": plan.easing_m_s}
-    numbers |= {} if plan.arm is None else {"arm_t_s": plan.arm.t_s, "arm_rad_s": plan.arm.rate_rad_s}
+    numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
+    numbers |= {} if plan.flipper is None else {"flipper_t_s": plan.flipper.t_s, "flipper_rad_s": plan.flipper.rate_rad_s}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
     values |= {"needs_stair": str(plan.needs_stair)} | ({} if plan.hold is None else {"hold": plan.hold})
     return [status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair", writer)]
@@ -316,7 +316,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = 
     HeadingMeasurement: ("/stair/heading_measured", _measurement),
     HeadingEstimate: ("/stair/heading", _estimate),
     StairMap: ("/stair/map", _stair_map),
-    Plan: ("/plan", _plan),
+    MotionPlan: ("/plan", _plan),
     Event: ("/diagnostics", _event),
     Truth: ("/truth", _truth),
     TrackCommand: ("/tracks/cmd", lambda s, t, w: _tracks(t, s.t_s, (s.left_m_s, s.right_m_s), brake=s.brake, writer=w)),
@@ -326,9 +326,9 @@ _WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = 
         "/seat/state",
         lambda s, t, w: [joints(t, s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair", w)],
     ),
-    ArmCommand: ("/arm/cmd", lambda s, t, w: [joints(t, s.t_s, ("arm",), (), (s.rate_rad_s,), "chair", w)]),
-    ArmReading: (
-        "/arm/state",
+    FlipperCommand: ("/flipper/cmd", lambda s, t, w: [joints(t, s.t_s, ("flipper",), (), (s.rate_rad_s,), "chair", w)]),
+    FlipperReading: (
+        "/flipper/state",
         lambda s, t, w: [joints(t, s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair", w)],
     ),
     OperatorInput: ("/operator", _operator),

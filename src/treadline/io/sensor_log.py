@@ -21,8 +21,8 @@ from treadline.io.log_frames import Calibrate, Frames, as_logged
 from treadline.io.mcap_read import BROKEN
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
 from treadline.signals import (
-    ArmReading,
     Event,
+    FlipperReading,
     FrameQuality,
     HeadingMeasurement,
     ImuSample,
@@ -41,7 +41,15 @@ EVENTS_MAX = 20
 """Of one kind on one topic; the rest is only counted."""
 
 Sensor = (
-    RgbdFrame | ImuSample | SeatReading | TrackReading | ArmReading | HeadingMeasurement | StairMap | FrameQuality | OperatorInput
+    RgbdFrame
+    | ImuSample
+    | SeatReading
+    | TrackReading
+    | FlipperReading
+    | HeadingMeasurement
+    | StairMap
+    | FrameQuality
+    | OperatorInput
 )
 
 

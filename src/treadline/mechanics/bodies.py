@@ -1,7 +1,7 @@
 """Chair and stair as rigid bodies: the one description from which MJCF, URDF and SDF are written.
 
 ``ChairDescription, Chair -> Vehicle``; ``Staircase -> Solid``. The vehicle is a tree: the chassis, whose frame is B, and on it the
-seat and, where the front section is driven, the arm. All joints stand at zero: the seat level with the chassis, the arm in line
+seat and, where the flipper is driven, the flipper. All joints stand at zero: the seat level with the chassis, the flipper in line
 with the flat run.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_y, rotation_z
-from treadline.mechanics.chair import Arm, ChairDescription, Point, Tracks
+from treadline.mechanics.chair import ChairDescription, Flipper, Point, Tracks
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.stability import payload_com, seat_mass_kg
 from treadline.mechanics.staircase import Box, Staircase, Step
@@ -79,12 +79,12 @@ class Vehicle:
     name: str
     chassis: Body
     seat: Body
-    arm: Body | None
+    flipper: Body | None
 
     @property
     def turning(self) -> tuple[tuple[Body, Hinge], ...]:
-        """The bodies on hinges: the seat, and the arm if there is one."""
-        hung = (self.seat,) if self.arm is None else (self.seat, self.arm)
+        """The bodies on hinges: the seat, and the flipper if there is one."""
+        hung = (self.seat,) if self.flipper is None else (self.seat, self.flipper)
         return tuple((body, body.hinge) for body in hung if body.hinge is not None)
 
     @property
@@ -95,8 +95,8 @@ class Vehicle:
 
 def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
     """Return a chair and what sits on it as bodies."""
-    arm = None if chair.arm is None else _arm(chair.tracks, chair.arm)
-    return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), arm=arm)
+    flipper = None if chair.flipper is None else _flipper(chair.tracks, chair.flipper)
+    return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flipper=flipper)
 
 
 def _chassis(chair: ChairDescription) -> Body:
@@ -136,20 +136,20 @@ def _seat(chair: ChairDescription, loading: Chair) -> Body:
     )
 
 
-def _arm(tracks: Tracks, arm: Arm) -> Body:
+def _flipper(tracks: Tracks, flipper: Flipper) -> Body:
     """Return the approach section of both belts as one body that turns about the front pulleys' axis."""
-    low, high = (math.radians(angle) for angle in arm.range_deg)
-    across = arm.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
-    along = arm.mass_kg * tracks.approach_m**2 / 12.0
-    rate_rad_s = math.radians(arm.max_rate_deg_s)
+    low, high = (math.radians(angle) for angle in flipper.range_deg)
+    across = flipper.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
+    along = flipper.mass_kg * tracks.approach_m**2 / 12.0
+    rate_rad_s = math.radians(flipper.max_rate_deg_s)
     return Body(
-        name="arm",
+        name="flipper",
         parent="chair",
         origin_m=(0.5 * tracks.flat_run_m, 0.0, tracks.pulley_radius_m),
-        mass_kg=arm.mass_kg,
+        mass_kg=flipper.mass_kg,
         com_m=(0.5 * tracks.approach_m, 0.0, 0.0),
         inertia=(across, along, across + along),
-        hinge=Hinge(axis=(0.0, -1.0, 0.0), range_rad=(low, high), max_rate_rad_s=rate_rad_s, torque_n_m=arm.torque_n_m),
+        hinge=Hinge(axis=(0.0, -1.0, 0.0), range_rad=(low, high), max_rate_rad_s=rate_rad_s, torque_n_m=flipper.torque_n_m),
         shapes=tuple(shape for side, y_m in sides(tracks) for shape in _section(tracks, side, y_m)),
     )
 
@@ -194,11 +194,11 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
         nose_up_rad=angle,
         belt=side,
     )
-    return [rear, front, nose, flat, approach] if chair.arm is None else [rear, front, flat]
+    return [rear, front, nose, flat, approach] if chair.flipper is None else [rear, front, flat]
 
 
 def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
-    """Return a belt's part on the arm."""
+    """Return a belt's part on the flipper."""
     length, half_width = tracks.approach_m, 0.5 * tracks.belt_width_m
     approach = Shape(
         name=f"{side}_approach",
@@ -227,7 +227,7 @@ def _half(size_m: tuple[float, float, float]) -> Point:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nosing:
+class NosingGeometry:
     """The rounded front edge of a step: a round bar between two ends."""
 
     index: int
@@ -241,7 +241,7 @@ class Solid:
     """One box of the stair as it is stood on, and the bar that rounds it off; floors and walls have none."""
 
     box: Box
-    nosing: Nosing | None = None
+    nosing: NosingGeometry | None = None
 
 
 def solids(staircase: Staircase) -> tuple[Solid, ...]:
@@ -266,7 +266,7 @@ def _solid(box: Box, radius: float) -> Solid:
     left = (start[0] - across[0], start[1] - across[1], start[2])
     right = (start[0] + across[0], start[1] + across[1], start[2])
     behind = replace(box, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz))
-    return Solid(box=behind, nosing=Nosing(index=box.index, left_W=left, right_W=right, radius_m=r))
+    return Solid(box=behind, nosing=NosingGeometry(index=box.index, left_W=left, right_W=right, radius_m=r))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

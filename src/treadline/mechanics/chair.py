@@ -4,7 +4,8 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -36,7 +37,7 @@ def _above_zero(torque_n_m: float) -> float:
     if torque_n_m <= 0.0:
         raise ValueError(
             f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
-            "torque is no [arm] at all"
+            "torque is no [flipper] at all"
         )
     return torque_n_m
 
@@ -152,10 +153,10 @@ class Battery(Settings):
     capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
 
 
-class Arm(Settings):
+class Flipper(Settings):
     """A motor on the front pulley's axis that turns the approach section: a variable angle of attack.
 
-    The section stays where ``tracks`` puts it: ``approach_m`` is the arm's length, ``approach_angle_deg`` where it rests.
+    The section stays where ``tracks`` puts it: ``approach_m`` is the flipper's length, ``approach_angle_deg`` where it rests.
     """
 
     range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
@@ -178,7 +179,7 @@ class Rating(Settings):
     payload_kg: Mass
     """Heaviest load on any flight."""
     steep_payload_kg: Mass
-    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the arm's motor lifts with all it has."""
+    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with all it has."""
     steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
@@ -194,6 +195,8 @@ class CameraMount(Settings):
 class ChairDescription(Settings):
     """A tracked chair: all that its maker knows about it."""
 
+    renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
+
     name: str
     tracks: Tracks
     masses: Masses
@@ -204,7 +207,7 @@ class ChairDescription(Settings):
     """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
     rating: Rating | None = None
     """None: whatever mechanics allow."""
-    arm: Arm | None = None
+    flipper: Flipper | None = None
     """None: the approach section is fixed."""
     motor: Motor | None = None
     """Of each belt. None: belts follow their speeds at any load."""
@@ -225,11 +228,14 @@ class ChairDescription(Settings):
         return self
 
     @model_validator(mode="after")
-    def _the_arm_rests_within_its_range(self) -> "ChairDescription":
-        if self.arm is not None and not self.arm.range_deg[0] <= self.tracks.approach_angle_deg <= self.arm.range_deg[1]:
-            low, high = self.arm.range_deg
+    def _the_flipper_rests_within_its_range(self) -> "ChairDescription":
+        if (
+            self.flipper is not None
+            and not self.flipper.range_deg[0] <= self.tracks.approach_angle_deg <= self.flipper.range_deg[1]
+        ):
+            low, high = self.flipper.range_deg
             raise ValueError(
-                f"tracks.approach_angle_deg is {self.tracks.approach_angle_deg:g}, where the arm rests; arm.range_deg is "
+                f"tracks.approach_angle_deg is {self.tracks.approach_angle_deg:g}, where the flipper rests; flipper.range_deg is "
                 f"{low:g} to {high:g}"
             )
         return self
@@ -272,8 +278,8 @@ class ChairDescription(Settings):
 
     @property
     def reach_m(self) -> float:
-        """From mid-track to the foremost part of the tracks: the nose, or the end of an arm that is laid in line with the belts."""
-        end_m = self.nose_m[0] if self.arm is None else 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
+        """Distance from mid-track to the foremost part of the tracks [m]: nose, or tip of a flipper in line with the belts."""
+        end_m = self.nose_m[0] if self.flipper is None else 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
         return end_m + self.tracks.pulley_radius_m
 
     @property

@@ -27,8 +27,8 @@ class Loading:
     @property
     def weight_n(self) -> float:
         """Of chair and payload."""
-        arm_kg = 0.0 if self.chair.arm is None else self.chair.arm.mass_kg
-        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + arm_kg + self.seat_kg)
+        flipper_kg = 0.0 if self.chair.flipper is None else self.chair.flipper.mass_kg
+        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + flipper_kg + self.seat_kg)
 
 
 def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
@@ -36,11 +36,11 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
     chair, c, s = loading.chair, math.cos(pitch_rad), math.sin(pitch_rad)
     (hx, _, hz), (px, _, pz) = chair.seat.hinge_m, chair.seat.payload_com_m
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
-    # The arm reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
-    arm, pivot = 0.0 if chair.arm is None else chair.arm.mass_kg, 0.5 * chair.tracks.flat_run_m
-    total = chassis + arm + loading.seat_kg
-    x = (chassis * cx + arm * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
-    z = (chassis * cz + arm * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
+    # The flipper reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
+    flipper, pivot = 0.0 if chair.flipper is None else chair.flipper.mass_kg, 0.5 * chair.tracks.flat_run_m
+    total = chassis + flipper + loading.seat_kg
+    x = (chassis * cx + flipper * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
+    z = (chassis * cz + flipper * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
     return x + loading.com_error_m, z
 
 

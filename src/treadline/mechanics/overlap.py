@@ -52,14 +52,14 @@ class Overlap:
     depth_m: float
 
 
-def placed_parts(chair: Vehicle, start: Standing, arm_rad: float) -> tuple[PlacedPart, ...]:
+def placed_parts(chair: Vehicle, start: Standing, flipper_rad: float) -> tuple[PlacedPart, ...]:
     """Return the chair's shapes where it is put down."""
-    return tuple(_placed(chair, start, arm_rad))
+    return tuple(_placed(chair, start, flipper_rad))
 
 
-def _placed(chair: Vehicle, start: Standing, arm_rad: float) -> Iterator[PlacedPart]:
+def _placed(chair: Vehicle, start: Standing, flipper_rad: float) -> Iterator[PlacedPart]:
     for body in chair.bodies:
-        R_BK = _joint(body, start, arm_rad)
+        R_BK = _joint(body, start, flipper_rad)
         for shape in body.shapes:
             centre_B = np.array(body.origin_m) + R_BK @ np.array(shape.centre_m)
             yield PlacedPart(
@@ -71,9 +71,9 @@ def _placed(chair: Vehicle, start: Standing, arm_rad: float) -> Iterator[PlacedP
             )
 
 
-def _joint(body: Body, start: Standing, arm_rad: float) -> Float[np.ndarray, "3 3"]:
+def _joint(body: Body, start: Standing, flipper_rad: float) -> Float[np.ndarray, "3 3"]:
     """Return how a body is turned against the chassis."""
-    return {"seat": rotation_y(start.seat_rad), "arm": rotation_y(-arm_rad)}.get(body.name, np.eye(3))
+    return {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}.get(body.name, np.eye(3))
 
 
 def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Overlap | None:

@@ -2,7 +2,7 @@
 
 import math
 
-from treadline.mechanics.chair import EMPTY_SEAT_KG, Arm, ChairDescription, Point
+from treadline.mechanics.chair import EMPTY_SEAT_KG, ChairDescription, Flipper, Point
 from treadline.mechanics.tipping import Margins, tipping_margins, worst_support
 from treadline.scenario import Chair
 
@@ -26,17 +26,17 @@ def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float
     return (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
 
 
-def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, arm_angle_rad: float | None = None) -> Point:
+def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, flipper_angle_rad: float | None = None) -> Point:
     """Return the centre of mass of chair and payload in B, the seat turned forward by an angle.
 
     Args:
-        arm_angle_rad: Of the front section, where it is an arm; None where it rests.
+        flipper_angle_rad: Of the flipper, where it is a flipper; None where it rests.
     """
     seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
     payload = payload_place(chair, loading, seat_angle_rad)
     chassis = chair.masses.chassis_com_m
-    if chair.arm is not None:
-        chassis_kg, chassis = _with_arm(chair, chair.arm, arm_angle_rad)
+    if chair.flipper is not None:
+        chassis_kg, chassis = _with_flipper(chair, chair.flipper, flipper_angle_rad)
     total = chassis_kg + seat_kg
     return (
         (chassis_kg * chassis[0] + seat_kg * payload[0]) / total,
@@ -45,18 +45,18 @@ def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: floa
     )
 
 
-def _with_arm(chair: ChairDescription, arm: Arm, angle_rad: float | None) -> tuple[float, Point]:
-    """Return mass and centre of chassis and arm together."""
+def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | None) -> tuple[float, Point]:
+    """Return mass and centre of chassis and flipper together."""
     tracks, (x, y, z), chassis_kg = chair.tracks, chair.masses.chassis_com_m, chair.masses.chassis_kg
     angle = math.radians(tracks.approach_angle_deg) if angle_rad is None else angle_rad
     out = 0.5 * tracks.approach_m
-    arm_x = 0.5 * tracks.flat_run_m + out * math.cos(angle)
-    arm_z = tracks.pulley_radius_m + out * math.sin(angle)
-    total = chassis_kg + arm.mass_kg
+    flipper_x = 0.5 * tracks.flat_run_m + out * math.cos(angle)
+    flipper_z = tracks.pulley_radius_m + out * math.sin(angle)
+    total = chassis_kg + flipper.mass_kg
     return total, (
-        (chassis_kg * x + arm.mass_kg * arm_x) / total,
+        (chassis_kg * x + flipper.mass_kg * flipper_x) / total,
         chassis_kg * y / total,
-        (chassis_kg * z + arm.mass_kg * arm_z) / total,
+        (chassis_kg * z + flipper.mass_kg * flipper_z) / total,
     )
 
 

@@ -22,7 +22,7 @@ TREAD_THICKNESS_M = 0.04
 """Of an open-riser tread."""
 WALL_HEIGHT_M = 2.2
 STOREY_M = 0.3
-"""Height above or below a flight within which a chair may still be on it: more than a pulley and its arm lift it."""
+"""Height above or below a flight within which a chair may still be on it: more than a pulley and its flipper lift it."""
 FLOOR_LENGTH_M = 6.0
 """Of floor before the first step."""
 

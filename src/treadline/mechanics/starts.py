@@ -17,7 +17,7 @@ SUNK_M = 0.01
 """How deep a part may start in the floor or the stair: the second before t = 0 lifts it out."""
 EDGE_ROUNDING_M = 1e-6
 """Distance over an edge that is rounding."""
-PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the front section", "approach": "the front section"}
+PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
 """Shapes of the chair in words; the rest are belts."""
 
 

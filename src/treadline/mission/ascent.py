@@ -1,28 +1,28 @@
 """A traversal up: find the stair, turn square, approach, mount, test the traction, climb, cross the crest, land.
 
 Paper: Section II.A (the track on the stair, the variable angle of attack); the phases are ours. Each phase ends by what the
-camera, the IMU, the belts and the arm's motor tell; its cause is in the plan and so in the log.
+camera, the IMU, the belts and the flipper's motor tell; its cause is in the plan and so in the log.
 """
 
 import math
 from dataclasses import dataclass, field, replace
 
 from treadline.angles import DEG
-from treadline.control.allocate import min_inner_speed_ratio
-from treadline.control.arm import OVER_BELTS_RAD
+from treadline.control.allocate import inner_speed_ratio
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
+from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.mission.entry import refusal_of
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
-from treadline.signals import HeadingEstimate, ImuSample, Phase, Plan, TrackReading
+from treadline.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading left alone over the crest, and half the belts' difference per heading beyond. Nothing but the gyro tells it there, and
 one that drifts by 1 °/s would lead the chair along; yet on a single nosing the chair swings round by itself. Six seconds of drift
 cost 6.3° with nothing left alone, 5.0° so; with a sound gyro it is askew by 2.9° at most instead of 2.1° (28, 30°; six runs)."""
 LOSES_GRIP_M_S = 0.012
-"""Of slip, from which on the front section goes after a fall no more: so low, its tip meets the next nosing as a step. With
+"""Of slip, from which on the flipper goes after a fall no more: so low, its tip meets the next nosing as a step. With
 friction of 1.1·tan β 15 of 59 chairs slid for it."""
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing any more."""
@@ -35,7 +35,7 @@ class AscentConfig(TraversalConfig):
     slow_from_m: float = 0.35
     """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
     idle_rad: float = 6.0 * DEG
-    """Of the front section off what is asked of it before the belts touch the stair: no way up begins that could not end over the
+    """Of the flipper off what is asked of it before the belts touch the stair: no way up begins that could not end over the
     crest."""
     mount_from_m: float = 0.22
     touched_rad: float = 4.0 * DEG
@@ -84,17 +84,17 @@ class Ascent(Traversal):
         super()._face_flight()
         self._crest: Crest | None = None
         self._is_climbing = True
-        """Whether the crest's sequencer has never yet lowered its arm."""
+        """Whether the crest's sequencer has never yet lowered its flipper."""
         self._slipped = False
         """Whether the belts have, on this flight, under a chair that did not turn."""
 
-    def feel(self, signal: Felt) -> None:
+    def update(self, signal: Felt) -> None:
         """Take one signal."""
-        super().feel(signal)
+        super().update(signal)
         if self._traction is not None and isinstance(signal, ImuSample | TrackReading):
-            self._traction.feel(signal)
+            self._traction.update(signal)
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return what to do now."""
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
@@ -114,12 +114,12 @@ class Ascent(Traversal):
             case _:
                 return self._stand(t_s, needs_stair=False)
 
-    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if estimate is not None and where.map_count:
                 if not self._is_laid(t_s, estimate):
-                    return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
+                    return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
                 self._begin(t_s, "climb", self._on_a_flight)
                 return self._climb(t_s, estimate)
             return self._stand(t_s)
@@ -129,7 +129,7 @@ class Ascent(Traversal):
             return self._look_on(t_s, estimate)
         return self._sweep(t_s, "no stair in view, to neither side")
 
-    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         if estimate is None:
             return self._stand(t_s)
         if self._level.is_square(estimate, t_s):
@@ -145,7 +145,7 @@ class Ascent(Traversal):
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
-    def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if (stops := self._missing() or self._stuck() or self._narrow() or self._idle(t_s)) is not None:
             return self._stand(t_s, stops)
@@ -168,22 +168,22 @@ class Ascent(Traversal):
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         turn = self._level.keep(estimate, self._aside())
-        return self._plan(t_s, speed, turn_m_s=turn, arm=self._front.to(t_s, self._mounting_rad))
+        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._front.to(t_s, self._mounting_rad))
 
     def _idle(self, t_s: float) -> str | None:
-        """Return that the front section, the belts on the floor, is not where it is asked; re-armed, it has another try."""
-        if self._arm is None or self._where.pitch_rad > self._config.touched_rad:
+        """Return that the flipper, the belts on the floor, is not where it is asked; re-armed, it has another try."""
+        if self._flipper is None or self._where.pitch_rad > self._config.touched_rad:
             return None
-        stands, asked = self._arm.angle_rad, self._mounting_rad
+        stands, asked = self._flipper.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
         if not self._front.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
-        return f"the front section {seen}: it would not carry the chair"
+        return f"the flipper {seen}: it would not carry the chair"
 
     @property
     def _mounting_rad(self) -> float:
-        """The arm's angle at which its tip clears the next step: the more the chair is pitched, the less is left to clear."""
+        """The flipper's angle at which its tip clears the next step: the more the chair is pitched, the less is left to clear."""
         left = 1.0 - self._where.pitch_rad / max(self._where.slope_rad, LEVEL_RAD)
         return max(self._stepping_rad * min(left, 1.0), OVER_BELTS_RAD)
 
@@ -192,10 +192,10 @@ class Ascent(Traversal):
         slope, radius = self._where.slope_rad, self._config.chair.tracks.pulley_radius_m
         return self._where.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - self._pivot_m
 
-    def _test_traction(self, t_s: float, test: TractionTest) -> Plan:
+    def _test_traction(self, t_s: float, test: TractionTest) -> MotionPlan:
         if not test.over:
             # In line with the belts: it carries nothing yet, and is where it rides before the first fall from a high nosing.
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, arm=self._front.to(t_s, 0.0))
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._front.to(t_s, 0.0))
         if not test.holds and self._pulses < self._config.pulses:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
@@ -214,7 +214,7 @@ class Ascent(Traversal):
         gap = self._gap(1.0)
         return None if gap is None or gap[0] > self._config.gap_m else missing_step(gap, "front")
 
-    def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if (missing := self._missing()) is not None:
             return self._stand(t_s, missing)
@@ -228,23 +228,23 @@ class Ascent(Traversal):
             self._end = f"end of the flight, {seen}"
         elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
             self._crest = None  # a nosing came into view beyond what was taken for the last
-        if self._crest is None or self._imu is None or self._arm is None or self._tracks is None:
+        if self._crest is None or self._imu is None or self._flipper is None or self._tracks is None:
             return self._on_the_flight(t_s, estimate)
         if top is not None and where.top_ends:
             self._crest.nosing_seen(top)
-        command = self._crest.step(self._imu, self._arm, self._tracks)
+        command = self._crest.step(self._imu, self._flipper, self._tracks)
         return self._follow(t_s, command, estimate)
 
-    def _on_the_flight(self, t_s: float, estimate: HeadingEstimate | None, *, needs_stair: bool = True) -> Plan:
+    def _on_the_flight(self, t_s: float, estimate: HeadingEstimate | None, *, needs_stair: bool = True) -> MotionPlan:
         aim_rad = self._aside()
         return self._plan(
             t_s,
             self._config.cruise_m_s,
             turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
             heading_rad=aim_rad,
-            slowest_share=None if estimate is None else min_inner_speed_ratio(estimate.heading_rad - aim_rad),
-            easing_m_s=self._ease(t_s, estimate, aim_rad),
-            arm=self._lie(t_s, estimate, aim_rad),
+            min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
+            pitch_feedforward_m_s=self._ease(t_s, estimate, aim_rad),
+            flipper=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
 
@@ -252,7 +252,7 @@ class Ascent(Traversal):
         self._slipped |= self._where.slip_m_s(t_s) > LOSES_GRIP_M_S
         return not self._slipped
 
-    def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> Plan:
+    def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> MotionPlan:
         self._is_climbing = self._is_climbing and command.stage in ("climb", "slow")
         match command.stage:
             case "climb":
@@ -261,8 +261,10 @@ class Ascent(Traversal):
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
                 turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._ease(t_s, estimate)
-                arm = self._lie(t_s, estimate)
-                return self._plan(t_s, command.speed_m_s, turn_m_s=turn, easing_m_s=easing, arm=arm, needs_stair=False)
+                flipper = self._lie(t_s, estimate)
+                return self._plan(
+                    t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=False
+                )
             case "land" | "done":
                 phase: Phase = "land"
             case _:
@@ -282,9 +284,9 @@ class Ascent(Traversal):
         turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
         # Until the tip carries, nothing but the belts eases the fall of a chair that rocks on its nosings as it stops.
         speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage == "reach")
-        return self._plan(t_s, speed, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
+        return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
-    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Drive on over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if where.travel_m > config.look_m or where.pitch_rad > config.touched_rad:
@@ -296,12 +298,12 @@ class Ascent(Traversal):
         """Travel from the landing's first contact to where the chair is clear of the last nosing, and a little more."""
         return 2.0 * self._pivot_m + self._config.landed_m
 
-    def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
-        arm = self._front.to(t_s, self._stepping_rad)
-        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
+        flipper = self._front.to(t_s, self._stepping_rad)
+        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
 
     def _aside(self) -> float:
         """Return the heading that takes the chair off a wall that is near, or to the middle between two."""

@@ -71,14 +71,14 @@ def heading_driver(config: MissionConfig) -> Driver:
     )
 
 
-def is_whole(config: MissionConfig, driver: Driver | None = None) -> bool:
+def is_full_traversal(config: MissionConfig, driver: Driver | None = None) -> bool:
     """Say whether a mission goes from floor to landing, or back, and not along a flight alone.
 
-    The paper's vision sees no stair map, an open loop steers by nothing, a chair without an arm must not cross a crest, and an
+    The paper's vision sees no stair map, an open loop steers by nothing, a chair without a flipper must not cross a crest, and an
     experiment's own driver has the flight for itself.
     """
     steers = driver is None or isinstance(driver, HeadingController)
-    return steers and config.loop == "closed" and config.vision == "robust" and config.chair.arm is not None
+    return steers and config.loop == "closed" and config.vision == "robust" and config.chair.flipper is not None
 
 
 def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
@@ -88,10 +88,10 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
         SettingsError: If the chair cannot come down.
     """
     chair = config.chair
-    if not is_whole(config, driver):
+    if not is_full_traversal(config, driver):
         if config.direction == "down":
             raise SettingsError(
-                "coming down needs a chair with an arm, a closed loop and robust vision; set chair.model = 'wheelchair'"
+                "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
             )
         return Cruise(config.climb_speed_m_s)
     if config.direction == "down":

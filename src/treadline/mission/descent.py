@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
 from treadline.mission.entry import refusal_of
-from treadline.mission.front_section import ARM_RAD_S
+from treadline.mission.flipper_planner import FLIPPER_RAD_S
+from treadline.mission.stair_tracker import NEAR_M
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
-from treadline.mission.whereabouts import NEAR_M
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, Plan
+from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
 
 LETS_DOWN_RAD_S = 3.0 * DEG
-"""At which the front section is lifted out of the belts' line: a chair that leans on it must be able to follow."""
+"""At which the flipper is lifted out of the belts' line: a chair that leans on it must be able to follow."""
 RESTS = ("settle", "leave")
 """Stages of the edge in which the chair rests on nosings, its tip bearing little: the belts go with a fall there."""
 
@@ -33,7 +33,7 @@ class DescentConfig(TraversalConfig):
     past_m: float = 0.1
     """Of the front pulley past the edge, at most, when the chair lies on the flight."""
     stowed_rad: float = 5.0 * DEG
-    """Of the arm off its rest, on a chair that has been let down on the landing again …"""
+    """Of the flipper off its rest, on a chair that has been let down on the landing again …"""
     stow_s: float = 8.0
     """… and how long that may take."""
     slow_from_m: float = 0.5
@@ -50,7 +50,7 @@ class DescentConfig(TraversalConfig):
     unseen_m: float = 0.25
     """Of the rear pulley before a nosing beyond which nothing was seen, neither another nor the floor: there the chair stops."""
     left_m: float = 0.45
-    """Of the front pulley past the last nosing when the chair, its front section too, has left the stair."""
+    """Of the front pulley past the last nosing when the chair, its flipper too, has left the stair."""
 
 
 class Descent(Traversal):
@@ -73,7 +73,7 @@ class Descent(Traversal):
         """Why the chair is let down on the landing again."""
         self._barred_s = math.inf
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return what to do now."""
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
@@ -89,12 +89,12 @@ class Descent(Traversal):
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case "arrived":
-                arm = self._front.to(t_s, self._front.rest_rad)
-                return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False)
+                flipper = self._front.to(t_s, self._front.rest_rad)
+                return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False)
             case _:
                 return self._stand(t_s, needs_stair=False)
 
-    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         where = self._where
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if not where.map_count:
@@ -102,7 +102,7 @@ class Descent(Traversal):
             if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
                 return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
             if estimate is not None and not self._is_laid(t_s, estimate):
-                return self._plan(t_s, 0.0, turn_m_s=0.0, arm=self._lie(t_s, estimate))
+                return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
             if estimate is not None:
                 return self._begin(t_s, "descend", self._on_a_flight)
             return self._stand(t_s)
@@ -112,7 +112,7 @@ class Descent(Traversal):
             return self._look_on(t_s, estimate)
         return self._sweep(t_s, "no stair in view behind, to neither side")
 
-    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         if estimate is None:
             return self._stand(t_s)
         if not self._level.is_square(estimate, t_s):
@@ -135,8 +135,8 @@ class Descent(Traversal):
         cause = f"square within {estimate.heading_rad / DEG:+.1f}°; edge {to_go_m:.2f} m behind"
         return self._begin(t_s, "approach", cause, to_go_m)
 
-    def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
-        if self._edge is None or self._imu is None or self._arm is None or self._tracks is None:
+    def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
+        if self._edge is None or self._imu is None or self._flipper is None or self._tracks is None:
             return self._stand(t_s)
         if self._phase == "approach" and (stops := self._stuck() or self._narrow()) is not None:
             return self._stand(t_s, stops)
@@ -150,24 +150,24 @@ class Descent(Traversal):
         self._turned_back_for = missing or self._turned_back_for
         if edge is not None:
             self._edge.nosing_seen(-edge)
-        command = self._edge.step(self._imu, self._arm, self._tracks)
+        command = self._edge.step(self._imu, self._flipper, self._tracks)
         if command.stage == "done":
             return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
         self._note(command)
         turn = self._level.keep(estimate)
-        barred = self._barred(t_s, self._arm) if command.stage == "barred" else None
+        barred = self._barred(t_s, self._flipper) if command.stage == "barred" else None
         speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage in RESTS)
-        return self._plan(t_s, speed, turn_m_s=turn, arm=command.arm, needs_stair=False, hold=barred)
+        return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
-    def _barred(self, t_s: float, arm: ArmReading) -> str | None:
-        """Return why the chair stands before the edge for good; None as long as its arm, the chair level, is still being stowed."""
+    def _barred(self, t_s: float, flipper: FlipperReading) -> str | None:
+        """Return why the chair stands before the edge for good; None while the level chair still stows its flipper."""
         config, pitch = self._config, self._where.pitch_rad
         self._barred_s = min(self._barred_s, t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(arm.angle_rad - self._front.rest_rad)
+        off_rad = abs(flipper.angle_rad - self._front.rest_rad)
         if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
             return None
-        why = self._turned_back_for or "the arm could not let the chair down over the edge"
+        why = self._turned_back_for or "the flipper could not let the chair down over the edge"
         return f"{why}; it " + ("stands on the landing again" if is_level else f"stands at {pitch / DEG:.0f}°")
 
     @property
@@ -193,17 +193,17 @@ class Descent(Traversal):
             self._phase = "edge"
             self._cause = f"{command.stage}: {on_the_tip(command.tip_n)}"
 
-    def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
             return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
-        return self._plan(t_s, self._config.cruise_m_s, arm=self._lie(t_s, estimate))
+        return self._plan(t_s, self._config.cruise_m_s, flipper=self._lie(t_s, estimate))
 
     def _missing(self, within_m: float) -> str | None:
         """Return that a step is missing so near the rear pulley that the chair must stop, or already under it; None if none is."""
         gap = self._gap(-1.0)
         return None if gap is None or gap[0] > within_m else missing_step(gap, "rear")
 
-    def _down(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _down(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if (missing := self._missing(config.gap_m)) is not None:
             return self._stand(t_s, missing)
@@ -226,34 +226,34 @@ class Descent(Traversal):
         slow = before < config.slow_from_m
         hasty = 0.0 if self._phase == "leave" else min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
         speed = -(config.slow_m_s + hasty * (config.cruise_m_s - config.slow_m_s))
-        arm = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
+        flipper = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
-            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), arm=arm, needs_stair=False)
+            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
         turn, easing = self._steering(t_s, estimate, blind=slow), self._ease(t_s, estimate)
-        return self._plan(t_s, speed, turn_m_s=turn, easing_m_s=easing, arm=arm, needs_stair=not slow)
+        return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=not slow)
 
-    def _lift(self, t_s: float) -> ArmCommand | None:
-        """Return what lifts the front section: gently as long as the chair may lean on it."""
-        leans = self._arm is not None and self._arm.angle_rad < 0.0
-        return self._front.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else ARM_RAD_S)
+    def _lift(self, t_s: float) -> FlipperCommand | None:
+        """Return what lifts the flipper: gently as long as the chair may lean on it."""
+        leans = self._flipper is not None and self._flipper.angle_rad < 0.0
+        return self._front.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
 
     @property
     def _low_rad(self) -> float:
-        """How far the front section still has to be lifted for a step; zero without one."""
-        return 0.0 if self._arm is None else max(self._stepping_rad - self._config.short_rad - self._arm.angle_rad, 0.0)
+        """How far the flipper still has to be lifted for a step; zero without one."""
+        return 0.0 if self._flipper is None else max(self._stepping_rad - self._config.short_rad - self._flipper.angle_rad, 0.0)
 
     @property
     def _gently_s(self) -> float:
-        """How long the front section takes out of the belts' line."""
-        return 0.0 if self._arm is None else max(-self._arm.angle_rad, 0.0) / LETS_DOWN_RAD_S
+        """How long the flipper takes out of the belts' line."""
+        return 0.0 if self._flipper is None else max(-self._flipper.angle_rad, 0.0) / LETS_DOWN_RAD_S
 
-    def _raise(self, t_s: float, *, is_late: bool) -> Plan:
-        """Wait for the front section; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
-        stays = "the front section does not rise: as the chair left the stair, it would drop off the last nosing"
-        arm = self._lift(t_s)
-        return self._plan(t_s, 0.0, turn_m_s=0.0, arm=arm, needs_stair=False, hold=stays if is_late else None)
+    def _raise(self, t_s: float, *, is_late: bool) -> MotionPlan:
+        """Wait for the flipper; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
+        stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
+        flipper = self._lift(t_s)
+        return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False, hold=stays if is_late else None)
 
-    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Back on over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if -where.travel_m > config.look_m or where.pitch_rad > LEVEL_RAD:

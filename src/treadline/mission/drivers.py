@@ -2,7 +2,7 @@
 
 from typing import Protocol, runtime_checkable
 
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 
 @runtime_checkable
@@ -13,7 +13,7 @@ class Driver(Protocol):
     def period_s(self) -> float:
         """Time between calls."""
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the belt speeds to ask for at ``t_s``; the plan says how fast, and which heading."""
 
 
@@ -29,7 +29,7 @@ class ConstantSpeed:
         """Time between calls."""
         return self._period_s
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: Plan) -> TrackCommand:
+    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the climb speed on both belts."""
         del estimate, plan
         return TrackCommand(t_s=t_s, left_m_s=self._speed_m_s, right_m_s=self._speed_m_s)

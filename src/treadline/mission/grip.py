@@ -49,7 +49,7 @@ class SideGrip:
         estimate: HeadingEstimate | None,
         square_rad: float = 0.0,
         slip_m_s: float = 0.0,
-        slid_m: float = 0.0,
+        roll_back_m: float = 0.0,
     ) -> bool:
         """Return whether to steer on.
 
@@ -59,7 +59,7 @@ class SideGrip:
             estimate: Where the chair heads.
             square_rad: The heading that the chair steers to.
             slip_m_s: By which the belts outrun the chair up the flight: those of all tracks do that turn as they climb.
-            slid_m: How far it has come back along the flight.
+            roll_back_m: How far it has come back along the flight.
         """
         if tracks is None or estimate is None or not usable(estimate):
             self._window.clear()
@@ -81,7 +81,7 @@ class SideGrip:
             self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
             self._until_s = t_s + self._alone_s
         returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
-        self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=slid_m >= SLID_M)
+        self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=roll_back_m >= SLID_M)
         return t_s >= self._until_s and not self._slips
 
     def _note_slip(self, slip_m_s: float, off_rad: float, *, returns: bool, has_slid: bool) -> None:

@@ -1,12 +1,12 @@
-"""The loop that drives: sensors in, belt, arm and seat commands out, 100 times a second.
+"""The loop that drives: sensors in, belt, flipper and seat commands out, 100 times a second.
 
 Paper: Fig. 2 and Fig. 7, Table I (100 Hz IMU, 10 Hz camera, 4 Hz control). One tick, top to bottom, is the block
 diagram::
 
     Plant.read() ─► guard.admit ─┬─ ImuSample, TrackReading ──────► heading filter ─ HeadingEstimate ─┬──────────┐
                                  ├─ RgbdFrame ─► stair detector ─┬─ HeadingMeasurement ─┘             ▼          ▼
-                                 │                               └─ StairMap ─────────────► planner ─ Plan ─► driver (4 Hz)
-                                 └─ SeatReading ─► leveller ─ SeatCommand ─┐                 │ ArmCommand        │ TrackCommand
+                                 │                               └─ StairMap ─────────────► planner ─ MotionPlan ─► driver (4 Hz)
+                                 └─ SeatReading ─► leveller ─ SeatCommand ─┐                 │ FlipperCommand        │ TrackCommand
                                                                            └────────────► guard ◄────────────────┘
                                                                                             └────► Plant.write()
 
@@ -33,13 +33,13 @@ from treadline.perception.sight import SWEPT_HALF_M
 from treadline.ports import Plant
 from treadline.signals import (
     TICK_S,
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
-    Plan,
+    MotionPlan,
     Reading,
     RgbdFrame,
     SeatCommand,
@@ -49,7 +49,7 @@ from treadline.signals import (
     TrackReading,
 )
 
-Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | ArmCommand | Plan | Event
+Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event
 """All that a run's log may hold, truth aside."""
 
 ATTITUDES = 50
@@ -121,7 +121,7 @@ class Tick:
 
     t_s: float
     estimate: HeadingEstimate | None
-    plan: Plan
+    plan: MotionPlan
     tracks: TrackCommand
     seat: SeatCommand
     proposed: bool
@@ -132,7 +132,7 @@ def _no_log(signal: Signal) -> None:
     del signal
 
 
-Noted = StairMap | HeadingHealth | Plan
+Noted = StairMap | HeadingHealth | MotionPlan
 """Messages to the guard that carry a stamp of their own."""
 
 
@@ -185,28 +185,28 @@ class Mission:
         for reading in self._plant.read():
             self._log(reading)
             if self._blocks.guard.admit(reading):
-                self._feel(reading)
+                self._update(reading)
 
         plan = self._decide(t_s)
         proposed = self._propose(plan)
         guard = self._blocks.guard
-        tracks, arm = guard.step(t_s, self._estimate), guard.pass_arm(plan.arm)
+        tracks, flipper = guard.step(t_s, self._estimate), guard.pass_flipper(plan.flipper)
         self._seat = seat_now(self._seat, t_s)
-        self._plant.write(tracks, self._seat, arm)
-        self._tell(tracks, arm, plan, proposed=proposed)
+        self._plant.write(tracks, self._seat, flipper)
+        self._tell(tracks, flipper, plan, proposed=proposed)
         self._tick += 1
         return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)
 
-    def _decide(self, t_s: float) -> Plan:
+    def _decide(self, t_s: float) -> MotionPlan:
         blocks = self._blocks
         plan = blocks.planner.step(t_s, self._estimate)
-        blocks.guard.notice(self._restamp(plan))
+        blocks.guard.on_message(self._restamp(plan))
         health = blocks.estimator.health
         if health is not None:
-            blocks.guard.notice(self._restamp(health))
+            blocks.guard.on_message(self._restamp(health))
         return plan
 
-    def _propose(self, plan: Plan) -> bool:
+    def _propose(self, plan: MotionPlan) -> bool:
         """Hand belt speeds to the guard, and say whether the driver spoke."""
         due = self._control.due(self._tick)
         if self._is_dead(plan.t_s):
@@ -217,25 +217,25 @@ class Mission:
             self._blocks.guard.propose(command)
         return due and plan.turn_m_s is None
 
-    def _feel(self, reading: Reading) -> None:
+    def _update(self, reading: Reading) -> None:
         blocks = self._blocks
         match reading:
             case ImuSample():
                 self._imu = reading
                 self._attitudes.append(reading)
                 self._estimate = blocks.estimator.step(reading)
-                blocks.planner.feel(reading)
+                blocks.planner.update(reading)
             case TrackReading():
                 self._estimate = blocks.estimator.step(reading)
-                blocks.planner.feel(reading)
-            case ArmReading():
-                blocks.planner.feel(reading)
+                blocks.planner.update(reading)
+            case FlipperReading():
+                blocks.planner.update(reading)
             case RgbdFrame():
                 self._look(reading)
             case HeadingMeasurement():
-                self._feel_heading(reading)
+                self._update_heading(reading)
             case StairMap():
-                self._feel_stair(reading)
+                self._update_stair(reading)
             case SeatReading():
                 self._seat = blocks.guard.pass_seat(blocks.leveller.step(reading, self._imu))
             case _:
@@ -251,18 +251,18 @@ class Mission:
         measurement, stair_map = seen.measurement, seen.stair_map
         if measurement is not None:
             self._log(measurement)
-            self._feel_heading(measurement)
+            self._update_heading(measurement)
         if stair_map is not None:
             self._log(stair_map)
-            self._feel_stair(stair_map)
+            self._update_stair(stair_map)
 
-    def _feel_heading(self, measurement: HeadingMeasurement) -> None:
-        self._blocks.guard.notice(measurement)
+    def _update_heading(self, measurement: HeadingMeasurement) -> None:
+        self._blocks.guard.on_message(measurement)
         self._estimate = self._blocks.estimator.step(measurement)
 
-    def _feel_stair(self, stair_map: StairMap) -> None:
-        self._blocks.guard.notice(self._restamp(stair_map))
-        self._blocks.planner.feel(stair_map)
+    def _update_stair(self, stair_map: StairMap) -> None:
+        self._blocks.guard.on_message(self._restamp(stair_map))
+        self._blocks.planner.update(stair_map)
 
     def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
         if not self._attitudes:
@@ -271,15 +271,15 @@ class Mission:
         exposed = min(reversed(self._attitudes), key=lambda sample: abs(sample.t_s - frame.t_s))
         return np.asarray(frame.camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
 
-    def _tell(self, tracks: TrackCommand, arm: ArmCommand | None, plan: Plan, *, proposed: bool) -> None:
+    def _tell(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
         if self._estimate is not None:
             self._log(self._estimate)
         belts = (tracks.left_m_s, tracks.right_m_s)
         if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._told:
             self._log(tracks)  # whatever the belts are told anew, by whomever: a guard that ramps down too
         self._told = belts
-        if arm is not None:
-            self._log(arm)
+        if flipper is not None:
+            self._log(flipper)
         self._log(self._seat)
         if plan.phase != self._phase:
             self._phase = plan.phase

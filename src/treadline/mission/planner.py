@@ -1,14 +1,14 @@
 """What a traversal is about from moment to moment: the interface of its planners, and the one that only drives on.
 
-``ImuSample, TrackReading, ArmReading, StairMap, HeadingEstimate -> Plan``. ``ascent`` goes up, ``descent`` comes down; both end in
-``arrived``, in ``refused`` after backing off, or in a plan that asks the guard to hold.
+``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent`` goes up, ``descent`` comes down;
+both end in ``arrived``, in ``refused`` after backing off, or in a plan that asks the guard to hold.
 """
 
 from typing import Protocol, runtime_checkable
 
-from treadline.signals import ArmReading, HeadingEstimate, ImuSample, Plan, StairMap, TrackReading
+from treadline.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
-Felt = ImuSample | TrackReading | ArmReading | StairMap
+Felt = ImuSample | TrackReading | FlipperReading | StairMap
 """What a planner listens to."""
 
 
@@ -16,10 +16,10 @@ Felt = ImuSample | TrackReading | ArmReading | StairMap
 class Planner(Protocol):
     """Decides the phase; called at each tick, after what was read."""
 
-    def feel(self, signal: Felt) -> None:
+    def update(self, signal: Felt) -> None:
         """Take one signal."""
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return what to do now."""
 
 
@@ -29,10 +29,10 @@ class Cruise:
     def __init__(self, speed_m_s: float) -> None:
         self._speed_m_s = speed_m_s
 
-    def feel(self, signal: Felt) -> None:
+    def update(self, signal: Felt) -> None:
         """Need nothing."""
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Plan:
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the same plan again."""
         del estimate
-        return Plan(t_s=t_s, phase="drive", speed_m_s=self._speed_m_s)
+        return MotionPlan(t_s=t_s, phase="drive", speed_m_s=self._speed_m_s)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.angles import quaternion_of, rotation_of
 from treadline.estimation.tilt import Tilt
-from treadline.signals import ArmCommand, ImuSample, Reading, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, ImuSample, Reading, SeatCommand, TrackCommand
 
 ROUNDING_S = 0.5e-9
 """Stamps are whole nanoseconds."""
@@ -57,7 +57,7 @@ class ReplayPlant:
         due, self._due = self._due, []
         return due
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         """Take commands; the past does not obey."""
 
     def close(self) -> None:

@@ -50,7 +50,7 @@ class TractionTest:
         self._belts_m_s = 0.0
         self._slip: float | None = None
 
-    def feel(self, signal: ImuSample | TrackReading) -> None:
+    def update(self, signal: ImuSample | TrackReading) -> None:
         """Take one signal. A test whose belts are braked has shown nothing, and begins again once they are free."""
         if isinstance(signal, TrackReading):
             if signal.brake_on:

@@ -9,13 +9,13 @@ from typing import ClassVar, Literal
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.falling import Falling
-from treadline.mission.front_section import ASKEW_RAD, FrontSection, turning_share
+from treadline.mission.flipper_planner import ASKEW_RAD, FrontSection, turning_share
 from treadline.mission.grip import SideGrip
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import Felt
-from treadline.mission.whereabouts import Whereabouts
-from treadline.signals import ArmCommand, ArmReading, HeadingEstimate, ImuSample, Phase, Plan, StairMap, TrackReading
+from treadline.mission.stair_tracker import StairTracker
+from treadline.mission.tip_over import TipOverFeedforward
+from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading
 
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch from which a chair that wakes up stands on a flight."""
@@ -37,8 +37,8 @@ def beside(before_m: float) -> str:
 
 
 def on_the_tip(load_n: float) -> str:
-    """Say what the arm's tip carries."""
-    return f"{max(load_n, 0.0):.0f} N on the arm's tip"
+    """Say what the flipper's tip carries."""
+    return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
 
 
 def missing_step(gap: tuple[float, float], pulley: str) -> str:
@@ -74,12 +74,12 @@ class Traversal:
     CATCHES: ClassVar[bool]
     """Whether the section goes down under a chair that falls onto it."""
     RIDES_RAD: ClassVar[float]
-    """Where an arm that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring."""
+    """Where a flipper that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring."""
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
         self._front = FrontSection(chair, self.RIDES_RAD)
-        self._falling = Falling()
+        self._tip_over = TipOverFeedforward()
         self._gauge_m = tracks.gauge_m
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
@@ -100,35 +100,35 @@ class Traversal:
 
     def _face_flight(self) -> None:
         """Know nothing yet of the flight ahead."""
-        self._where = Whereabouts()
+        self._where = StairTracker()
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._grip = SideGrip()
         self._narrow_maps = 0
         self._front.forget()
 
-    def feel(self, signal: Felt) -> None:
+    def update(self, signal: Felt) -> None:
         """Take one signal."""
         match signal:
             case ImuSample():
                 dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
                 self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
                 self._imu = signal
-                self._falling.feel(signal)
-                self._where.feel(signal)
+                self._tip_over.update(signal)
+                self._where.update(signal)
             case TrackReading():
                 dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
                 self._ran_m += 0.5 * dt_s * abs(signal.left_m_s + signal.right_m_s)
                 self._tracks = signal
-                if signal.brake_on:  # held: neither belts nor arm do as they are told
+                if signal.brake_on:  # held: neither belts nor flipper do as they are told
                     self._level.rest()
                     self._front.forget()
-                self._where.feel(signal)
+                self._where.update(signal)
             case StairMap():
                 if signal.direction == self.DIRECTION:
-                    self._where.feel(signal)
+                    self._where.update(signal)
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
-            case ArmReading():
-                self._front.feel(signal)
+            case FlipperReading():
+                self._front.update(signal)
 
     def _free_m(self) -> float:
         """Return the way from the chair's middle to the nearer wall, infinite where none is in view."""
@@ -152,7 +152,7 @@ class Traversal:
         sides = [(way * low - self._pivot_m, way * high - self._pivot_m) for low, high in self._where.gaps_ahead_m()]
         return min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
 
-    def _sweep(self, t_s: float, nowhere: str) -> Plan:
+    def _sweep(self, t_s: float, nowhere: str) -> MotionPlan:
         """Turn to either side to find the stair; hold if it is nowhere."""
         turned, self._turned_rad = self._turned_rad, 0.0
         turn = self._level.sweep(t_s, turned)
@@ -163,7 +163,7 @@ class Traversal:
         """Whether another flight follows the landing."""
         return self._where.shows_another if self._flights is None else self._flights_done + 1 < self._flights
 
-    def _begin_next(self, t_s: float, on_the_way: str = "") -> Plan:
+    def _begin_next(self, t_s: float, on_the_way: str = "") -> MotionPlan:
         """Begin anew with the flight across the landing."""
         seen = "seen" if self._where.shows_another else "not yet seen"
         self._face_flight()
@@ -171,7 +171,7 @@ class Traversal:
         return self._begin(t_s, "search", f"on a landing, flight {self._flights_done + 1}{on_the_way} {seen}")
 
     @property
-    def _arm(self) -> ArmReading | None:
+    def _flipper(self) -> FlipperReading | None:
         return self._front.reading
 
     @property
@@ -181,18 +181,18 @@ class Traversal:
 
     @property
     def _stepping_rad(self) -> float:
-        """The arm's angle at which its tip just clears a step."""
+        """The flipper's angle at which its tip just clears a step."""
         return self._front.clears(self._where.rise_m)
 
-    def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> ArmCommand | None:
-        """Return what lays the arm along the flight: carrying while the chair is square, above the nosings for it to turn."""
+    def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> FlipperCommand | None:
+        """Return what lays the flipper along the flight: carrying while the chair is square, above the nosings for it to turn."""
         share = self._turning_share(estimate, square_rad)
         catches = self.CATCHES and self._may_follow(t_s, share)
-        return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._falling.rate_rad_s if catches else 0.0)
+        return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
 
     def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, may: bool = True) -> float:
         """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
-        return self._falling.ease(t_s, may=may and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
+        return self._tip_over.ease(t_s, may=may and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
 
     def _may_follow(self, t_s: float, share: float) -> bool:
         """Return whether section and belts may go after a fall: not of a chair that turns, nor of one that has lost grip."""
@@ -208,7 +208,7 @@ class Traversal:
         return True
 
     def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
-        """Return whether a chair that wakes up on a flight may drive; as long as it is held, its arm is not expected to move."""
+        """Return whether a chair that wakes up on a flight may drive; while it is held, its flipper is not expected to move."""
         if self._tracks is not None and self._tracks.brake_on:
             return False
         return self._front.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
@@ -216,8 +216,8 @@ class Traversal:
     @property
     def _on_a_flight(self) -> str:
         """What a chair that wakes up on a flight sees and feels."""
-        arm = "" if self._arm is None else f", front section {self._arm.angle_rad / DEG:+.0f}° off the belts"
-        return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{arm}, the stair in view"
+        flipper = "" if self._flipper is None else f", flipper {self._flipper.angle_rad / DEG:+.0f}° off the belts"
+        return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{flipper}, the stair in view"
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, climbs: bool = False, blind: bool = False
@@ -231,9 +231,9 @@ class Traversal:
             climbs: Whether belts that outrun the chair are made to run alike, so that they grip again.
             blind: Whether no stair is in view.
         """
-        slip_m_s, slid_m = (self._where.slip_m_s(t_s), self._where.slid_m(t_s) or 0.0) if climbs else (0.0, 0.0)
+        slip_m_s, roll_back_m = (self._where.slip_m_s(t_s), self._where.roll_back_m(t_s) or 0.0) if climbs else (0.0, 0.0)
         spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s, slid_m) and not spared else 0.0
+        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s, roll_back_m) and not spared else 0.0
 
     def _stuck(self) -> str | None:
         """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""
@@ -243,11 +243,11 @@ class Traversal:
         self._ran_m = 0.0
         return f"the belts ran {ran_m:.1f} m for the {to_go_m:.1f} m to go: something is in the chair's way"
 
-    def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> Plan:
+    def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> MotionPlan:
         """Let the belts stand."""
         return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=needs_stair, hold=hold)
 
-    def _begin(self, t_s: float, phase: Phase, cause: str, to_go_m: float = math.inf) -> Plan:
+    def _begin(self, t_s: float, phase: Phase, cause: str, to_go_m: float = math.inf) -> MotionPlan:
         """Enter a phase; for this one tick the belts go on as they are, or stand."""
         self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
         self._ran_m, self._to_go_m = 0.0, to_go_m
@@ -260,22 +260,22 @@ class Traversal:
         *,
         turn_m_s: float | None = None,
         heading_rad: float = 0.0,
-        slowest_share: float | None = None,
-        easing_m_s: float = 0.0,
-        arm: ArmCommand | None = None,
+        min_inner_speed_ratio: float | None = None,
+        pitch_feedforward_m_s: float = 0.0,
+        flipper: FlipperCommand | None = None,
         needs_stair: bool = True,
         hold: str | None = None,
-    ) -> Plan:
+    ) -> MotionPlan:
         """Return what to do now; ``hold`` is said anew at each tick: after a person has re-armed it counts if it is still so."""
-        return Plan(
+        return MotionPlan(
             t_s=t_s,
             phase=self._phase,
             speed_m_s=speed_m_s,
             turn_m_s=turn_m_s,
             heading_rad=heading_rad,
-            slowest_share=slowest_share,
-            easing_m_s=easing_m_s,
-            arm=arm,
+            min_inner_speed_ratio=min_inner_speed_ratio,
+            pitch_feedforward_m_s=pitch_feedforward_m_s,
+            flipper=flipper,
             needs_stair=needs_stair,
             cause=self._cause,
             hold=hold,

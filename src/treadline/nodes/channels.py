@@ -9,7 +9,7 @@ CLOCK = "/clock"
 IMU = "/imu"
 TRACKS = "/tracks/state"
 SEAT = "/seat/state"
-ARM = "/arm/state"
+FLIPPER = "/flipper/state"
 OPERATOR = "/operator"
 CAMERA = "/camera"
 CAMERA_HEADING, CAMERA_MAP, CAMERA_QUALITY = "/camera/stair/heading", "/camera/stair/map", "/camera/stair/quality"
@@ -21,7 +21,7 @@ ESTIMATE = "/stair/heading"
 HEALTH = "/stair/heading/health"
 PLAN = "/plan"
 TRACKS_PROPOSED, SEAT_PROPOSED = "/tracks/proposed", "/seat/proposed"
-TRACKS_CMD, SEAT_CMD, ARM_CMD = "/tracks/cmd", "/seat/cmd", "/arm/cmd"
+TRACKS_CMD, SEAT_CMD, FLIPPER_CMD = "/tracks/cmd", "/seat/cmd", "/flipper/cmd"
 GUARD = "/guard/state"
 DIAGNOSTICS = "/diagnostics"
 TRUTH = "/truth"
@@ -72,7 +72,7 @@ CHANNELS: dict[str, Channel] = {
     IMU: _one(IMU, "sensor_msgs/msg/Imu", SECOND),
     TRACKS: _one(TRACKS, JOINTS, SECOND),
     SEAT: _one(SEAT, JOINTS, SECOND),
-    ARM: _one(ARM, JOINTS, SECOND),
+    FLIPPER: _one(FLIPPER, JOINTS, SECOND),
     OPERATOR: _one(OPERATOR, JOINTS, 10),
     CAMERA: Channel(
         topics=(
@@ -95,7 +95,7 @@ CHANNELS: dict[str, Channel] = {
     SEAT_PROPOSED: _one(SEAT_PROPOSED, JOINTS, 1),
     TRACKS_CMD: _one(TRACKS_CMD, JOINTS, 1),
     SEAT_CMD: _one(SEAT_CMD, JOINTS, 1),
-    ARM_CMD: _one(ARM_CMD, JOINTS, 1),
+    FLIPPER_CMD: _one(FLIPPER_CMD, JOINTS, 1),
     GUARD: _one(GUARD, STATUS, 10),
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
     TRUTH: _one(TRUTH, JOINTS, 10),
@@ -106,5 +106,5 @@ CHANNELS: dict[str, Channel] = {
     ),
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }
-SENSORS = (IMU, TRACKS, SEAT, ARM, OPERATOR, CAMERA)
+SENSORS = (IMU, TRACKS, SEAT, FLIPPER, OPERATOR, CAMERA)
 """What stamps are compared on with the clock."""

@@ -31,7 +31,7 @@ from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.topics import Topics
 from treadline.nodes import channels as on
-from treadline.nodes.words import Beat, Clock, Drive, GuardState, Mounts, Odometry
+from treadline.nodes.words import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
@@ -54,7 +54,7 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
             w.int32(nanoseconds // 1_000_000_000)
             w.uint32(nanoseconds % 1_000_000_000)
             return [(channel, on.CHANNELS[on.CLOCK].topics[0].kind, w.message())]
-        case Drive():
+        case VelocityCommand():
             w = writer()
             w.doubles(signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s)
             return [(channel, on.CHANNELS[on.TWIST].topics[0].kind, w.message())]
@@ -246,9 +246,9 @@ def _guard_state(r: CdrReader) -> GuardState:
     return GuardState(t_s=told.t_s, holding=told.message if told.level else None)
 
 
-def _drive(r: CdrReader) -> Drive:
+def _drive(r: CdrReader) -> VelocityCommand:
     speed, _, _, _, _, turn = r.doubles(6)
-    return Drive(speed_m_s=speed, turn_rad_s=turn)
+    return VelocityCommand(speed_m_s=speed, turn_rad_s=turn)
 
 
 _KNOWN = {name: read for name, (_, read) in (OURS | BETWEEN).items()}
@@ -270,7 +270,7 @@ _READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
             on.IMU,
             on.TRACKS,
             on.SEAT,
-            on.ARM,
+            on.FLIPPER,
             on.OPERATOR,
             on.QUALITY,
             on.MEASURED,
@@ -279,7 +279,7 @@ _READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
             on.PLAN,
             on.TRACKS_CMD,
             on.SEAT_CMD,
-            on.ARM_CMD,
+            on.FLIPPER_CMD,
             on.TRUTH,
         )
     },

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from treadline.angles import rotation_of
-from treadline.mission.whereabouts import PITCHED_RAD
+from treadline.mission.stair_tracker import PITCHED_RAD
 from treadline.nodes.words import Odometry
 from treadline.signals import ImuSample, TrackReading
 
@@ -24,7 +24,7 @@ class DeadReckoning:
         self._imu: ImuSample | None = None
         self._t_s: float | None = None
 
-    def feel(self, sample: ImuSample) -> None:
+    def update(self, sample: ImuSample) -> None:
         """Take an attitude."""
         self._imu = sample
 

@@ -1,6 +1,6 @@
 """The plant's node: a chair, simulated or real, at the other end of the wire from all that thinks.
 
-``TrackCommand, SeatCommand, ArmCommand -> readings``, each on its channel; the last watchdog is here.
+``TrackCommand, SeatCommand, FlipperCommand -> readings``, each on its channel; the last watchdog is here.
 """
 
 from treadline.mission.guard.latch import Button
@@ -9,8 +9,8 @@ from treadline.nodes import channels as on
 from treadline.ports import Plant, Transport, TruthPlant
 from treadline.signals import (
     TICK_S,
-    ArmCommand,
-    ArmReading,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingMeasurement,
     ImuSample,
@@ -29,15 +29,15 @@ COMMAND_TIMEOUT_S = 0.3
 LOST_S = 1.0
 """Without a command for so long the guard has died under way, and one that takes its place knows nothing of why it held: the brake
 stays on until a person re-arms."""
-ARM_TIMEOUT_S = 0.1
-"""How old what is asked of the arm may be: it comes anew at each tick."""
+FLIPPER_TIMEOUT_S = 0.1
+"""How old what is asked of the flipper may be: it comes anew at each tick."""
 TRUTH_TICKS = 10
 """A simulator tells people and tests how it is ten times a second; no node listens."""
 SPOKEN: dict[type, str] = {
     ImuSample: on.IMU,
     TrackReading: on.TRACKS,
     SeatReading: on.SEAT,
-    ArmReading: on.ARM,
+    FlipperReading: on.FLIPPER,
     OperatorInput: on.OPERATOR,
     RgbdFrame: on.CAMERA,
     FrameQuality: on.CAMERA_QUALITY,
@@ -53,7 +53,7 @@ def spoken(reading: Reading) -> str:
 
 
 class PlantNode:
-    """``TrackCommand, SeatCommand, ArmCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
+    """``TrackCommand, SeatCommand, FlipperCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
     says = (*SPOKEN.values(), on.TRUTH)
@@ -62,7 +62,7 @@ class PlantNode:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
-        self._arm: ArmCommand | None = None
+        self._flipper: FlipperCommand | None = None
         self._t_s = self._heard_s = 0.0
         self._button = Button()
         self._driven = self._lost = False
@@ -75,7 +75,7 @@ class PlantNode:
         self._say = transport.publish
         transport.subscribe(on.TRACKS_CMD, self._write)
         transport.subscribe(on.SEAT_CMD, self._level)
-        transport.subscribe(on.ARM_CMD, self._raise)
+        transport.subscribe(on.FLIPPER_CMD, self._raise)
         transport.subscribe(on.OPERATOR, self._obey)
 
     def start(self) -> None:
@@ -109,8 +109,8 @@ class PlantNode:
             self._brake(tracks.t_s)
             return
         self._driven |= not tracks.brake
-        arm = self._arm if self._arm is not None and abs(tracks.t_s - self._arm.t_s) <= ARM_TIMEOUT_S else None
-        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), arm)
+        flipper = self._flipper if self._flipper is not None and abs(tracks.t_s - self._flipper.t_s) <= FLIPPER_TIMEOUT_S else None
+        self._plant.write(tracks, seat_now(self._seat, tracks.t_s), flipper)
 
     def _brake(self, t_s: float) -> None:
         self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
@@ -123,5 +123,5 @@ class PlantNode:
     def _level(self, command: SeatCommand) -> None:
         self._seat = command
 
-    def _raise(self, command: ArmCommand) -> None:
-        self._arm = command
+    def _raise(self, command: FlipperCommand) -> None:
+        self._flipper = command

@@ -17,19 +17,19 @@ from treadline.mission.planner import Planner
 from treadline.mission.proposals import Proposals
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
-from treadline.nodes.words import Beat, Drive, GuardState, Mounts
+from treadline.nodes.words import Beat, GuardState, Mounts, VelocityCommand
 from treadline.perception.quality import quality_of
 from treadline.ports import Transport
 from treadline.signals import (
     TICK_S,
-    ArmCommand,
-    ArmReading,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     PinholeCamera,
-    Plan,
     Reading,
     RgbdFrame,
     SeatCommand,
@@ -44,7 +44,7 @@ ODOM_TICKS = 5
 MOUNTS_S = 1.0
 """Between two times that it is said where the sensors sit: a transport may not keep it for those who come later."""
 PLAN_TIMEOUT_S = 0.1
-"""An arm's rate is for the moment: without a newer plan it stands."""
+"""A flipper's rate is for the moment: without a newer plan it stands."""
 
 
 @runtime_checkable
@@ -193,7 +193,7 @@ class HeadingNode:
 
     def _turn(self, sample: ImuSample) -> None:
         if self._gate.admits(sample):
-            self._reckoning.feel(sample)
+            self._reckoning.update(sample)
             self._step(sample)
 
     def _roll(self, reading: TrackReading) -> None:
@@ -243,7 +243,7 @@ class SeatNode:
 
 
 class DriverNode:
-    """``HeadingEstimate, StairMap and what the chair feels -> Plan, TrackCommand``: planner and heading controller."""
+    """``HeadingEstimate, StairMap and what the chair feels -> MotionPlan, TrackCommand``: planner and heading controller."""
 
     name = "driver"
     says = (on.PLAN, on.TRACKS_PROPOSED)
@@ -261,14 +261,14 @@ class DriverNode:
     def listen(self, transport: Transport) -> None:
         """Take the heading, the stair ahead, what the chair feels, and whether it is held."""
         self._say = transport.publish
-        for channel in (on.IMU, on.TRACKS, on.ARM):
-            transport.subscribe(channel, self._feel)
-        transport.subscribe(on.MAP, self._planner.feel)
+        for channel in (on.IMU, on.TRACKS, on.FLIPPER):
+            transport.subscribe(channel, self._update)
+        transport.subscribe(on.MAP, self._planner.update)
         transport.subscribe(on.ESTIMATE, self._know)
         transport.subscribe(on.GUARD, self._hold)
 
     def tick(self, t_s: float) -> None:
-        """Plan; propose belt speeds where they are due."""
+        """MotionPlan; propose belt speeds where they are due."""
         self._gate.tick(t_s)
         plan = self._planner.step(t_s, self._estimate)
         self._say(on.PLAN, plan)
@@ -279,9 +279,9 @@ class DriverNode:
         if command is not None:
             self._say(on.TRACKS_PROPOSED, command)
 
-    def _feel(self, reading: ImuSample | TrackReading | ArmReading) -> None:
+    def _update(self, reading: ImuSample | TrackReading | FlipperReading) -> None:
         if self._gate.admits(reading):
-            self._planner.feel(reading)
+            self._planner.update(reading)
 
     def _know(self, estimate: HeadingEstimate) -> None:
         self._estimate = estimate
@@ -291,7 +291,7 @@ class DriverNode:
 
 
 class GuardNode:
-    """All readings, plans and proposals ``-> TrackCommand, SeatCommand, ArmCommand, Event``; it stands apart from all others.
+    """All readings, plans and proposals ``-> TrackCommand, SeatCommand, FlipperCommand, Event``; it stands apart from all others.
 
     Args:
         awaited: Nodes without which the chair does not start; until each has spoken the belts are braked.
@@ -299,7 +299,7 @@ class GuardNode:
     """
 
     name = "guard"
-    says = (on.TRACKS_CMD, on.SEAT_CMD, on.ARM_CMD, on.GUARD)
+    says = (on.TRACKS_CMD, on.SEAT_CMD, on.FLIPPER_CMD, on.GUARD)
     needs = ()
 
     def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None) -> None:
@@ -307,8 +307,8 @@ class GuardNode:
         self._gauge_m = gauge_m
         self._missing = set(awaited)
         self._estimate: HeadingEstimate | None = None
-        self._plan: Plan | None = None
-        self._arm_runs = False
+        self._plan: MotionPlan | None = None
+        self._flipper_runs = False
         self._t_s = 0.0
         self._told: str | None = None
 
@@ -320,10 +320,10 @@ class GuardNode:
     def listen(self, transport: Transport) -> None:
         """Take everything."""
         self._say = transport.publish
-        for channel in (on.IMU, on.TRACKS, on.SEAT, on.ARM, on.OPERATOR, on.QUALITY, on.CAMERA_HEADING, on.CAMERA_MAP):
+        for channel in (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR, on.QUALITY, on.CAMERA_HEADING, on.CAMERA_MAP):
             transport.subscribe(channel, self._admit)
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
-            transport.subscribe(channel, self._guard.notice)
+            transport.subscribe(channel, self._guard.on_message)
         transport.subscribe(on.PLAN, self._follow)
         transport.subscribe(on.ESTIMATE, self._know)
         if self._gauge_m is None:
@@ -340,7 +340,7 @@ class GuardNode:
             self._say(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
         tracks = self._guard.step(t_s, self._estimate)
-        self._drive_arm(t_s)
+        self._drive_flipper(t_s)
         self._say(on.TRACKS_CMD, tracks)
         self._tell_state()
         for event in self._guard.take_events():
@@ -350,24 +350,24 @@ class GuardNode:
         """Say again whether it holds: whoever came later has not heard it."""
         self._say(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding))
 
-    def _drive_arm(self, t_s: float) -> None:
+    def _drive_flipper(self, t_s: float) -> None:
         plan = self._plan
         fresh = plan is not None and t_s - plan.t_s <= PLAN_TIMEOUT_S
-        arm = self._guard.pass_arm(plan.arm if plan is not None and fresh else None)
-        if arm is None and self._arm_runs:
-            self._say(on.ARM_CMD, ArmCommand(t_s=t_s, rate_rad_s=0.0))
-        elif arm is not None:
-            self._say(on.ARM_CMD, arm)
-        self._arm_runs = arm is not None
+        flipper = self._guard.pass_flipper(plan.flipper if plan is not None and fresh else None)
+        if flipper is None and self._flipper_runs:
+            self._say(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))
+        elif flipper is not None:
+            self._say(on.FLIPPER_CMD, flipper)
+        self._flipper_runs = flipper is not None
 
     def _admit(self, reading: Reading) -> None:
         self._guard.admit(reading)
         self._tell_state()
 
-    def _follow(self, plan: Plan) -> None:
+    def _follow(self, plan: MotionPlan) -> None:
         if self._plan is None or plan.t_s >= self._plan.t_s:
             self._plan = plan
-        self._guard.notice(plan)
+        self._guard.on_message(plan)
         self._tell_state()
 
     def _know(self, estimate: HeadingEstimate) -> None:
@@ -376,7 +376,7 @@ class GuardNode:
     def _propose(self, command: TrackCommand) -> None:
         self._guard.propose(command)
 
-    def _steer(self, drive: Drive) -> None:
+    def _steer(self, drive: VelocityCommand) -> None:
         half_m_s = 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
         speed = drive.speed_m_s
         self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))

@@ -34,7 +34,7 @@ class GuardState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class VelocityCommand:
     """Speed and turn asked by a person's stick or another planner (``/cmd_vel``); it has no stamp."""
 
     speed_m_s: float

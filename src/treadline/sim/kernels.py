@@ -10,10 +10,10 @@ from typing import no_type_check
 from numba import njit, types
 
 from treadline.devices.kernels import (
-    ARM_LOST,
-    ARM_RATE,
-    ARM_TARGET,
     BRAKED,
+    FLIPPER_LOST,
+    FLIPPER_RATE,
+    FLIPPER_TARGET,
     LEFT,
     POWER_CUT,
     RIGHT,
@@ -50,7 +50,7 @@ NOSLIP_ITERATIONS = 3
 # Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
 # the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
 # the largest sum of the normal forces [N], and the number of steps without any.
-QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, ARM, ARM_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, FLIPPER, FLIPPER_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
 RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
 HULL = 39
 """Most contacts of hull, seat and passenger in one of the tick's steps."""
@@ -58,8 +58,8 @@ TRACTION, POWER = 40, 42
 COLUMNS = 43
 NO_SUPPORT_M = -1e3
 """Reach of a chair that touches nothing."""
-# The arm comes after the rest, in a chair that has one.
-ARM_QPOS, ARM_QVEL, ARM_SERVO = 8, 7, 1
+# The flipper comes after the rest, in a chair that has one.
+FLIPPER_QPOS, FLIPPER_QVEL, FLIPPER_SERVO = 8, 7, 1
 # Columns of a geom's friction: along and across on its left half, the same on its right half, a point on the line between the
 # halves and the unit vector to the left of it, both in the horizontal plane of the world.
 MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
@@ -200,7 +200,7 @@ def judge(warnings, log, room):
 @no_type_check
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
-    belts_of, surface_velocity, radius, seat, angles, arm, damping, force, control, qpos, qvel, warnings,
+    belts_of, surface_velocity, radius, seat, angles, flipper, damping, force, control, qpos, qvel, warnings,
     sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
     belt_side, motor, electric, actuator, force_range,
 ):  # fmt: skip
@@ -212,13 +212,13 @@ def advance(
             pointers, acceleration, the solver's warm start, working memory.
         lugs: Numbers of the lugs (empty for smooth belts), the belts' travel, part of each geom, angle of a fixed approach.
         grip: Share of its friction that each geom has left.
-        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], arm rate [rad/s].
+        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: of the drives, rows as in ``devices.kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: stroke's lower end, upper end, spacing of ``angles``.
         angles: seat angle over the stroke.
-        arm: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
+        flipper: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
             damping of a lost motor, the joint's own damping, torque at stall, rate without load; empty for a chair without.
         damping: of each degree of freedom; changed in place.
         warnings: how often MuJoCo has warned, by kind.
@@ -241,7 +241,7 @@ def advance(
     fields = (friction, layout[4])
     for k in range(ticks):
         before = (state[0], state[1])
-        act(command, drives, state, seat, angles, arm, qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0)
+        act(command, drives, state, seat, angles, flipper, qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else 0.0)
         if motor.shape[0] > 0:
             held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
             limit_belts(before, state[:2], held, motor, electric)
@@ -261,8 +261,8 @@ def advance(
             torque = limit_seat(qpos[7], qvel[6], state, seat, angles, actuator)
             force_range[0, 0], force_range[0, 1] = -torque, torque
         control[0] = state[SEAT_ANGLE]
-        if arm.shape[0] > 0:
-            control[ARM_SERVO] = state[ARM_TARGET] + state[ARM_RATE] * arm[4]
+        if flipper.shape[0] > 0:
+            control[FLIPPER_SERVO] = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[4]
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
@@ -270,12 +270,12 @@ def advance(
         row[HULL] = 0.0
         traction[:] = 0.0
         for _ in range(substeps):
-            if arm.shape[0] > 0 and state[ARM_LOST] > 0.5:
-                damping[ARM_QVEL] = arm[6] + (arm[5] if qvel[ARM_QVEL] > 0.0 else 0.0)
-            elif arm.shape[0] > 0:
-                share = qvel[ARM_QVEL] / arm[8]
-                force_range[ARM_SERVO, 0] = -arm[7] * min(max(1.0 + share, 0.0), 1.0)
-                force_range[ARM_SERVO, 1] = arm[7] * min(max(1.0 - share, 0.0), 1.0)
+            if flipper.shape[0] > 0 and state[FLIPPER_LOST] > 0.5:
+                damping[FLIPPER_QVEL] = flipper[6] + (flipper[5] if qvel[FLIPPER_QVEL] > 0.0 else 0.0)
+            elif flipper.shape[0] > 0:
+                share = qvel[FLIPPER_QVEL] / flipper[8]
+                force_range[FLIPPER_SERVO, 0] = -flipper[7] * min(max(1.0 + share, 0.0), 1.0)
+                force_range[FLIPPER_SERVO, 1] = flipper[7] * min(max(1.0 - share, 0.0), 1.0)
             if sway.shape[0] > 0:
                 move_payload(sway, qvel, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)
@@ -286,7 +286,7 @@ def advance(
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
             if lug.shape[0] > 0:
                 speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
-                approach_rad = qpos[ARM_QPOS] if arm.shape[0] > 0 else fixed_rad
+                approach_rad = qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else fixed_rad
                 follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
@@ -321,7 +321,7 @@ def advance(
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
         row[BRAKE] = state[BRAKED]
-        row[ARM] = qpos[ARM_QPOS] if arm.shape[0] > 0 else 0.0
-        row[ARM_TORQUE] = force[ARM_SERVO] if arm.shape[0] > 0 else 0.0
+        row[FLIPPER] = qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else 0.0
+        row[FLIPPER_TORQUE] = force[FLIPPER_SERVO] if flipper.shape[0] > 0 else 0.0
         rotation(qpos[3], qpos[4], qpos[5], qpos[6], row[ROTATION : ROTATION + 9].reshape(3, 3))
     return judge(warnings, log, real.shape[0])

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of
 from treadline.devices import kernels as drives
-from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, Drives
+from treadline.devices.drives import FLIPPER_FRICTION_N_M_S_RAD, Drives
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -53,7 +53,7 @@ class MujocoPlant(InstrumentedPlant):
         way = 1 if scenario.drive.direction == "up" else -1
         eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
         self._around = Surroundings(self.staircase, chair, eye, way)
-        apart = Streams(imu=streams[1], seat=streams[2], arm=streams[5], link=streams[6])
+        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
         super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
@@ -94,22 +94,22 @@ class MujocoPlant(InstrumentedPlant):
         self._pending.extend(enumerate(log, start=self._tick + 1))
         self._tick += ticks
 
-    def lose_arm_motor(self) -> None:
-        """Let the arm's motor die: no torque from now on, and the damping of its shorted windings."""
-        self.suffer(replace(self._damage, arm_lost=True))
+    def lose_flipper_motor(self) -> None:
+        """Let the flipper's motor die: no torque from now on, and the damping of its shorted windings."""
+        self.suffer(replace(self._damage, flipper_lost=True))
 
     def suffer(self, damage: Damage) -> None:
         """Be as broken as this from now on, and no more."""
         self._state[drives.STALLED : drives.STALLED + 2] = damage.stalled
         self._state[drives.POWER_CUT] = damage.power_cut
         self._state[drives.SEAT_STUCK] = damage.seat_stuck
-        self._state[drives.ARM_STUCK] = damage.arm_stuck
+        self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
         self._grip[self._belts] = np.array(damage.grip)[:, None]
-        if self._chair.arm is not None:
-            self._state[drives.ARM_LOST] = damage.arm_lost
-            limit = 0.0 if damage.arm_lost else self._chair.arm.torque_n_m
-            self._model.actuator_forcerange[kernels.ARM_SERVO] = (-limit, limit)
-            self._model.dof_damping[kernels.ARM_QVEL] = ARM_FRICTION_N_M_S_RAD
+        if self._chair.flipper is not None:
+            self._state[drives.FLIPPER_LOST] = damage.flipper_lost
+            limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
+            self._model.actuator_forcerange[kernels.FLIPPER_SERVO] = (-limit, limit)
+            self._model.dof_damping[kernels.FLIPPER_QVEL] = FLIPPER_FRICTION_N_M_S_RAD
         self._damage = damage
         self._around.change(damage, *self._whereabouts())
         if self._model.nmocap:
@@ -166,8 +166,8 @@ class MujocoPlant(InstrumentedPlant):
         mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(start.R_WB).ravel())
         rest = tracks.approach_angle_deg * DEG
         self._drives.rest(start.seat_rad, rest)
-        if self._chair.arm is not None:
-            self._data.qpos[kernels.ARM_QPOS] = self._data.ctrl[kernels.ARM_SERVO] = rest
+        if self._chair.flipper is not None:
+            self._data.qpos[kernels.FLIPPER_QPOS] = self._data.ctrl[kernels.FLIPPER_SERVO] = rest
         self._data.qpos[7] = self._data.ctrl[0] = start.seat_rad
 
     def _whereabouts(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
@@ -223,7 +223,7 @@ class MujocoPlant(InstrumentedPlant):
             self._chair.tracks.pulley_radius_m,
             self._drives.seat,
             self._drives.angles,
-            self._drives.arm,
+            self._drives.flipper,
             model.dof_damping,
             data.actuator_force,
             data.ctrl,
@@ -282,9 +282,9 @@ class MujocoPlant(InstrumentedPlant):
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
         row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
-        if self._chair.arm is not None:
-            row[kernels.ARM] = self._data.qpos[kernels.ARM_QPOS]
-            row[kernels.ARM_TORQUE] = self._data.actuator_force[kernels.ARM_SERVO]
+        if self._chair.flipper is not None:
+            row[kernels.FLIPPER] = self._data.qpos[kernels.FLIPPER_QPOS]
+            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[kernels.FLIPPER_SERVO]
         return row
 
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
@@ -304,8 +304,8 @@ class MujocoPlant(InstrumentedPlant):
             stroke_m=float(row[kernels.SEAT]),
             belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
             brake_on=bool(row[kernels.BRAKE] > 0.5),
-            arm_rad=float(row[kernels.ARM]),
-            arm_torque_n_m=float(row[kernels.ARM_TORQUE]),
+            flipper_rad=float(row[kernels.FLIPPER]),
+            flipper_torque_n_m=float(row[kernels.FLIPPER_TORQUE]),
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
             contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
             airborne_share=float(row[kernels.AIRBORNE]) / self._physics.substeps,

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import quaternion_of
-from treadline.devices.drives import ARM_FRICTION_N_M_S_RAD, ARM_LAG_S, ARM_STIFFNESS_N_M_RAD
+from treadline.devices.drives import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
-from treadline.mechanics.chair import Arm, ChairDescription, Point
+from treadline.mechanics.chair import ChairDescription, Flipper, Point
 from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Chair
 from treadline.sim.physics import NOMINAL, Physics
@@ -21,7 +21,7 @@ from treadline.sim.physics import NOMINAL, Physics
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
 
-ARM_ROTOR_KG_M2 = 0.3
+FLIPPER_ROTOR_KG_M2 = 0.3
 """The motor's inertia seen through its gear."""
 
 HEADER = """\
@@ -51,7 +51,7 @@ def seat_stiffness(seat: Body) -> tuple[float, float]:
 
 def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, physics: Physics = NOMINAL) -> str:
     """Return the whole scene as MJCF, the chair at the world's origin."""
-    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.arm, physics)
+    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.flipper, physics)
 
 
 def model_xml(
@@ -64,12 +64,18 @@ def model_xml(
         friction: Along the belt.
     """
     return _scene(
-        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.arm, NOMINAL, start=start
+        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start
     )
 
 
 def _scene(
-    stair: Sequence[Solid], friction: float, chair: Vehicle, arm: Arm | None, physics: Physics, *, start: Standing | None = None
+    stair: Sequence[Solid],
+    friction: float,
+    chair: Vehicle,
+    flipper: Flipper | None,
+    physics: Physics,
+    *,
+    start: Standing | None = None,
 ) -> str:
     stiffness, damping = seat_stiffness(chair.seat)
     header = HEADER.format(
@@ -81,7 +87,7 @@ def _scene(
         + f"  <worldbody>\n{world}\n  </worldbody>\n"
         + "  <actuator>\n"
         + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
-        + ("" if arm is None else _arm_servo(arm))
+        + ("" if flipper is None else _flipper_servo(flipper))
         + "  </actuator>\n</mujoco>\n"
     )
 
@@ -132,7 +138,7 @@ def _hinge(name: str, hinge: Hinge) -> str:
         return joint + "/>"  # the seat: its linkage limits it, in the plant
     low, high = hinge.range_rad
     limits = f'range="{low!r} {high!r}" limited="true"'
-    return f'{joint} {limits} armature="{ARM_ROTOR_KG_M2}" damping="{ARM_FRICTION_N_M_S_RAD}"/>'
+    return f'{joint} {limits} armature="{FLIPPER_ROTOR_KG_M2}" damping="{FLIPPER_FRICTION_N_M_S_RAD}"/>'
 
 
 def _geom(shape: Shape) -> str:
@@ -147,11 +153,11 @@ def _geom(shape: Shape) -> str:
     return f'<geom {look} {form} pos="{_row(shape.centre_m)}"{turn}{motion}/>'
 
 
-def _arm_servo(arm: Arm) -> str:
-    k, d = ARM_STIFFNESS_N_M_RAD, ARM_STIFFNESS_N_M_RAD * ARM_LAG_S
+def _flipper_servo(flipper: Flipper) -> str:
+    k, d = FLIPPER_STIFFNESS_N_M_RAD, FLIPPER_STIFFNESS_N_M_RAD * FLIPPER_LAG_S
     return (
-        f'    <general name="arm" joint="arm" biastype="affine" gainprm="{k!r}" biasprm="0 {-k!r} {-d!r}" '
-        f'forcelimited="true" forcerange="{-arm.torque_n_m!r} {arm.torque_n_m!r}"/>\n'
+        f'    <general name="flipper" joint="flipper" biastype="affine" gainprm="{k!r}" biasprm="0 {-k!r} {-d!r}" '
+        f'forcelimited="true" forcerange="{-flipper.torque_n_m!r} {flipper.torque_n_m!r}"/>\n'
     )
 
 

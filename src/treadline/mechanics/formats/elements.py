@@ -13,7 +13,7 @@ from treadline.mechanics.chair import Point
 SHARE = 0.02
 """Of a body's mass that the link on either side of it takes: simulators want a mass in each link, and the sum must not change."""
 SIDE_SIZE_M = 0.05
-"""Edge of the thin level plate whose inertia such a link has: what is left of an arm, as thin, can still be."""
+"""Edge of the thin level plate whose inertia such a link has: what is left of a flipper, as thin, can still be."""
 Inertia = tuple[float, float, float]
 
 

@@ -1,7 +1,7 @@
 """The chair, and the stair around it, as SDF 1.6 for Gazebo 11.
 
 Each belt is a link of its own, as Gazebo's tracked-vehicle plugins want them (Pecka et al., IROS 2017): ``left_track`` and
-``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the arm. The plugin that moves contact surfaces is
+``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the flipper. The plugin that moves contact surfaces is
 handed over as ``plugins``; without it the belts stand.
 """
 
@@ -11,7 +11,19 @@ from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
-from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Nosing, Shape, Solid, Standing, Vehicle, sides, solids, vehicle
+from treadline.mechanics.bodies import (
+    HULL_FRICTION,
+    Body,
+    Hinge,
+    NosingGeometry,
+    Shape,
+    Solid,
+    Standing,
+    Vehicle,
+    sides,
+    solids,
+    vehicle,
+)
 from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription, Point, Tracks
 from treadline.mechanics.formats.elements import Mass, child, divided, document, roll_pitch_yaw, text
 from treadline.mechanics.staircase import Staircase
@@ -60,7 +72,7 @@ def sdf_world(
     Args:
         start: Where the chair stands.
         plugins: ``<plugin>`` elements, as text, for the model's end.
-        is_whole: Leave the belts on chassis and arm instead of on links of their own.
+        is_whole: Leave the belts on chassis and flipper instead of on links of their own.
     """
     root = Element("sdf", version=VERSION)
     world = child(root, "world", name="treadline")
@@ -91,7 +103,7 @@ def _model(
     if start is not None:
         child(model, "pose", text(*start.p_WB, *roll_pitch_yaw(start.R_WB)))
     child(model, "allow_auto_disable", "0")  # a chair that rests would sleep through its belts' start
-    words = {} if is_whole else {"chair": "track", "arm": "flipper"}
+    words = {} if is_whole else {"chair": "track", "flipper": "flipper"}
     for body in whole.bodies:
         if body.name in words:
             _three_links(model, body, chair.tracks, words[body.name], friction)
@@ -204,7 +216,7 @@ def _stair(world: Element, stair: Sequence[Solid]) -> None:
                 _nosing(child(link, tag, name=f"nosing_{number}_{tag}"), solid.nosing)
 
 
-def _nosing(element: Element, nosing: Nosing) -> None:
+def _nosing(element: Element, nosing: NosingGeometry) -> None:
     """Write the bar between a nosing's ends; SDF 1.6 has no capsule, so its ends are flat."""
     left, right = np.array(nosing.left_W), np.array(nosing.right_W)
     across = left - right

@@ -84,7 +84,7 @@ def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
 
 
 def _pulley(robot: Element, body: Body, shape: Shape) -> None:
-    """Write a pulley as a link fixed to the chassis or the arm, whose mass holds its own."""
+    """Write a pulley as a link fixed to the chassis or the flipper, whose mass holds its own."""
     name = f"{shape.name}_pulley"
     _shape(child(robot, "link", name=name), shape)
     _joint(robot, body.name, name, xyz=text(*shape.centre_m))

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
-from treadline.signals import Plan, StairMap
+from treadline.signals import MotionPlan, StairMap
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 5
 """That must show a thing in a row, or a gap more often than not: a nosing that a detector loses is lost for three or four maps."""
 SAME_M = 0.15
 """Half a nosing pitch: within it, two findings are of one gap."""
 NEAR_M = 1.9
-"""Of a gap from mid-track, as the planner's (``mission.whereabouts``), of which the guard must not know."""
+"""Of a gap from mid-track, as the planner's (``mission.stair_tracker``), of which the guard must not know."""
 OUT_OF_VIEW_M = 1.2
 """From mid-track: nearer the camera sees a thing's upper part at best."""
 
@@ -99,7 +99,7 @@ class AheadWatch:
         self._obstacle.look(stair.obstacle_m, travel_m)
         self._gap.look(places, travel_m)
 
-    def look_on(self, obstacle_m: float | None, plan: Plan | None, travel_m: float) -> None:
+    def look_on(self, obstacle_m: float | None, plan: MotionPlan | None, travel_m: float) -> None:
         """Take what one frame shows on the level where the camera looks; at a stair's foot that is its first step."""
         if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
             self._level = LevelWatch()

@@ -44,7 +44,7 @@ class BeltWatch:
         """Note what the belts are told."""
         self._asked = command
 
-    def feel(self, reading: TrackReading) -> None:
+    def update(self, reading: TrackReading) -> None:
         """Take what the drives report."""
         dt_s = reading.t_s - self._t_s
         self._t_s = reading.t_s
@@ -123,7 +123,7 @@ class SlipWatch:
         self._t_s = -math.inf
         self._travel_m = 0.0
         self._places: Sequence[float] = ()
-        self._slid_m = 0.0
+        self._roll_back_m = 0.0
         self._back_m = 0.0
         self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
@@ -143,15 +143,15 @@ class SlipWatch:
             self._lose()
             return
         driven_m = travel_m - self._travel_m if self._places else 0.0
-        slid_m = self._slid(places_m, driven_m)
-        came_m = driven_m - (slid_m or 0.0)
-        if slid_m is None or not self._window or t_s - self._t_s > MATCH_S:
+        roll_back_m = self._slid(places_m, driven_m)
+        came_m = driven_m - (roll_back_m or 0.0)
+        if roll_back_m is None or not self._window or t_s - self._t_s > MATCH_S:
             self._lose()
             came_m = came_m if came_m < DRIVEN_LEAST_M else 0.0
         else:
-            self._slid_m += slid_m
+            self._roll_back_m += roll_back_m
         self._t_s, self._places, self._travel_m = t_s, places_m, travel_m
-        self._window.append((t_s, travel_m, self._slid_m, heading_rad))
+        self._window.append((t_s, travel_m, self._roll_back_m, heading_rad))
         self._judge(t_s)
         self._roll(came_m)
 
@@ -184,8 +184,8 @@ class SlipWatch:
         limits, window_s = self._config, self._config.slip_s - ROUNDING_S
         while len(self._window) > 1 and t_s - self._window[1][0] >= window_s:
             self._window.popleft()
-        then_s, travel_m, slid_m, _ = self._window[0]
-        driven, slid = abs(self._travel_m - travel_m), abs(self._slid_m - slid_m)
+        then_s, travel_m, roll_back_m, _ = self._window[0]
+        driven, slid = abs(self._travel_m - travel_m), abs(self._roll_back_m - roll_back_m)
         headings = [heading for *_, heading in self._window]
         square = max(abs(heading) for heading in headings) <= limits.turning_rad
         straight = square and max(headings) - min(headings) <= limits.slip_turn_rad

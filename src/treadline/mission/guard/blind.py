@@ -8,7 +8,7 @@ from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.belts import GAP_S
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
-from treadline.signals import HeadingEstimate, Plan
+from treadline.signals import HeadingEstimate, MotionPlan
 
 FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M, GAUGE_M = 0.38, 0.24, 0.8, 0.65
 """Turn of a chair of this gauge per metre that one belt runs further: on nosings, over one, and on the level. Measured with the
@@ -37,14 +37,14 @@ class BlindTurnWatch:
         """Note a heading measured by the camera: what the gyro says is known to be true."""
         self._window.clear()
 
-    def feel_motion(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
+    def update_motion(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
         """Take one IMU sample: the attitude's quaternion (w, x, y, z) and the pitch rate."""
         self._pitch_rad, _ = tilt_of(orientation)
         dt_s = 0.0 if self._imu_s is None else t_s - self._imu_s
         self._imu_s = t_s
         self._swing_rad_s += (pitch_rate_rad_s - self._swing_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
 
-    def feel_belts(self, t_s: float, apart_m_s: float, plan: Plan | None) -> None:
+    def update_belts(self, t_s: float, apart_m_s: float, plan: MotionPlan | None) -> None:
         """Take how much faster the right belt runs than the left one; judge it where no stair should be in view."""
         dt_s, self.t_s = t_s - self.t_s, t_s
         if plan is None or plan.phase not in FLIGHT + OVER:
@@ -76,7 +76,7 @@ class BlindTurnWatch:
         return OVER_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M
 
 
-def askew(config: GuardConfig, estimate: HeadingEstimate | None, plan: Plan | None) -> str | None:
+def askew(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None) -> str | None:
     """Return that a chair that pitches over a nosing, which it began square, is said to be askew; None if not."""
     if estimate is None or plan is None or plan.phase not in OVER or abs(estimate.heading_rad) <= config.askew_rad:
         return None

@@ -21,7 +21,7 @@ class TiltWatch:
         self._since_s: float | None = None
         self.cause: str | None = None
 
-    def feel(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
+    def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
         """Take one sample: the attitude's quaternion (w, x, y, z) and the rate, front up positive."""
         fault = self._fault(orientation, pitch_rate_rad_s)
         if fault is None:
@@ -55,7 +55,7 @@ class SeatWatch:
         self._since: tuple[float, float] | None = None
         self.cause: str | None = None
 
-    def feel(self, t_s: float, pitch_rad: float) -> None:
+    def update(self, t_s: float, pitch_rad: float) -> None:
         """Take one reading."""
         error = abs(pitch_rad)
         if error <= self._config.seat_rad:

@@ -51,7 +51,7 @@ class GuardConfig:
     driver_timeout_s: float = 0.75
     """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""
     readings_timeout_s: float = 0.3
-    """Of belts, seat or arm that have spoken once: as long as the actuators' own watchdog waits for a command."""
+    """Of belts, seat or flipper that have spoken once: as long as the actuators' own watchdog waits for a command."""
     heartbeat_timeout_s: float = 0.75
     """Of a process that has spoken once (row 22)."""
     link_timeout_s: float = 0.3
@@ -108,7 +108,7 @@ class GuardConfig:
     seat_s: float = 1.0
 
     front_m: float = 0.995
-    """From mid-track to the foremost part of the chair, its front section laid in line with the belts."""
+    """From mid-track to the foremost part of the chair, its flipper laid in line with the belts."""
     rear_m: float = 0.55
     """From mid-track to the rearmost part of the tracks."""
     gauge_m: float = 0.65

@@ -1,6 +1,6 @@
 """The guard itself: what every reading, plan and proposal means for it, and what may reach the plant.
 
-``Reading | FrameQuality -> whether it may be used``; ``TrackCommand -> TrackCommand``, and the same for seat and arm.
+``Reading | FrameQuality -> whether it may be used``; ``TrackCommand -> TrackCommand``, and the same for seat and flipper.
 """
 
 import math
@@ -21,15 +21,15 @@ from treadline.mission.guard.sight import SightWatch
 from treadline.mission.guard.stamps import Silence, Stamps
 from treadline.mission.guard.stopping import CauseKind
 from treadline.signals import (
-    ArmCommand,
-    ArmReading,
     Event,
+    FlipperCommand,
+    FlipperReading,
     FrameQuality,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
+    MotionPlan,
     OperatorInput,
-    Plan,
     Reading,
     SeatCommand,
     SeatReading,
@@ -64,7 +64,7 @@ class Guard:
         self._map_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
-        self._plan: Plan | None = None
+        self._plan: MotionPlan | None = None
         self._plan_s = -math.inf
 
     @property
@@ -78,7 +78,7 @@ class Guard:
             return self._obey(signal)
         return self._is_new(type(signal).__name__, signal.t_s) and self._is_good(signal)
 
-    def notice(self, signal: HeadingMeasurement | StairMap | HeadingHealth | Plan) -> None:
+    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> None:
         """Note what others made of the readings."""
         match signal:
             case HeadingMeasurement():
@@ -139,13 +139,13 @@ class Guard:
             return command
         return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
 
-    def pass_arm(self, command: ArmCommand | None) -> ArmCommand | None:
-        """Return what may reach the arm: under HOLD it stands."""
+    def pass_flipper(self, command: FlipperCommand | None) -> FlipperCommand | None:
+        """Return what may reach the flipper: under HOLD it stands."""
         if command is None:
             return None
         if not finite(command.t_s, command.rate_rad_s):
-            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "arm rate is not finite")
-            return ArmCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "flipper rate is not finite")
+            return FlipperCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
         return command if self._latch.cause is None else replace(command, rate_rad_s=0.0)
 
     def take_events(self) -> list[Event]:
@@ -163,60 +163,60 @@ class Guard:
     def _is_good(self, signal: Reading | FrameQuality) -> bool:
         match signal:
             case ImuSample():
-                return self._feel_motion(signal)
+                return self._update_motion(signal)
             case TrackReading():
-                return self._feel_belts(signal)
+                return self._update_belts(signal)
             case SeatReading():
-                return self._feel_seat(signal)
-            case ArmReading():
-                return self._feel_arm(signal)
+                return self._update_seat(signal)
+            case FlipperReading():
+                return self._update_flipper(signal)
             case FrameQuality():
-                return self._feel_frame(signal)
+                return self._update_frame(signal)
             case HeadingMeasurement() if finite(signal.heading_rad) and signal.sigma_rad > 0.0:
-                return self._feel_sight(signal.t_s, "heading", (signal.heading_rad, signal.sigma_rad))
+                return self._update_sight(signal.t_s, "heading", (signal.heading_rad, signal.sigma_rad))
             case StairMap() if _is_finite(signal):
                 value = (*signal.nosings_B.ravel().tolist(), signal.obstacle_m)
-                return self._feel_sight(signal.t_s, "map", value if len(value) > 1 else signal.t_s, signal)
+                return self._update_sight(signal.t_s, "map", value if len(value) > 1 else signal.t_s, signal)
             case HeadingMeasurement() | StairMap():
                 return False
             case _:
                 return True  # a frame's pixels: its FrameQuality speaks for them
 
-    def _feel_motion(self, sample: ImuSample) -> bool:
+    def _update_motion(self, sample: ImuSample) -> bool:
         orientation, rates = sample.orientation.tolist(), sample.angular_velocity_rad_s.tolist()
         if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
             return False
         self._senses.imu(sample.t_s)
         pitch_rate = -rates[1]
-        self._blind.feel_motion(sample.t_s, orientation, pitch_rate)
+        self._blind.update_motion(sample.t_s, orientation, pitch_rate)
         if self._config.watches_motion and self._config.needs_heading:
-            self._tilt.feel(sample.t_s, orientation, pitch_rate)
+            self._tilt.update(sample.t_s, orientation, pitch_rate)
         return True
 
-    def _feel_belts(self, reading: TrackReading) -> bool:
+    def _update_belts(self, reading: TrackReading) -> bool:
         usable = finite(reading.left_m_s, reading.right_m_s)
         if usable:
             self._drives.heard("belts", reading.t_s)
-            self._belts.feel(reading)
-            self._blind.feel_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
+            self._belts.update(reading)
+            self._blind.update_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
         return usable
 
-    def _feel_seat(self, reading: SeatReading) -> bool:
+    def _update_seat(self, reading: SeatReading) -> bool:
         usable = finite(reading.pitch_rad, reading.stroke_m)
         if usable:
             self._drives.heard("seat", reading.t_s)
             self._seat_rad = reading.pitch_rad
         if usable and self._config.watches_motion:
-            self._seat.feel(reading.t_s, reading.pitch_rad)
+            self._seat.update(reading.t_s, reading.pitch_rad)
         return usable
 
-    def _feel_arm(self, reading: ArmReading) -> bool:
+    def _update_flipper(self, reading: FlipperReading) -> bool:
         usable = finite(reading.angle_rad, reading.torque_n_m)
         if usable:
-            self._drives.heard("arm", reading.t_s)
+            self._drives.heard("flipper", reading.t_s)
         return usable
 
-    def _feel_frame(self, quality: FrameQuality) -> bool:
+    def _update_frame(self, quality: FrameQuality) -> bool:
         was_dark = self._sight.is_dark
         usable = self._sight.frame(quality)
         if self._sight.is_dark != was_dark:
@@ -230,7 +230,7 @@ class Guard:
             self._ahead.look_on(quality.obstacle_m, self._plan, self._belts.travel_m)
         return usable
 
-    def _feel_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:
+    def _update_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:
         """Take what a camera says that measures by itself: it stands for a frame."""
         usable = self._sight.says(kind, value, self._belts.travel_m)
         self._senses.refused = self._sight.refused
@@ -295,8 +295,15 @@ class Guard:
 
     # Plans and commands
 
-    def _follow(self, plan: Plan) -> None:
-        if not finite(plan.t_s, plan.speed_m_s, plan.heading_rad, plan.turn_m_s or 0.0, plan.slowest_share or 0.0, plan.easing_m_s):
+    def _follow(self, plan: MotionPlan) -> None:
+        if not finite(
+            plan.t_s,
+            plan.speed_m_s,
+            plan.heading_rad,
+            plan.turn_m_s or 0.0,
+            plan.min_inner_speed_ratio or 0.0,
+            plan.pitch_feedforward_m_s,
+        ):
             self._latch.hold(self._now(plan.t_s), CauseKind.NOT_FINITE, "plan is not finite")
             return
         self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # however old

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import ENDS, FLIGHT, PITCHING
-from treadline.signals import HeadingEstimate, Plan, TrackCommand
+from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 
-def stands(plan: Plan) -> bool:
+def stands(plan: MotionPlan) -> bool:
     """Say whether the plan asks for belts at rest, whatever the driver said last."""
     return plan.phase in ENDS or (plan.speed_m_s == 0.0 and plan.turn_m_s == 0.0)
 
 
-def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: Plan | None, *, doubt: bool) -> float:
+def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None, *, doubt: bool) -> float:
     """Return the largest mean of the belts."""
     turning = estimate is None or abs(estimate.heading_rad) > config.turning_rad
     limit = config.turn_limit_m_s if turning else config.cruise_limit_m_s

@@ -102,10 +102,10 @@ def draw_view(rng: np.random.Generator, recipe: Recipe) -> View:
     return replace(view, gravity_C=stage.told.R_BC.T @ felt_B)
 
 
-class Drive:
+class RecordedDrive:
     """A chair on one flight, seen again and again: the same stair, light, camera and errors of mount, depth and gravity.
 
-        drive = Drive(rng, Recipe(scenes=("up",), warp_px=0.03))
+        drive = RecordedDrive(rng, Recipe(scenes=("up",), warp_px=0.03))
         view = drive.view(t_s, drive.pose(along_m=0.2 * t_s, heading_rad=0.1))
 
     An IMU that goes with it is the caller's: ``pose`` tells its rotation.

@@ -12,8 +12,8 @@ from treadline.faults import Fault, FaultKind
 from treadline.ports import TruthPlant
 
 PHYSICAL: tuple[FaultKind, ...] = (
-    "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "arm_lost", "arm_stuck",
-)  # fmt: skip
+    "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "flipper_lost",
+"flipper_stuck" )  # fmt: skip
 LEFT, RIGHT = 0, 1
 
 
@@ -27,8 +27,8 @@ class Damage:
     """Share of its friction that each belt has left, along and across."""
     power_cut: bool = False
     seat_stuck: bool = False
-    arm_lost: bool = False
-    arm_stuck: bool = False
+    flipper_lost: bool = False
+    flipper_stuck: bool = False
     obstacle_m: float | None = None
     """From the leading end to a box in the way, at the moment it comes to stand there."""
     bar_rad: float | None = None
@@ -53,8 +53,8 @@ def damage_of(faults: Iterable[Fault], t_s: float) -> Damage:
         grip=(_grip(on, LEFT), _grip(on, RIGHT)),
         power_cut="power_cut" in kinds,
         seat_stuck="seat_stuck" in kinds,
-        arm_lost="arm_lost" in kinds,
-        arm_stuck="arm_stuck" in kinds,
+        flipper_lost="flipper_lost" in kinds,
+        flipper_stuck="flipper_stuck" in kinds,
         obstacle_m=next((fault.size for fault in on if fault.kind == "obstacle"), None),
         bar_rad=next((fault.size * DEG for fault in on if fault.kind == "false_edges"), None),
     )

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from treadline.faults import SAME_TIME_S, Fault, Process, is_killed
-from treadline.signals import ArmCommand, SeatCommand, TrackCommand
+from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
 
 SILENCE_S = 0.3
 """Without an order before the actuators brake: more than a control period of 0.25 s, and what is left of hazard 11's 0.8 s
 once the belts have stopped."""
 
 RATE_SILENCE_S = 0.05
-"""Without an order before seat and arm stand: a rate is for the moment, and they are told one a hundred times a second."""
+"""Without an order before seat and flipper stand: a rate is for the moment, and they are told one a hundred times a second."""
 
 
 class Order(NamedTuple):
@@ -24,7 +24,7 @@ class Order(NamedTuple):
 
     tracks: TrackCommand
     seat: SeatCommand
-    arm: ArmCommand | None
+    flipper: FlipperCommand | None
 
     @classmethod
     def stop(cls, t_s: float) -> "Order":
@@ -86,9 +86,9 @@ class Watchdog:
         return order._replace(tracks=TrackCommand.stop(t_s)) if self._latched else order
 
     def _stilled(self, t_s: float) -> Order | None:
-        """Return the last order with seat and arm at rest, once it is too old for them; None before, and after."""
+        """Return the last order with seat and flipper at rest, once it is too old for them; None before, and after."""
         if self._last is None or self._heard_s is None or self._latched or t_s - self._heard_s <= RATE_SILENCE_S + SAME_TIME_S:
             return None
-        arm = None if self._last.arm is None else ArmCommand(t_s=t_s, rate_rad_s=0.0)
-        stilled, self._last = self._last._replace(seat=SeatCommand(t_s=t_s, rate_m_s=0.0), arm=arm), None
+        flipper = None if self._last.flipper is None else FlipperCommand(t_s=t_s, rate_rad_s=0.0)
+        stilled, self._last = self._last._replace(seat=SeatCommand(t_s=t_s, rate_m_s=0.0), flipper=flipper), None
         return stilled

@@ -12,7 +12,7 @@ from treadline.errors import SettingsError
 from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
-from treadline.signals import TICK_S, ArmCommand, Reading, SeatCommand, TrackCommand
+from treadline.signals import TICK_S, FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim.faults.damage import PHYSICAL, Breakable, Damage, damage_of
 from treadline.sim.faults.orders import Line, Order, Watchdog
 from treadline.sim.faults.sensors import SensorFaults
@@ -64,10 +64,10 @@ class FaultyPlant:
         readings, self._readings = [*self._readings, *self._plant.read()], []
         return self._sensors.deliver(self._tick * TICK_S, readings)
 
-    def write(self, tracks: TrackCommand, seat: SeatCommand, arm: ArmCommand | None = None) -> None:
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         """Send commands on their way."""
         t_s = self._tick * TICK_S
-        self._line.send(t_s, Order(tracks, seat, arm))
+        self._line.send(t_s, Order(tracks, seat, flipper))
         self._act(t_s)
 
     def truth(self) -> Sequence[Truth]:

@@ -20,7 +20,7 @@ from treadline.attendant import REPORT_S, OperatorAct, does
 from treadline.faults import SAME_TIME_S, Fault, FaultKind, Process
 from treadline.signals import (
     TICK_S,
-    ArmReading,
+    FlipperReading,
     FrameQuality,
     HeadingMeasurement,
     ImuSample,
@@ -180,7 +180,7 @@ SPOILT: dict[FaultKind, Callable[[Machine, Reading], Passed]] = {
     "imu_stuck": partial(_stuck, (ImuSample,)),
     "imu_nan": _imu_nan,
     "imu_lost": partial(_lost, (ImuSample,)),
-    "readings_lost": partial(_lost, (TrackReading, SeatReading, ArmReading)),
+    "readings_lost": partial(_lost, (TrackReading, SeatReading, FlipperReading)),
     "process_killed": _killed,
     "operator_stop": _person_stops,
     "link_lost": partial(_lost, (OperatorInput,)),

@@ -94,7 +94,7 @@ def with_box(scene_xml: str) -> str:
 
 
 def leading_end_m(chair: ChairDescription, way: int) -> float:
-    """Return how far the tracks reach from B, an arm laid in line with the belts."""
+    """Return how far the tracks reach from B, a flipper laid in line with the belts."""
     return chair.reach_m if way > 0 else chair.rear_reach_m
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.angles import DEG
-from treadline.mission.falling import BACK_M_S2, EASES_RAD_S, EASING_M_RAD, LASTS_S, MOST_M_S, Falling
+from treadline.mission.tip_over import BACK_M_S2, EASES_RAD_S, EASING_M_RAD, LASTS_S, MOST_M_S
 from treadline.signals import TICK_S, ImuSample
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
@@ -14,11 +14,11 @@ LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 
 def eased(rates_deg_s: list[float], *, may: bool = True) -> list[float]:
     """Return what is added at each tick under these rates of the pitch going down."""
-    falling, added = Falling(), []
+    falling, added = TipOverFeedforward(), []
     for tick, rate in enumerate(rates_deg_s):
         t_s = tick * TICK_S
         gyro = np.array([0.0, rate * DEG, 0.0])
-        falling.feel(ImuSample(t_s=t_s, orientation=LEVEL, angular_velocity_rad_s=gyro, linear_acceleration_m_s2=np.zeros(3)))
+        falling.update(ImuSample(t_s=t_s, orientation=LEVEL, angular_velocity_rad_s=gyro, linear_acceleration_m_s2=np.zeros(3)))
         added.append(falling.ease(t_s, may=may))
     return added
 
@@ -51,7 +51,7 @@ def test_a_gyro_that_is_off_moves_the_belts_once(rate_deg_s: float) -> None:
 
 
 def test_what_was_added_comes_back_where_the_chair_may_no_longer() -> None:
-    falling = Falling()
+    falling = TipOverFeedforward()
     falling.rate_rad_s = 6.0 * DEG
     assert falling.ease(0.0, may=True) == MOST_M_S
     assert falling.ease(TICK_S, may=False) == pytest.approx(MOST_M_S - BACK_M_S2 * TICK_S)

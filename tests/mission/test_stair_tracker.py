@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.angles import DEG, quaternion_of, rotation_y, rotation_z
-from treadline.mission.whereabouts import KNOWN_AFTER, MAPS_MAX, Whereabouts
+from treadline.mission.stair_tracker import KNOWN_AFTER, MAPS_MAX, StairTracker
 from treadline.signals import ImuSample, StairMap, TrackReading
 
 RISE_M, RUN_M = 0.16, 0.30
@@ -63,38 +63,38 @@ class Chair:
             obstacle_m=None,
         )
 
-    def feel(self, where: Whereabouts, *steps: int, ends: bool = False, error_m: float = 0.0, up: bool = True) -> None:
+    def update(self, where: StairTracker, *steps: int, ends: bool = False, error_m: float = 0.0, up: bool = True) -> None:
         """Let the mission have the attitude, and a frame of these steps."""
         where.heading_rad = self.heading_rad
-        where.feel(self.imu())
+        where.update(self.imu())
         if steps:
-            where.feel(self.sees(*steps, ends=ends, error_m=error_m, direction="up" if up else "down"))
+            where.update(self.sees(*steps, ends=ends, error_m=error_m, direction="up" if up else "down"))
 
-    def drive(self, where: Whereabouts, metres: float, speed_m_s: float = 0.2, slip: float = 0.0) -> None:
+    def drive(self, where: StairTracker, metres: float, speed_m_s: float = 0.2, slip: float = 0.0) -> None:
         """Move along the belts by what they do, less slip."""
         dt_s = 0.01
-        where.feel(self.tracks(math.copysign(speed_m_s, metres)))
+        where.update(self.tracks(math.copysign(speed_m_s, metres)))
         for _ in range(round(abs(metres) / (speed_m_s * dt_s))):
             self.t_s += dt_s
             moved = math.copysign(speed_m_s * dt_s, metres) * (1.0 - slip)
             self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
             self.z_m += moved * math.sin(self.pitch_rad)
-            where.feel(self.tracks(math.copysign(speed_m_s, metres)))
+            where.update(self.tracks(math.copysign(speed_m_s, metres)))
 
 
-def seen(chair: Chair, *steps: int, times: int = KNOWN_AFTER, up: bool = True) -> Whereabouts:
-    where = Whereabouts()
+def seen(chair: Chair, *steps: int, times: int = KNOWN_AFTER, up: bool = True) -> StairTracker:
+    where = StairTracker()
     for _ in range(times):
-        chair.feel(where, *steps, up=up)
+        chair.update(where, *steps, up=up)
     return where
 
 
 def test_a_nosing_is_where_the_map_says_and_known_at_the_second_sight() -> None:
-    chair, where = Chair(), Whereabouts()
-    chair.feel(where, 0, 1, 2)
+    chair, where = Chair(), StairTracker()
+    chair.update(where, 0, 1, 2)
     assert not where.known
     assert (where.first_ahead_m(), where.top_ahead_m(), where.ahead_m()) == (None, None, [])
-    chair.feel(where, 0, 1, 2)
+    chair.update(where, 0, 1, 2)
     assert where.known
     assert where.ahead_m() == pytest.approx([1.5, 1.8, 2.1])
     assert where.first_ahead_m() == where.bottom_ahead_m() == pytest.approx(1.5)
@@ -115,7 +115,7 @@ def test_a_nosing_stands_still_while_the_chair_pitches_and_turns(
     chair = Chair(x_m=x_m, z_m=0.3, pitch_rad=pitch * DEG, heading_rad=heading * DEG)
     where = seen(chair, 2, 3, 4)
     chair.pitch_rad, chair.heading_rad = later_pitch * DEG, later_heading * DEG
-    chair.feel(where)
+    chair.update(where)
     expected = [chair.nosing(k)[0] for k in (2, 3, 4)]
     np.testing.assert_allclose(where.ahead_m(), expected, atol=1e-9)
     assert where.first_ahead_m() == pytest.approx(chair.first_m + 2 * RUN_M - x_m)
@@ -127,7 +127,7 @@ def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: floa
     chair = Chair(heading_rad=heading * DEG)
     where = seen(chair, 0, 1)
     chair.pitch_rad = pitch * DEG
-    chair.feel(where)
+    chair.update(where)
     chair.drive(where, metres)
     np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-6)
     assert where.travel_m == pytest.approx(metres, abs=2e-3)  # one step of the drive
@@ -140,7 +140,7 @@ def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: 
     where = seen(chair, 0, 1, 2)
     for _ in range(75):
         chair.drive(where, 0.02, slip=slip)
-        chair.feel(where, 0, 1, 2, error_m=0.01 * float(rng.normal()))
+        chair.update(where, 0, 1, 2, error_m=0.01 * float(rng.normal()))
     first = where.first_ahead_m()
     assert first is not None
     # Half of each frame's error, and the slip of a frame's way (1 mm) twice: 4 standard deviations of 6 mm, nothing that adds up.
@@ -155,19 +155,19 @@ def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and
     where = seen(chair, 1, 2, 3)
     for _ in range(4):
         chair.drive(where, 0.05)
-        chair.feel(where, 1, 2, 3)
-    assert where.slid_m(chair.t_s) == pytest.approx(0.0, abs=1e-6)
+        chair.update(where, 1, 2, 3)
+    assert where.roll_back_m(chair.t_s) == pytest.approx(0.0, abs=1e-6)
     for _ in range(6):
         chair.drive(where, 0.01, slip=2.0)
-        chair.feel(where, 1, 2, 3)
+        chair.update(where, 1, 2, 3)
     # Each map takes half of what it differs by: of 1 cm a map, half, three quarters, … of it have been taken after the last one.
     believed = sum(0.01 * (1.0 - 0.5**k) for k in range(1, 7))
-    assert where.slid_m(chair.t_s) == pytest.approx(believed, abs=0.01)
+    assert where.roll_back_m(chair.t_s) == pytest.approx(believed, abs=0.01)
     for _ in range(4):
         chair.drive(where, 0.025)
-        chair.feel(where, 1, 2, 3)
-    assert where.slid_m(chair.t_s) == pytest.approx(0.0, abs=1e-3)
-    assert where.slid_m(chair.t_s + 0.5) is None
+        chair.update(where, 1, 2, 3)
+    assert where.roll_back_m(chair.t_s) == pytest.approx(0.0, abs=1e-3)
+    assert where.roll_back_m(chair.t_s + 0.5) is None
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -179,11 +179,11 @@ def test_belts_that_outrun_the_chair_are_told_by_the_nosings(way: float) -> None
     for slip_m_s in (0.0, 0.05, 0.0):
         for _ in range(20):
             chair.drive(where, way * 0.02, slip=way * slip_m_s / 0.2)
-            chair.feel(where, 1, 2, 3)
+            chair.update(where, 1, 2, 3)
         # The nosings are believed to have moved by the rest: each takes a fiftieth or more of where a map shows it.
         assert where.slip_m_s(chair.t_s) == pytest.approx(slip_m_s, abs=0.002)
     chair.drive(where, way * 0.02, slip=1.0)
-    chair.feel(where, 1, 2, 3)
+    chair.update(where, 1, 2, 3)
     assert where.slip_m_s(chair.t_s) != 0.0
     assert where.slip_m_s(chair.t_s + 0.5) == 0.0
 
@@ -193,7 +193,7 @@ def test_slip_is_corrected_for_the_nosings_out_of_view_too() -> None:
     where = seen(chair, 0, 1, 2, 3, times=5)
     for _ in range(50):
         chair.drive(where, 0.02, slip=0.2)
-        chair.feel(where, 2, 3)
+        chair.update(where, 2, 3)
     # A fifth of a metre driven was slip; the two nosings that no frame shows any more have moved with the others, but for
     # what a frame's half leaves of 4 mm a frame, and what of it went into the nosings in view.
     np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=0.02)
@@ -204,7 +204,7 @@ def test_what_flickers_stays_known_and_where_it_was() -> None:
     where = seen(chair, 0, 1, 2)
     for k in range(20):
         chair.drive(where, 0.02)
-        chair.feel(where, *((0, 1, 2), (1,), (0, 2), (2, 3))[k % 4])
+        chair.update(where, *((0, 1, 2), (1,), (0, 2), (2, 3))[k % 4])
     assert len(where.ahead_m()) == 4
     np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=2e-3)
 
@@ -213,9 +213,9 @@ def test_what_flickers_stays_known_and_where_it_was() -> None:
 def test_a_false_nosing_seen_once_counts_for_nothing(k: int) -> None:
     chair = Chair()
     where = seen(chair, 0, 1, 2, times=5)
-    chair.feel(where, *sorted((0, 1, 2, k)))
+    chair.update(where, *sorted((0, 1, 2, k)))
     for _ in range(3):
-        chair.feel(where, 0, 1, 2)
+        chair.update(where, 0, 1, 2)
     assert where.ahead_m() == pytest.approx([1.5, 1.8, 2.1])
     assert where.top_ahead_m() == pytest.approx(2.1)
 
@@ -226,11 +226,11 @@ def test_a_nosing_missed_for_long_is_known_a_second_after_it_comes_into_view() -
     chair = Chair()
     where = seen(chair, 0, 1, 2, 3)
     for _ in range(50):
-        chair.feel(where, 0, 1, 3)
+        chair.update(where, 0, 1, 3)
     assert len(where.gaps_ahead_m()) == 1
     for k in range(10):
         assert bool(where.gaps_ahead_m()) == (k < 9)
-        chair.feel(where, 0, 1, 2, 3)
+        chair.update(where, 0, 1, 2, 3)
     assert len(where.ahead_m()) == 4
     assert not where.gaps_ahead_m()
 
@@ -239,9 +239,9 @@ def test_the_flights_end_is_known_at_the_second_frame_that_shows_it() -> None:
     chair = Chair()
     where = seen(chair, 0, 1, 2)
     assert not where.top_ends
-    chair.feel(where, 0, 1, 2, ends=True)
+    chair.update(where, 0, 1, 2, ends=True)
     assert not where.top_ends
-    chair.feel(where, 0, 1, 2, ends=True)
+    chair.update(where, 0, 1, 2, ends=True)
     assert where.top_ends
     assert not where.bottom_ends
 
@@ -250,23 +250,23 @@ def test_an_end_in_the_middle_of_the_flight_is_taken_back_by_frames_that_show_mo
     chair = Chair()
     where = seen(chair, 0, 1, 2)
     for _ in range(2):
-        chair.feel(where, 0, 1, 2, ends=True)
+        chair.update(where, 0, 1, 2, ends=True)
     for _ in range(2):
-        chair.feel(where, 1, 2, 3)
+        chair.update(where, 1, 2, 3)
     assert not where.top_ends
     for _ in range(2):
-        chair.feel(where, 2, 3, ends=True)
+        chair.update(where, 2, 3, ends=True)
     assert where.top_ends
     assert where.top_ahead_m() == pytest.approx(chair.nosing(3)[0])
 
 
 def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
     chair = Chair(x_m=4.0, z_m=6 * RISE_M, first_m=0.0)
-    where = Whereabouts()
+    where = StairTracker()
     for _ in range(2):
-        chair.feel(where, 5, 4, 3, up=False)
+        chair.update(where, 5, 4, 3, up=False)
     for _ in range(2):
-        chair.feel(where, 3, 2, 1, 0, up=False, ends=True)
+        chair.update(where, 3, 2, 1, 0, up=False, ends=True)
     assert where.bottom_ends
     assert not where.top_ends
     assert where.top_ahead_m() == pytest.approx(5 * RUN_M - 4.0)  # the edge: on the level with the belts
@@ -274,10 +274,10 @@ def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
 
 
 def test_walls_are_those_of_the_last_frame() -> None:
-    chair, where = Chair(), Whereabouts()
-    where.feel(chair.sees(0, 1, left=0.6, right=0.7))
+    chair, where = Chair(), StairTracker()
+    where.update(chair.sees(0, 1, left=0.6, right=0.7))
     assert (where.left_wall_m, where.right_wall_m) == (0.6, 0.7)
-    where.feel(chair.sees(0, 1))
+    where.update(chair.sees(0, 1))
     assert (where.left_wall_m, where.right_wall_m) == (None, None)
 
 
@@ -285,25 +285,25 @@ def test_the_shape_is_a_mean_that_one_frame_hardly_moves() -> None:
     chair = Chair()
     where = seen(chair, 0, 1, times=2 * MAPS_MAX)
     one = chair.sees(0, 1)
-    where.feel(StairMap(**{name: getattr(one, name) for name in one.__slots__} | {"run_m": 0.35, "slope_rad": 0.6}))
+    where.update(StairMap(**{name: getattr(one, name) for name in one.__slots__} | {"run_m": 0.35, "slope_rad": 0.6}))
     assert where.run_m == pytest.approx(RUN_M + 0.05 / MAPS_MAX)
     assert where.slope_rad == pytest.approx(SLOPE_RAD + (0.6 - SLOPE_RAD) / MAPS_MAX)
 
 
 def test_a_gap_or_a_leap_back_in_the_belts_stamps_moves_nothing_far() -> None:
-    chair, where = Chair(), Whereabouts()
+    chair, where = Chair(), StairTracker()
     for t_s in (0.0, 5.0, 1.0):
         chair.t_s = t_s
-        where.feel(chair.tracks(0.2))
+        where.update(chair.tracks(0.2))
     # A gap counts for a tenth of a second at most, a leap back for nothing.
     assert where.travel_m == pytest.approx(0.02)
 
 
 def test_each_flickering_place_is_one_nosing_not_many() -> None:
     rng, chair = np.random.default_rng(5), Chair()
-    where = Whereabouts()
+    where = StairTracker()
     for _ in range(200):
-        chair.feel(where, 0, 1, 2, 3, error_m=0.02 * float(rng.normal()))
+        chair.update(where, 0, 1, 2, 3, error_m=0.02 * float(rng.normal()))
     assert len(where.ahead_m()) == 4
 
 
@@ -314,5 +314,5 @@ def test_a_map_without_nosings_tells_nothing(*, known: bool) -> None:
     where = seen(chair, 0, 1, 2, times=3 * known)
     empty = replace(chair.sees(0), nosings_B=np.zeros((0, 3)))
     before = (where.map_count, where.ahead_m())
-    where.feel(empty)
+    where.update(empty)
     assert (where.map_count, where.ahead_m()) == before

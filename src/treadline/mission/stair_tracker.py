@@ -1,6 +1,6 @@
 """Where the nosings lie about the chair: stair maps, carried on by belts and pitch between frames.
 
-``ImuSample, TrackReading, StairMap -> Whereabouts``. Everything is kept in a level frame that the odometry moves through, x
+``ImuSample, TrackReading, StairMap -> StairTracker``. Everything is kept in a level frame that the odometry moves through, x
 up the flight and level, z up: a nosing stands still in it while the chair turns and pitches. Maps correct the odometry's
 slip as long as a nosing is in view; one that the chair has passed stays where it was last seen. A flight seen across a landing
 is kept apart, in whereabouts of its own.
@@ -68,7 +68,7 @@ class _Nosing:
         return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
 
 
-class Whereabouts:
+class StairTracker:
     """Nosings about the chair, the stair's shape, walls, pitch and distance driven."""
 
     def __init__(self) -> None:
@@ -91,10 +91,10 @@ class Whereabouts:
         self._nosings: list[_Nosing] = []
         self._known: list[_Nosing] = []
         """Those that are believed, since the last map, the lowest of the flight first."""
-        self._next: Whereabouts | None = None
+        self._next: StairTracker | None = None
         """The next flight, across a landing."""
 
-    def feel(self, signal: ImuSample | TrackReading | StairMap) -> None:
+    def update(self, signal: ImuSample | TrackReading | StairMap) -> None:
         """Take one signal."""
         match signal:
             case TrackReading():
@@ -110,7 +110,7 @@ class Whereabouts:
                 pass
         if self._next is not None and not isinstance(signal, StairMap):
             self._next.heading_rad = self.heading_rad
-            self._next.feel(signal)
+            self._next.update(signal)
 
     @property
     def shows_another(self) -> bool:
@@ -147,7 +147,7 @@ class Whereabouts:
         ahead = self.ahead_m()
         return ahead[0] if ahead else None
 
-    def slid_m(self, t_s: float) -> float | None:
+    def roll_back_m(self, t_s: float) -> float | None:
         """Return how far the chair has come back along the flight from where it was furthest up; None where no nosings tell."""
         return self._highest_m - self._up_m if t_s - self.map_s <= TELLING_S else None
 
@@ -212,7 +212,7 @@ class Whereabouts:
     def _see_across(self, seen: StairMap) -> None:
         """Take a map of the next flight: this one ends there. What is old is forgotten, for the chair may have tipped meanwhile."""
         if self._next is None or seen.t_s - self._next.map_s > NEXT_S:
-            self._next = Whereabouts()
+            self._next = StairTracker()
         self._next.heading_rad, self._next.pitch_rad = self.heading_rad, self.pitch_rad
         self._next._see(seen)  # noqa: SLF001 - of this class
         if self._known:

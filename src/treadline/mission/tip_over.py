@@ -27,7 +27,7 @@ BACK_M_S2 = 0.2
 """At which the speed comes back: that tips the chair the other way, and takes grip."""
 
 
-class Falling:
+class TipOverFeedforward:
     """What is felt of a chair's fall, and what its belts do about it."""
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Falling:
         self._since_s: float | None = None
         """When the fall began."""
 
-    def feel(self, imu: ImuSample) -> None:
+    def update(self, imu: ImuSample) -> None:
         """Take one sample."""
         dt_s = 0.0 if math.isnan(self._felt_s) else max(imu.t_s - self._felt_s, 0.0)
         self._felt_s = imu.t_s
