@@ -14,7 +14,7 @@ static double within(double value, double limit) { return value < -limit ? -limi
 static bool is_usable(const heading_input *input) {
     return input->has_estimate && magnitude(input->heading_rad) <= PI &&
            magnitude(input->heading_rate_rad_s) <= HEADING_FASTEST_TURN_RAD_S && magnitude(input->target_heading_rad) <= PI &&
-           magnitude(input->speed_m_s) <= HEADING_MAX_SPEED_M_S && magnitude(input->slowest_share) <= 1.0;
+           magnitude(input->speed_m_s) <= HEADING_MAX_SPEED_M_S && magnitude(input->min_inner_speed_ratio) <= 1.0;
 }
 
 #if HEADING_STATIC
@@ -157,7 +157,7 @@ heading_command heading_step(heading_state *memory, const heading_input *input) 
     if (input->speed_m_s < 0.0) {
         allocate_down(asked, input->speed_m_s, given);
     } else {
-        allocate(asked, input->speed_m_s, input->slowest_share, given);
+        allocate(asked, input->speed_m_s, input->min_inner_speed_ratio, given);
     }
     for (int m = 0; m < 2; m++) {
         memory->given_m_s[m] = given[m];

@@ -31,7 +31,7 @@ typedef struct {
     double heading_rate_rad_s;
     double speed_m_s;          /* of both belts, negative backs down */
     double target_heading_rad; /* to steer to */
-    double slowest_share;      /* of the speed, kept by the slower belt where the chair climbs; HEADING_SLOWEST_CLIMBING by default */
+    double min_inner_speed_ratio;      /* of the speed, kept by the slower belt where the chair climbs; HEADING_SLOWEST_CLIMBING by default */
 } heading_input;
 
 typedef struct {
