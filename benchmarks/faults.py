@@ -32,7 +32,7 @@ from treadline.faults import Fault, Process
 from treadline.mission.guard.phases import TIPPING
 from treadline.mission.loop import Tick
 from treadline.processes import default_workers
-from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.signals import TICK_S
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant
@@ -162,7 +162,7 @@ def scenario_of(leg: Leg, load: Load, duration_s: float, faults: Sequence[Fault]
         stair=Stair.model_validate(stair),
         chair=Chair(payload_kg=load.payload_kg),
         start=Start.model_validate({"place": leg.place, "step": leg.step, "heading_deg": leg.heading_deg}),
-        drive=Drive.model_validate({"direction": leg.direction, "duration_s": duration_s}),
+        drive=DriveSettings.model_validate({"direction": leg.direction, "duration_s": duration_s}),
         sensors=Sensors(camera="statistical"),
         fault=tuple(faults),
     )
@@ -242,7 +242,7 @@ class Disturbed:
         return f"{self.case.name} in {self.phase} {self.leg.direction}, seed {self.seed}"
 
     def run(self) -> Outcome:
-        """Drive, and judge."""
+        """DriveSettings, and judge."""
         case = self.case
         kinds = [(case.kind, case.value)] + ([(case.also, 0.0)] if case.also else [])
         faults = [

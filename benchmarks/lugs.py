@@ -13,7 +13,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.mechanics.chair import read_chair
 from treadline.ports import Truth
-from treadline.scenario import Belts, Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, kernels, lug_kernels, open_plant
 
@@ -184,7 +184,7 @@ def _closed_loop(compared: dict[str, Belts]) -> None:
                 stair=Stair(rise_m=RUN_M * math.tan(30.0 * DEG), steps=60, width_m=10.0, walls="none"),
                 belts=belts,
                 start=Start(place="flight", step=6, heading_deg=heading_deg),
-                drive=Drive(duration_s=25.0, check=False),
+                drive=DriveSettings(duration_s=25.0, check=False),
                 control=Control(vision="truth"),
                 sensors=Sensors(camera="statistical"),
             )

@@ -14,7 +14,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.identification import identify
 from treadline.models import ControllerDesign
-from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 CELLS = ((20.0, 0.0), (20.0, 110.0), (25.0, 50.0), (28.0, 50.0), (30.0, 0.0), (30.0, 80.0))
 """Slope [°], payload [kg]: the corners of the envelope, and the paper's."""
@@ -30,7 +30,7 @@ def scenario(slope_deg: float, payload_kg: float, heading_deg: float, mismatch: 
         ),
         chair=Chair(payload_kg=payload_kg, belt_mismatch=mismatch),
         start=Start(place="flight", step=6, heading_deg=heading_deg),
-        drive=Drive(speed_m_s=0.2, duration_s=TURN_S),
+        drive=DriveSettings(speed_m_s=0.2, duration_s=TURN_S),
         sensors=Sensors.model_validate({"camera": "statistical", "gravity_error_deg": 0.5}),
     )
     return long_enough(whole, TURN_S, spare_m=6.0)

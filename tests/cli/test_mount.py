@@ -14,7 +14,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 from treadline.perception.camera_file import read_camera
 from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
-from treadline.sim.camera import Drive, Recipe
+from treadline.sim.camera import RecordedDrive, Recipe
 
 SECONDS = 26
 """Eight stretches of three seconds, and two for the tail: the least that the calibrator answers to."""
@@ -37,7 +37,7 @@ MEANT_PITCH_DEG = 40.0
 
 def drive(log: Path, heading_rad: Callable[[float], float]) -> Path:
     """Write a drive with a frame a second, by a camera that sits 2 and -3 degrees off what the chair's file says."""
-    road = Drive(np.random.default_rng(2026), RECIPE)
+    road = RecordedDrive(np.random.default_rng(2026), RECIPE)
     with RunLog(log, image_every=1) as write:
         for k in range(round(SECONDS / IMU_S) + 1):
             t_s = k * IMU_S

@@ -15,7 +15,7 @@ from treadline.control.export import SOURCES, Exchange, exported, rehearsal
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.models import ControllerDesign, LinearModel
-from treadline.scenario import Control, Drive, Scenario, Stair, Start
+from treadline.scenario import Control, DriveSettings, Scenario, Stair, Start
 from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -104,7 +104,7 @@ def test_the_c_code_answers_a_runs_log_within_a_millionth(tmp_path: Path) -> Non
     flight = Scenario(
         stair=Stair.model_validate({"slope_deg": 28.0, "width_m": 2.4, "steps": 30}),
         start=Start(place="flight", step=6, heading_deg=20.0),
-        drive=Drive(duration_s=20.0),
+        drive=DriveSettings(duration_s=20.0),
         control=Control(vision="truth"),
     )
     traverse(flight, controller=design, seed=1, driver=listener)

@@ -14,7 +14,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mission.config import is_full_traversal, planner_of
 from treadline.mission.planner import Cruise
 from treadline.ports import Truth
-from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.signals import TrackCommand
 
 LANDING_M = 3.0
@@ -168,7 +168,7 @@ def test_what_check_forbids_does_not_move(trip: Trip, why: str) -> None:
 
 @pytest.mark.parametrize(("asked", "verdict"), [(True, "refused"), (False, "diverged")])
 def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict: str) -> None:
-    start, drive = Start(lateral_m=4.0), Drive(check=asked)
+    start, drive = Start(lateral_m=4.0), DriveSettings(check=asked)
     scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
     assert run.verdict == verdict
@@ -177,7 +177,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
 
 
 def test_a_seat_that_cannot_be_level_at_the_start_is_told_with_what_to_set() -> None:
-    start, drive = Start(place="flight"), Drive(check=False)
+    start, drive = Start(place="flight"), DriveSettings(check=False)
     scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
     with pytest.raises(SettingsError, match=r"start\.seat = 'level' cannot be: .*45\.0° .*; give start\.seat = 'chassis'"):
         traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
@@ -254,7 +254,7 @@ def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], mode
         stair=Stair(),
         chair=Chair(model=model),
         start=Start(place="flight"),
-        drive=Drive(),
+        drive=DriveSettings(),
         control=Control(**control),
         sensors=Sensors(),
     )
@@ -268,7 +268,7 @@ def test_a_chair_without_a_flipper_arrives_where_its_front_pulley_meets_the_last
         stair=Stair.model_validate({"slope_deg": 28.0, "steps": 8}),
         chair=Chair(model="wheelchair-fixed"),
         start=Start(place="flight", step=4),
-        drive=Drive(duration_s=20.0),
+        drive=DriveSettings(duration_s=20.0),
         control=Control(loop="open"),
     )
     run = traverse(scenario, seed=1)

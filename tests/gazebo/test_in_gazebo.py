@@ -20,7 +20,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.mechanics.chair import read_chair
-from treadline.scenario import Chair, Control, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.signals import (
     ImuSample,
     SeatCommand,
@@ -163,7 +163,7 @@ def test_a_chair_askew_is_turned_square_and_climbs_for_20_s(heading_deg: float) 
     scenario = Scenario(
         stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), width_m=2.4, steps=30),
         start=Start(place="flight", step=6, heading_deg=heading_deg),
-        drive=Drive(duration_s=20.0),
+        drive=DriveSettings(duration_s=20.0),
         sensors=Sensors(camera="statistical", gravity_error_deg=0.5),
     )
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=0, open_plant=open_gazebo)

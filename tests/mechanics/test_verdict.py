@@ -14,7 +14,7 @@ from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.loading import Loading
 from treadline.mechanics.verdict import MARGIN_LIMIT_RAD, CheckReport, check
-from treadline.scenario import SEAT_SHIFT_M, Drive, Scenario, Start, read_scenario, shipped_scenarios
+from treadline.scenario import SEAT_SHIFT_M, DriveSettings, Scenario, Start, read_scenario, shipped_scenarios
 
 CHAIR = read_chair("wheelchair")
 
@@ -299,5 +299,5 @@ def test_an_unknown_chair_lists_the_shipped_ones() -> None:
     ],
 )
 def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(place: Any, direction: Any, why: str | None) -> None:
-    report = check(Scenario(start=Start(place=place), drive=Drive(direction=direction)), read_chair("wheelchair"))
+    report = check(Scenario(start=Start(place=place), drive=DriveSettings(direction=direction)), read_chair("wheelchair"))
     assert [reason for reason in report.reasons if "leads" in reason] == ([] if why is None else [why])

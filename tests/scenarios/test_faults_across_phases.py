@@ -12,7 +12,7 @@ from treadline.angles import DEG
 from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
-from treadline.scenario import Chair, Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 TICK_S = 0.01
 FOREVER_S = 1000.0
@@ -38,7 +38,7 @@ def ride(
         stair=Stair.model_validate({"steps": 8, "landing_m": 3.0} | steep),
         chair=Chair(payload_kg=80.0 if heavy else 50.0),
         start=Start.model_validate({"place": place, "step": step}),
-        drive=Drive.model_validate({"direction": direction, "duration_s": until_s}),
+        drive=DriveSettings.model_validate({"direction": direction, "duration_s": until_s}),
         sensors=Sensors(camera="statistical"),
         fault=faults,
     )

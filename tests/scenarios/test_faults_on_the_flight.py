@@ -14,7 +14,7 @@ from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
 from treadline.perception.quality import ENOUGH
-from treadline.scenario import Drive, Scenario, Sensors, Stair, Start
+from treadline.scenario import DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.sim.faults.sensors import DEPTH_ENOUGH
 
 TICK_S = 0.01
@@ -35,7 +35,7 @@ def ride(*faults: Fault, direction: str = "up", after_s: float = AFTER_S, until_
     scenario = Scenario(
         stair=Stair(),
         start=Start(place="flight", step=5 if direction == "up" else 15),
-        drive=Drive.model_validate({"direction": direction, "duration_s": until_s}),
+        drive=DriveSettings.model_validate({"direction": direction, "duration_s": until_s}),
         sensors=Sensors(camera="statistical"),
         fault=faults,
     )
