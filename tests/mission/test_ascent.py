@@ -25,7 +25,7 @@ from treadline.mission.flipper_planner import (
     RIDES_RAD_S,
     turning_share,
 )
-from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S
+from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S, TipOverFeedforward
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.angles import DEG
-from treadline.mission.tip_over import BACK_M_S2, EASES_RAD_S, EASING_M_RAD, LASTS_S, MOST_M_S
+from treadline.mission.tip_over import BACK_M_S2, EASES_RAD_S, EASING_M_RAD, LASTS_S, MOST_M_S, TipOverFeedforward
 from treadline.signals import TICK_S, ImuSample
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
