@@ -26,10 +26,10 @@ $(VENV)/.installed: pyproject.toml
 	@touch $@
 
 reproduce: setup
-	$(BIN)/treadline reproduce --out $(OUT)
+	$(BIN)/treadline reproduce --out $(OUT) --force
 
 quick: setup
-	$(BIN)/treadline reproduce --quick --out $(OUT)
+	$(BIN)/treadline reproduce --quick --out $(OUT) --force
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
