@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import treadline
 
@@ -29,7 +30,8 @@ def _fingerprint() -> str:
     import numba
     from llvmlite import binding
 
-    processor = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
+    host: Any = binding  # llvmlite has no type hints
+    processor = [host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
     parts = [numba.__version__, llvmlite.__version__, sys.version, *processor]
     for path in sorted(Path(treadline.__file__).parent.rglob("*.py")):
         if b"njit" in path.read_bytes():
