@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.experiments.shipped import SHIPPED
 
 CONTROLLER = SHIPPED / "wheelchair.json"
