@@ -88,9 +88,7 @@ def _shape_of_winder(stair: Stair, overrides: Sequence[StepOverride]) -> str | N
             if stair.is_winder(index):
                 return f"step.{number}: {key} is {value:g}, but step {index} is a winder: stair.winders shapes it; remove it"
             if ends_one and key == "yaw_deg":
-                return (
-                    f"step.{number}: yaw_deg is {value:g}, but the nosing of step {index} ends the last winder; remove it"
-                )
+                return f"step.{number}: yaw_deg is {value:g}, but the nosing of step {index} ends the last winder; remove it"
     return None
 
 
