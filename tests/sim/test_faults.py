@@ -132,8 +132,8 @@ def test_every_kind_says_what_its_value_means_within_which_limits() -> None:
 @pytest.mark.parametrize(
     ("kind", "value", "message"),
     [
-        ("camera_lost", 1.0, "value is 1, but camera_lost has none; remove it"),
-        ("depth_holes", 1.5, r"value is 1.5; for depth_holes it must be from 0 to 0.98 \(the share of the depth image"),
+        ("camera_lost", 1.0, "value is 1, but camera_lost takes no value; remove the key"),
+        ("depth_holes", 1.5, r"value is 1.5; for depth_holes it must be from 0 to 0.98 \(fraction of the depth image"),
         ("process_killed", 0.5, "value is 0.5; for process_killed it must be a whole number from 0 to 3"),
     ],
 )

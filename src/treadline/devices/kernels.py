@@ -9,8 +9,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from treadline.fma import dot, fused
 from treadline.mechanics.chair import GRAVITY_M_S2
-from treadline.products import dot, fused
 from treadline.signals import TICK_S
 
 # Rows of the drive state.
