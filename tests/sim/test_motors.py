@@ -131,9 +131,9 @@ def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_in
 
 def a_drive(**changes: float) -> Float[np.ndarray, " n"]:
     """Return the constants of the wheelchair's motors."""
-    from treadline.devices.drives import Drives
+    from treadline.devices.actuators import Actuators
 
-    return Drives(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
+    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
 
 
 @pytest.mark.parametrize("carried_share", [0.3, 1.0, 2.0])

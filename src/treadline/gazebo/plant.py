@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
 from treadline.devices import kernels
-from treadline.devices.drives import Drives
+from treadline.devices.actuators import Actuators
 from treadline.devices.instruments import ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -24,7 +24,7 @@ from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Belts, Scenario
 from treadline.signals import TICK_S
-from treadline.sim.camera.eye import look, open_eye
+from treadline.sim.camera.make_camera import look, make_camera
 
 STEPS = 10
 """Of 1 ms in a tick."""
@@ -44,9 +44,9 @@ class GazeboPlant(InstrumentedPlant):
             raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
-        eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
+        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
         apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
-        super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
+        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, camera)))
         self._server: server.GazeboServer | None = None
         self._tick = 0
         self._flipper_rad = 0.0
