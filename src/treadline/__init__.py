@@ -1,3 +1,3 @@
 """Stair climbing for tracked chairs: simulate, see, identify, steer and level."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

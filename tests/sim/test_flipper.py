@@ -186,7 +186,7 @@ def test_a_mission_logs_its_flipper() -> None:
         control=Control(vision="truth", loop="open"),
     )
     logged: list[object] = []
-    traverse(scenario, seed=0, sink=logged.append)
+    traverse(scenario, seed=0, sink=lambda signal, _: logged.append(signal))
     flippers = [signal for signal in logged if isinstance(signal, FlipperReading)]
     assert len(flippers) == 51
     assert {topic for flipper in flippers for topic, _, _ in messages_of(flipper)} == {"/flipper/state"}

@@ -28,6 +28,7 @@ def reproduce(
     """
     from dataclasses import replace
 
+    from treadline.cli.compiling import compile_once
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
     from treadline.experiments.plan import QUICK, WHOLE
@@ -44,6 +45,7 @@ def reproduce(
         raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")
     plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
     remove(out, ("results.json", "report.html"))  # of an earlier time: what follows may be interrupted
+    compile_once()
     if plant == "gazebo":
         from treadline.experiments import gazebo
 

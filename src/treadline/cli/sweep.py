@@ -51,6 +51,7 @@ def sweep(
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
     from treadline.campaign.sweep import SweepPlan, fly_sweep
+    from treadline.cli.compiling import compile_once
     from treadline.errors import SettingsError
     from treadline.processes import default_workers
 
@@ -59,6 +60,7 @@ def sweep(
     choice("--score", score, scores())
     plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
+    compile_once()
     runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
     if plan.total < runs:
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search flies whole generations\n")

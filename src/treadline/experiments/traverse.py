@@ -42,7 +42,8 @@ SEAT_SHIFT_M = 0.10
 MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
 Opener = Callable[[Scenario, int], TruthPlant]
 """Makes a scenario's plant from a seed."""
-Sink = Callable[[Signal | Truth], None]
+Sink = Callable[[Signal | Truth, float], None]
+"""Takes a signal and the mission time at which it was taken [s]."""
 """Takes all that happens in a run, truth included: a log."""
 Watch = Callable[[Tick], None]
 """Sees each tick as it ends."""
@@ -202,9 +203,9 @@ def traverse(
     blocks = build_blocks(config, driver)
     ride = _Ride(scenario, seed, sink)
     if shifted is not None:
-        ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted))
+        ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted), 0.0)
     if refusal is not None:
-        ride.log(Event(t_s=0.0, name="refused", cause=refusal))
+        ride.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
     plant = faulty(open_plant(scenario, seed), scenario, seed)
     started = time.process_time() - compiling().spent_s
     ending = _Ending(scenario, config.chair)
@@ -257,12 +258,12 @@ class _Ride:
         self._events: list[Event] = []
         self._touched = False
 
-    def log(self, signal: Signal) -> None:
-        """Take what the mission tells."""
+    def log(self, signal: Signal, taken_s: float) -> None:
+        """Record a signal of the mission, taken at ``taken_s``."""
         if isinstance(signal, Event):
             self._events.append(signal)
         if self._sink is not None:
-            self._sink(signal)
+            self._sink(signal, taken_s)
 
     def note(self, tick: Tick, plant: TruthPlant) -> None:
         """Take one tick."""
@@ -277,11 +278,12 @@ class _Ride:
             if sample.hull_contacts > 0.0 and not self._touched:
                 self._touched = True
                 self.log(
-                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle")
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle"),
+                    sample.t_s,
                 )
             self.truth.append(sample)
             if self._sink is not None:
-                self._sink(sample)
+                self._sink(sample, sample.t_s)
 
     def _held_s(self) -> float | None:
         """Return the time of the last hold, unless a person re-armed after it."""

@@ -14,7 +14,7 @@ from typing import IO, Any, cast
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
+from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from treadline.errors import LogFormatError
@@ -27,6 +27,8 @@ MAX_CHUNK_BYTES = 256 * 1024**2
 """Largest decompressed chunk [bytes]; the treadline writer closes a chunk at 4 MB."""
 MAX_MESSAGES = 50_000_000
 """Largest number of messages: about twelve hours of driving."""
+LIBRARY = "treadline"
+"""Library name in the MCAP header of logs written by treadline."""
 _PIECE = 1 << 20
 
 BROKEN = (
@@ -61,6 +63,18 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
         raise LogFormatError(f"{path}: {error.strerror or error}") from None
     except BROKEN as error:
         raise LogFormatError(f"{path}: not a valid MCAP file: {error}; is it truncated or modified?") from None
+
+
+def has_arrivals(path: Path) -> bool:
+    """Return whether the log times of a file are mission times of arrival, as in every log that treadline writes."""
+    if path.suffix.lower() != ".mcap" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        try:
+            header = next(iter(StreamReader(file, record_size_limit=MAX_CHUNK_BYTES).records), None)
+        except BROKEN:
+            return False  # the survey of the log reports the damage
+    return isinstance(header, Header) and header.library == LIBRARY
 
 
 def mcap_messages(path: Path, wants: Callable[[str], bool], *, sealed: bool = False) -> Iterator[Packet]:
