@@ -1,4 +1,4 @@
-"""The camera without images: what it tells is where the stair is, and it errs as rendered frames do."""
+"""Statistical camera: exact reports match the stair, and errors match those on rendered frames."""
 
 import math
 
@@ -68,7 +68,7 @@ def rendered(staircase: Staircase, pose: Pose, *, rear: bool) -> Sight:
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_the_same_seed_tells_the_same(*, exact: bool) -> None:
+def test_the_same_seed_reports_the_same(*, exact: bool) -> None:
     staircase = stair()
     first, again = (
         [camera_.look(0.1 * k, *on_the_flight(staircase, 0.5 + 0.1 * k)) for k in range(30)]
@@ -96,7 +96,7 @@ def test_exact_is_where_a_rendered_frame_sees_it(where: str, *, rear: bool) -> N
     assert heading.heading_rad == pytest.approx(sight.heading_rad, abs=0.5 * DEG)
     assert stair_map.direction == sight.stair_map.direction
     assert stair_map.ends == sight.stair_map.ends
-    # The three next ones, which a plan goes by: further away one may tell of a nosing that the other does not.
+    # The three nearest, used by a plan: farther nosings may be reported by one camera only.
     near = np.abs(stair_map.nosings_B[:3, 0])
     apart = np.abs(near[:, None] - np.abs(sight.stair_map.nosings_B[:, 0]))
     np.testing.assert_array_less(apart.min(axis=1), 0.010)
@@ -138,7 +138,7 @@ def test_a_rear_camera_sees_the_flight_fall_behind() -> None:
 
 
 @pytest.mark.parametrize("exact", [True, False])
-def test_where_no_two_nosings_are_in_view_nothing_is_told(*, exact: bool) -> None:
+def test_with_fewer_than_two_nosings_in_view_nothing_is_reported(*, exact: bool) -> None:
     staircase = stair()
     last = staircase.steps[-1]
     for pose in (on_the_level(-4.0), on_the_level(last.x_m + 0.5, last.z_m), on_the_level(-1.0, heading_deg=60.0)):
@@ -166,14 +166,14 @@ def test_steps_too_long_for_the_detector_are_too_long_for_the_model() -> None:
     assert camera(staircase).look(0.0, *on_the_flight(staircase, 1.5)) == ()
 
 
-def test_no_nosing_is_told_beyond_the_sensors_reach() -> None:
+def test_no_nosing_is_reported_beyond_the_sensors_range() -> None:
     staircase = stair()
     for along in np.arange(0.5, 5.0, 0.3):
         answer = camera(staircase, exact=True).look(0.0, *on_the_flight(staircase, float(along)))
         assert all(abs(part.nosings_B[-1, 0]) < 4.0 + 0.5 for part in answer if isinstance(part, StairMap))
 
 
-def test_neighbours_err_alike_and_drives_do_not() -> None:
+def test_errors_are_correlated_within_a_run_and_independent_between_runs() -> None:
     staircase = stair()
     near, apart = [], []
     for seed in range(120):
@@ -185,14 +185,14 @@ def test_neighbours_err_alike_and_drives_do_not() -> None:
     assert np.corrcoef(np.array(apart).T)[0, 1] < 0.6
 
 
-def test_the_numbers_tell_where_they_come_from() -> None:
+def test_the_fitted_parameters_name_their_origin() -> None:
     about = fitted_numbers()["about"]
     assert about["frames"] > about["accepted"] > 1000
     assert about["made_by"].startswith("python benchmarks/statistical.py")
     assert about["seeds"][0] < about["seeds"][1]
 
 
-def test_it_errs_no_less_than_frames_that_it_was_not_fitted_on() -> None:
+def test_errors_are_no_smaller_than_on_frames_outside_the_fit() -> None:
     errors: dict[str, list[float]] = {"frames": [], "model": []}
     for seed in range(12):
         rng = np.random.default_rng(90_000 + seed)

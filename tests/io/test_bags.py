@@ -1,4 +1,4 @@
-"""Channels of a bag: each has its own times; one grid comes of them by a rule that invents nothing."""
+"""Channels of a bag with separate time axes, resampled to one grid without inventing data."""
 
 from pathlib import Path
 from typing import Any
@@ -251,7 +251,7 @@ def test_idl_definitions_and_bags_without_any_are_read_by_rosbags(tmp_path: Path
         ("a_msgs/A", "ros1msg", "float64 X=1e999\nfloat64 data"),
     ],
 )
-def test_a_definition_that_means_harm_is_refused(tmp_path: Path, kind: str, language: str, definition: str) -> None:
+def test_a_malicious_definition_is_refused(tmp_path: Path, kind: str, language: str, definition: str) -> None:
     path = tmp_path / "log.mcap"
     with path.open("wb") as file:
         writer = Writer(file)

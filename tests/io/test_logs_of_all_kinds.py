@@ -37,7 +37,7 @@ def test_every_kind_of_log_gives_the_same_record(written, record: InputOutputRec
     assert (back.input_names, back.output_names) == (log.inputs, log.outputs)
 
 
-def test_every_kind_says_what_it_holds_when_a_column_is_not_there(written, record: InputOutputRecord, kind: str) -> None:
+def test_every_format_lists_its_columns_if_one_is_missing(written, record: InputOutputRecord, kind: str) -> None:
     log = written(kind, record)
     there = log.outputs[0].partition(".")[0] if "run." not in log.outputs[0] else "run.out.y"
     error = refused(log.path, log.inputs, ("/nowhere.x",), "nowhere")
@@ -45,7 +45,7 @@ def test_every_kind_says_what_it_holds_when_a_column_is_not_there(written, recor
     assert f"there are: {there.split('[')[0]}" in str(error) or f", {there.split('[')[0]}" in str(error)
 
 
-def test_every_kind_minds_units_and_gaps(written, record: InputOutputRecord, kind: str) -> None:
+def test_every_format_checks_units_and_gaps(written, record: InputOutputRecord, kind: str) -> None:
     speed = replace(record, u=1000.0 * record.u)
     if kind in {"csv", "txt", "tsv", "spreadsheet", "parquet"}:
         log = written(kind, speed)
@@ -62,7 +62,7 @@ def test_an_infinite_value_is_refused_even_where_gaps_are_allowed(written, recor
     refused(log.path, log.inputs, log.outputs, "Inf", allow_gaps=True)
 
 
-def test_every_kind_of_nothing_is_refused(tmp_path: Path) -> None:
+def test_an_empty_file_of_any_format_is_refused(tmp_path: Path) -> None:
     for suffix in (".csv", ".npz", ".mat", ".parquet", ".mcap", ".bag", ".db3"):
         path = tmp_path / f"log{suffix}"
         refused(path, ("a",), ("b",), "no such file")
@@ -84,7 +84,7 @@ def test_a_log_that_was_cut_short_is_refused(written, record: InputOutputRecord,
 
 
 @pytest.mark.parametrize("packed", ["npz", "mat compressed", "mcap"])
-def test_a_byte_that_changed_is_noticed_by_the_checksum(written, record: InputOutputRecord, packed: str) -> None:
+def test_a_changed_byte_fails_the_checksum(written, record: InputOutputRecord, packed: str) -> None:
     log = written(packed, record)
     data = bytearray(log.path.read_bytes())
     data[len(data) // 3] ^= 1
@@ -265,7 +265,7 @@ def test_more_messages_than_the_cap_are_refused(
     refused(log.path, log.inputs, log.outputs, "more than 10 messages")
 
 
-def test_a_bomb_in_a_bag_is_not_unpacked(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_decompression_bomb_in_a_bag_is_not_unpacked(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     log = written("bag bz2", record)
     data = log.path.read_bytes()
     bomb = bz2.compress(bytes(10**7))

@@ -207,7 +207,7 @@ def test_a_hot_motor_gives_its_continuous_force() -> None:
     assert min(forces) == pytest.approx(350.0)
 
 
-def test_an_empty_battery_lets_the_brakes_fall_in() -> None:
+def test_an_empty_battery_engages_the_brakes() -> None:
     assert CHAIR.battery is not None
     empty = CHAIR.model_copy(update={"battery": CHAIR.battery.model_copy(update={"capacity_wh": 0.05})})
     truth, _ = drive(empty, seconds=3.0)

@@ -1,4 +1,4 @@
-"""MuJoCo's memory is where the plant thinks it is, and the compiled loop does what MuJoCo's own step does."""
+"""Measured memory layout of MuJoCo, and equality of the compiled loop with MuJoCo's own step."""
 
 import copy
 import math
@@ -217,7 +217,7 @@ def test_a_contact_of_no_belt_is_left_alone() -> None:
     np.testing.assert_array_equal(real, before)
 
 
-def test_a_belts_side_has_no_direction_of_travel_and_the_lower_friction() -> None:
+def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -> None:
     real, whole = contact(np.random.default_rng(1), (1, 0))
     before = real.copy()
     turn(real, whole, before[0, FRAME : FRAME + 3])

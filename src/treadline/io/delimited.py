@@ -94,7 +94,7 @@ def _opened(file: Path, block: bytes, wanted: tuple[str, ...]) -> tuple[Sheet, b
     _check_header(file, number, line, header)
     doubled = sorted({name for name in header if header.count(name) > 1})
     if doubled:
-        raise LogFormatError(f"{file}:{number}: duplicate column '{doubled[0]}'; rename one of the two")
+        raise LogFormatError(f"{file}:{number}: column '{doubled[0]}' occurs twice; rename one of the two")
     for name in wanted:
         if name not in header and len(header) == 1 and " " in line:
             raise LogFormatError(

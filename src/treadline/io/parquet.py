@@ -46,7 +46,7 @@ class ParquetLog:
         there = file.schema_arrow.names
         doubled = sorted({name for name in self._wanted if there.count(name) > 1})
         if doubled:
-            raise LogFormatError(f"{self._file}: duplicate column '{doubled[0]}'; rename one of the two")
+            raise LogFormatError(f"{self._file}: column '{doubled[0]}' occurs twice; rename one of the two")
         for name in self._wanted:
             if name not in there:
                 raise missing(self._file, name, there)

@@ -61,11 +61,13 @@ def _plain(data: bytes) -> bytes:
 
 
 class _Open:
-    """File object for rosbags; a seek beyond the end takes effect at the next read, as with files."""
+    """File object for rosbags: delegates to the map; a seek beyond the end takes effect at the next read, as with files."""
 
     def __init__(self, data: mmap.mmap) -> None:
         self._data = data
-        self.read, self.tell, self.readline = data.read, data.tell, data.readline
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._data, name)
 
     def seek(self, offset: int, whence: int = 0) -> int:
         place = offset + (self._data.tell() if whence else 0)

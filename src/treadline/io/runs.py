@@ -1,7 +1,7 @@
 """File names and writers of a run folder.
 
 manifest.json holds the settings, result.json the result, series.csv the time series, log.mcap the signals, record.csv the
-input-output record and flown-controller.json the controller.
+input-output record and ``flown-controller.json`` the controller.
 """
 
 import json
