@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.printing import Printable
 from treadline.settings import text_of
 from treadline.signals import TICK_S, on_the_tick
 
@@ -87,8 +88,8 @@ class InputOutputRecord:
         return long or [spans[int(np.argmax(held))]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearModel:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class LinearModel(Printable):
     """x[k+1] = A x[k] + B (u[k] - input_offset),  y[k] - output_offset = C x[k] + D (u[k] - input_offset).
 
     ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed;
@@ -131,6 +132,13 @@ class LinearModel:
         """Number of states."""
         return int(self.A.shape[0])
 
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return order, period, channels and poles."""
+        poles = ", ".join(f"{pole:.4g}" for pole in np.linalg.eigvals(self.A))
+        names = {"inputs": (self.input_names, self.B.shape[1]), "outputs": (self.output_names, self.C.shape[0])}
+        rows = [(kind, ", ".join(given) or str(count)) for kind, (given, count) in names.items()]
+        return f"linear model of order {self.order}, period {self.dt_s:g} s", [*rows, ("poles", poles)]
+
     def save(self, path: Path) -> None:
         """Write the model as JSON."""
         write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
@@ -152,8 +160,8 @@ class LinearModel:
         return model
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ControllerDesign:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ControllerDesign(Printable):
     """Feedback gain with model and observer: the file written by ``treadline tune`` and loaded by ``treadline climb``."""
 
     model: LinearModel
@@ -171,6 +179,12 @@ class ControllerDesign:
         _settle(self, "observer_gain", (self.model.order, self.model.C.shape[0]))
         if self.disturbance_gain is not None:
             _settle(self, "disturbance_gain", (self.model.C.shape[0],))
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return vehicle, period, gain and state reconstruction."""
+        gain = "; ".join(" ".join(f"{value:.4f}" for value in row) for row in self.K)
+        rows = [("K", f"[{gain}]"), ("state", self.reconstruct), ("model", f"order {self.model.order}")]
+        return f"controller of '{self.vehicle}', period {self.period_s:g} s", rows
 
     def save(self, path: Path) -> None:
         """Write the controller as JSON."""

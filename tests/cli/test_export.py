@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from treadline.controller_files import SHIPPED
 from treadline.experiments.literal import paper_model
-from treadline.experiments.shipped import SHIPPED
 
 CONTROLLER = SHIPPED / "wheelchair.json"
 

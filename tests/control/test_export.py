@@ -12,7 +12,7 @@ import pytest
 
 from treadline.control import ControllerConfig, HeadingController, tune
 from treadline.control.export import SOURCES, Exchange, exported, rehearsal
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.models import ControllerDesign, LinearModel
 from treadline.scenario import Control, DriveSettings, Scenario, Stair, Start
@@ -81,6 +81,8 @@ def test_the_c_code_answers_a_rehearsal_as_ours_does(tmp_path: Path, case: str) 
 
 class Listener:
     """The heading controller, and all that it is told and answers."""
+
+    follows_plan = False
 
     def __init__(self, design: ControllerDesign) -> None:
         self._driver = HeadingController(design, CONFIG)

@@ -288,6 +288,7 @@ class Listening:
     """A driver that keeps the headings it was asked with."""
 
     period_s = 0.25
+    follows_plan = False
 
     def __init__(self) -> None:
         self.asked: list[float | None] = []

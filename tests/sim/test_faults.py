@@ -12,6 +12,7 @@ from treadline.angles import DEG, rotation_of
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
 from treadline.ports import Truth, TruthPlant
+from treadline.realism import Realism
 from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.settings import settings_of
 from treadline.signals import (
@@ -51,6 +52,7 @@ def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up",
         control=Control(vision="robust"),
         sensors=Sensors.model_validate({"camera": camera}),
         fault=faults,
+        realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
     )
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import RecordError, SimulationDiverged
 from treadline.experiments import plan
 from treadline.experiments.excite import PERIOD_S, excite
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import ready, traverse
+from treadline.experiments.traverse import traverse
 from treadline.experiments.variations import Variation
 from treadline.identification import identify
 from treadline.io.plain import plain
@@ -22,6 +22,7 @@ from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
 from treadline.models import write_whole
 from treadline.ports import TruthPlant
 from treadline.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
+from treadline.setup import ready
 from treadline.signals import SeatCommand, TrackCommand
 
 CHAIR = "wheelchair"

@@ -18,6 +18,7 @@ from treadline.experiments.scores import settling_time
 from treadline.io.runs import write_result
 from treadline.mission.drivers import ConstantSpeed
 from treadline.scenario import Scenario
+from treadline.setup import resolve
 
 DURATION_S = 40.0
 """Fig. 11's time axis."""
@@ -50,7 +51,7 @@ def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dic
     """Run it and return the figure's numbers: on the paper's 28° stair, or on a scenario's."""
     standing = at_rest(turn(int(paper.FIG11_SLOPE_DEG), 0, DURATION_S) if scenario is None else scenario)
     driver = ConstantSpeed(0.0, 1.0 / paper.CONTROL_RATE_HZ)
-    run = recorded_run(folder, standing, controller=None, seed=seed, driver=driver)
+    run = recorded_run(folder, resolve(standing, driver, seed))
     t, pitch = run.trace["t_s"], run.trace["seat_pitch_rad"]
     steady = pitch[t > min(STEADY_FROM_S, 0.5 * float(t[-1]))]  # a chair that slid off its stair ended early
     settle = settling_time(t, pitch, SETTLED_RAD)

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.experiments.traverse import mission_config
 from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
 from treadline.scenario import Scenario
 from treadline.settings import settings_of
+from treadline.setup import mission_config
 
 CHAIR = "wheelchair"
 """Of a log that comes without a run's manifest."""

@@ -7,9 +7,9 @@ building where nobody has measured the friction.
 from dataclasses import dataclass
 from functools import partial
 
-from treadline.experiments.traverse import Opener
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.scenario import Scenario
+from treadline.setup import Opener
 from treadline.sim import open_plant
 from treadline.sim.physics import NOMINAL, Physics
 

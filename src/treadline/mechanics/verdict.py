@@ -17,6 +17,7 @@ from treadline.mechanics.starts import start_problems
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mechanics.traction import friction_use, largest_heading_rad
+from treadline.printing import Printable
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
@@ -32,8 +33,8 @@ LANDING_SPARE_M = 0.60
 """Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CheckReport(Printable):
     """What mechanics say, under the contract's keys."""
 
     verdict: str
@@ -51,6 +52,17 @@ class CheckReport:
     seat_range_deg: tuple[float, float]
     proposed_seat_shift_m: float | None = field(default=None)
     """What would reach the margin, where a shift of the seat can."""
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the verdict, the margins and the reasons."""
+        margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
+        rows = [
+            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²)"),
+            ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
+            ("tip-over margins", margins),
+            *(("reason", reason) for reason in self.reasons),
+        ]
+        return self.verdict, rows
 
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
