@@ -199,7 +199,7 @@ def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:
             list(read_log(cut))
 
 
-def test_a_changed_byte_is_noticed_or_changes_nothing(tmp_path: Path, log: Path) -> None:
+def test_a_changed_byte_is_detected_or_has_no_effect(tmp_path: Path, log: Path) -> None:
     data = log.read_bytes()
     whole = [comparable(signal) for signal in read_log(log)]
     rng = np.random.default_rng(11)

@@ -1,4 +1,4 @@
-"""Anybody's recording as sensors: topics found by type, time put in order, what cannot be believed dropped and told."""
+"""Recordings of any origin as sensors: topics by type, readings in time order, implausible readings dropped and reported."""
 
 from pathlib import Path
 from typing import IO, Any
@@ -169,7 +169,7 @@ def test_topics_that_arrive_late_are_put_in_the_order_of_their_stamps(recording,
     assert events == []
 
 
-def test_stamps_that_repeat_or_go_back_are_dropped_counted_and_told(recording, tmp_path: Path) -> None:
+def test_stamps_that_repeat_or_decrease_are_dropped_counted_and_reported(recording, tmp_path: Path) -> None:
     log = recording()
     for stamp, logged in ((0.00, 0.00), (0.01, 0.01), (0.01, 0.02), (-0.30, 0.03), (0.04, 0.04)):
         log.imu(NAMES["imu"], stamp, LEVEL, STILL, WEIGHT, logged_s=logged)
@@ -344,7 +344,7 @@ def test_messages_that_are_not_ros_are_left_alone(recording, tmp_path: Path) -> 
     assert len(of(ImuSample, played(sensors)[0])) == 10
 
 
-def test_several_imus_are_asked_about(recording, tmp_path: Path) -> None:
+def test_several_imus_need_a_choice(recording, tmp_path: Path) -> None:
     log = fill(recording(), leave=("imu",))
     for name in ("/left/gyro", "/right/gyro"):
         log.imu(name, 0.0, LEVEL, STILL, WEIGHT)
@@ -376,7 +376,12 @@ def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello")
     (tmp_path / "a.mcap").write_text("hello")
     (tmp_path / "empty").mkdir()
-    for name, word in (("a.txt", "no log"), ("a.mcap", "whole"), ("empty", "no log"), ("none.mcap", "no such file")):
+    for name, word in (
+        ("a.txt", "not a message log"),
+        ("a.mcap", "whole"),
+        ("empty", "not a message log"),
+        ("none.mcap", "no such file"),
+    ):
         message = refusal(tmp_path / name)
         assert name in message
         assert word in message

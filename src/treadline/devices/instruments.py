@@ -1,4 +1,4 @@
-"""The chair's instruments: ``ChairState -> readings, Truth``, once a tick, whichever simulator moved the chair."""
+"""Sensor models of the chair: state at a tick in, readings and ground truth out; independent of the simulator."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,24 +20,27 @@ from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
+"""Ticks per camera frame."""
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
-"""Table I: 10 Hz."""
+"""Frame period of the camera [s] (Table I: 10 Hz)."""
 SUPPORT_TICKS = 25
-"""How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
+"""Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
+in a quarter of a second."""
 ROCKING_M = 0.015
-"""Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
+"""Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
 TIP_GAP_M = 0.010
-"""Gap between the front tip and the ground that still counts as support: 0.4 m ahead of the front pulley the chair tips onto it
-within 1.5°, as it does onto a nosing within ``ROCKING_M``. Whether the flipper's motor can carry the load is not asked."""
+"""Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
+so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
 SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+"""Standard deviation of the seat pitch reading [rad]."""
 FLIPPER_TORQUE_NOISE_N_M = 2.0
-"""Of the torque that the flipper's drive tells from its current: 1 % of full torque."""
+"""Standard deviation of the flipper torque estimated from motor current [N m]: 1 % of full torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChairState:
-    """Where a simulated chair is at a tick, and what its drives do."""
+    """State of a simulated chair and its actuators at a tick."""
 
     tick: int
     p_WB: Float[np.ndarray, " 3"]
@@ -47,46 +50,47 @@ class ChairState:
     seat_rad: float
     stroke_m: float
     belts_m_s: Float[np.ndarray, " 2"]
-    """As run, mismatch included."""
+    """Actual belt speeds [m/s], mismatch included."""
     brake_on: bool
     flipper_rad: float
     flipper_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
-    """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+    """Reach of the belt contacts since the last tick from B [m]: front, rear, left, right, each positive outward."""
     contact_force_share: float = math.nan
-    """As in ``Truth``; NaN where the simulator does not report it."""
+    """Contact force over weight, see ``Truth``; NaN if the simulator does not report it."""
     airborne_share: float = math.nan
     contact_residual_m_s2: float = math.nan
     hull_contacts: int = 0
-    """Most contacts of hull, seat and passenger at once since the last tick; always 0 where the simulator lets them pass."""
+    """Largest simultaneous number of contacts of hull, seat and passenger since the last tick; 0 if the simulator does not model
+    these contacts."""
     traction_n: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
-    """Force of the stair on each belt along it, forward [N], mean over the last tick; zero where a simulator does not tell it."""
+    """Forward force of the stair on each belt [N], mean over the last tick; zero if the simulator does not report it."""
     power_w: float = 0.0
-    """Drawn from the battery."""
+    """Electric power drawn from the battery [W]."""
 
     @property
     def t_s(self) -> float:
-        """Time on the mission clock."""
+        """Mission time [s]."""
         return self.tick * TICK_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Streams:
-    """One source of chance per sensor, so that one may change without the others."""
+    """Independent random generators, one per sensor, so that a change of one sensor leaves the others unchanged."""
 
     imu: np.random.Generator
     seat: np.random.Generator
     flipper: np.random.Generator
     link: np.random.Generator
-    """Latency and loss of the camera's readings."""
+    """Generator of latency and loss of camera readings."""
 
 
 Look = Callable[[ChairState], Sequence[Reading]]
-"""The powered camera."""
+"""Camera model: readings from a chair state."""
 
 
 class Instruments:
-    """Reads a chair's state as its sensors do, and as it is."""
+    """Simulated sensors: converts chair states into readings and ground truth."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
@@ -113,20 +117,20 @@ class Instruments:
         self._grips = None if np.all(grips == staircase.friction) else grips
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
-        """What was touched of late, a ring."""
+        """Ring buffer of recent contact reaches [m]."""
         self._ticks = 0
 
     def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
-        """Forget what came before."""
+        """Reset all memory at the start of a run."""
         self._velocity_W = velocity_W
         self._ticks = 0
         self._link.clear()
 
     def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
-        """Return what the sensors say at a tick, and the truth.
+        """Return the readings at a tick, and the ground truth.
 
         Args:
-            grip: Share of its friction that the stair has left.
+            grip: Remaining fraction of the stair's friction.
         """
         truth, t_s = self._truth_of(state, grip), state.t_s
         readings: list[Reading] = [self._imu_sample(state)]
@@ -151,14 +155,14 @@ class Instruments:
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
     def _payload_at(self, t_s: float) -> Float[np.ndarray, " 3"]:
-        """Return the payload's centre in the seat's frame with the sway; comfort is judged without it."""
+        """Return the payload's centre in the seat's frame, sway included [m]; comfort is judged by the seat without sway."""
         chair = self._scenario.chair
         if not chair.sways:
             return self._seated
         return np.array(payload_com(self._chair, chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s))))
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:
-        """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
+        """Return the least friction (along, across) of the steps under the flat run, or the stair's default without steps."""
         if self._grips is None:
             return self._staircase.friction
         under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m

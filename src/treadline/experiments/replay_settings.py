@@ -21,7 +21,6 @@ from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
-from treadline.keys import meanings
 from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
 from treadline.mission.guard import Guard
 from treadline.mission.loop import Blocks
@@ -30,6 +29,7 @@ from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
 from treadline.perception.camera_file import CameraFile, Pixels
 from treadline.scenario import Control, DriveSettings
+from treadline.setting_docs import meanings
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
 
