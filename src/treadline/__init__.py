@@ -13,7 +13,7 @@
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = ["__version__", "check", "climb", "detect_stair", "identify", "load_model", "tune"]
 
 _MODULE_OF = {

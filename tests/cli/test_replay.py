@@ -423,7 +423,7 @@ def assert_one_line(outcome: Any, word: str) -> None:
         (["{run}/log.mcap", "--out", "{run}"], "own folder"),
         (["{run}", "--out", "{run}/series.csv"], "is a file"),
         (["{run}/nowhere", "--out", "{new}"], "no such file"),
-        (["{run}/series.csv", "--out", "{new}"], "no log"),
+        (["{run}/series.csv", "--out", "{new}"], "not a message log"),
         (["{run}", "--set", "filter.gait=1", "--out", "{new}"], "filter.gate"),
         (["{run}", "--set", "vision=eyes", "--out", "{new}"], "robust"),
         (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),

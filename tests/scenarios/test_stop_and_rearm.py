@@ -81,7 +81,7 @@ def ride(direction: str, place: str, when: Callable[[MotionPlan, float, Truth], 
     plant = Attended(open_plant(scenario, 3))
     events: list[Event] = []
 
-    def log(signal: Signal) -> None:
+    def log(signal: Signal, _: float) -> None:
         if isinstance(signal, Event):
             events.append(signal)
 

@@ -1,4 +1,4 @@
-"""The passenger: leaning, swaying, and not as heavy as entered."""
+"""Passenger: lean, sway, and a true weight different from the entered one."""
 
 from typing import Any
 

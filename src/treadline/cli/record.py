@@ -98,9 +98,10 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     aside: list[Any] = []
     count = 0
     try:
-        for signal in recording.signals(aside.append):
-            for told_signal in (*aside, signal):
+        for taken_s, signal in recording.arrivals(aside.append):
+            for told_signal in aside:
                 bag(told_signal)
+            bag(signal, taken_s)
             count += 1 + len(aside)
             aside.clear()
         for told_signal in aside:

@@ -31,6 +31,7 @@ def reproduce(
     """
     from dataclasses import replace
 
+    from treadline.cli.compiling import compile_once
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
     from treadline.experiments.plan import QUICK, WHOLE
@@ -48,6 +49,7 @@ def reproduce(
     plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
     claim(out, force=force)
     remove(out, ("results.json", "report.html"))  # an interrupted run must not leave an older result
+    compile_once()
     if plant == "gazebo":
         from treadline.experiments import gazebo
 

@@ -62,6 +62,7 @@ def sweep(
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
     from treadline.campaign.sweep import SweepPlan, fly_sweep
+    from treadline.cli.compiling import compile_once
     from treadline.errors import SettingsError
     from treadline.io.runs import remove
     from treadline.processes import default_workers
@@ -79,6 +80,7 @@ def sweep(
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)
     plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
+    compile_once()
     runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
     if force:
         remove(out, (NAME,))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.io.runs import FLOWN, LOG, MANIFEST
+from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
@@ -60,7 +60,7 @@ def source_of(log: Path) -> Source:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
     named = manifest.get("plugins")
     plugins = {str(kind): str(name) for kind, name in named.items()} if isinstance(named, dict) else {}
-    flown = folder / FLOWN
+    flown = folder / RUN_CONTROLLER
     if flown.is_file():  # what a key named then, may be another one now
         changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:

@@ -150,24 +150,26 @@ def _play(
     recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: RunLog, watch: Watch | None
 ) -> tuple[str | None, int]:
     """Run the mission to the end of the recording; return the cause of a hold and the number of headings the fusion rejected."""
+    now_s = 0.0
 
-    def log(signal: Signal) -> None:
+    def log(signal: Signal, taken_s: float) -> None:
         scores.note(signal)
-        sink(signal)
+        sink(signal, taken_s)
 
     def aside(signal: Any) -> None:
         scores.compare_with(signal)
         if isinstance(signal, Event):
-            sink(signal)
+            sink(signal, now_s)
 
     blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
-    plant = ReplayPlant(recording.signals(aside), settings.R_BI)
+    plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:
         tick = mission.tick()
         truth = scores.step(tick)
         if truth is not None:
-            sink(truth)
+            sink(truth, tick.t_s)
+        now_s = tick.t_s + TICK_S
         if watch is not None:
             watch(tick)
     plant.close()

@@ -35,8 +35,8 @@ FALLEN_SLIDE_M = 0.5
 """Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
 
 MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
-Sink = Callable[[Signal | Truth], None]
-"""Receives every signal of a run, ground truth included: a log."""
+Sink = Callable[[Signal | Truth, float], None]
+"""Receives every signal of a run, ground truth included, and the mission time at which it was taken [s]: a log."""
 Watch = Callable[[Tick], None]
 """Receives each tick as it ends."""
 
@@ -142,9 +142,9 @@ def run_episode(
     if refusal is None and blocks is None:
         blocks = setup.build_blocks()
     if setup.seat_shift is not None:
-        ride.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift))
+        ride.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
     if refusal is not None:
-        ride.log(Event(t_s=0.0, name="refused", cause=refusal))
+        ride.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
     plant = setup.open_plant()
     started = time.process_time() - compiling().spent_s
     try:
@@ -227,12 +227,12 @@ class _Ride:
         self._events: list[Event] = []
         self._touched = False
 
-    def log(self, signal: Signal) -> None:
-        """Record one signal of the mission."""
+    def log(self, signal: Signal, taken_s: float) -> None:
+        """Record a signal of the mission, taken at ``taken_s``."""
         if isinstance(signal, Event):
             self._events.append(signal)
         if self._sink is not None:
-            self._sink(signal)
+            self._sink(signal, taken_s)
 
     def note(self, tick: Tick, plant: TruthPlant) -> None:
         """Record one tick."""
@@ -247,11 +247,12 @@ class _Ride:
             if sample.hull_contacts > 0.0 and not self._touched:
                 self._touched = True
                 self.log(
-                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle")
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle"),
+                    sample.t_s,
                 )
             self.truth.append(sample)
             if self._sink is not None:
-                self._sink(sample)
+                self._sink(sample, sample.t_s)
 
     def _held_s(self) -> float | None:
         """Return the time of the last hold, unless a person re-armed after it."""
