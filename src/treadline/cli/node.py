@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim
+from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig
@@ -76,6 +76,7 @@ def node(
     check_times(pace=pace, duration=duration, patience=patience)
     if out is not None:
         claim(out, force=force, kind="either")
+        make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
     config = setup.mission
     stop = stopping()
