@@ -47,10 +47,10 @@ controller. Each cell is the largest absolute change of the figure over the vari
 
 Runs in every variation: Table II from +30°, 80 s, at 25°, 28° and 30° with friction 0.62/0.5 and at 28° with 0.9/0.5; straight up
 28° for 60 s with a belt mismatch of 2 %; 400 samples of excitation at 20°; the scenarios up-28 and down-28; a braked chair on 28°
-for 60 s and on 32.4° for 3 s. Runs in the variations of step, stiffness and friction alone: the turn at 28° with roll-back allowed, the open
-loop on 28° for 60 s, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and the runs with lugs of 15 mm every
-80 mm (turns of 4 s and up-28). Statistical camera. RSS is the root sum of squares over step, stiffness, residual, solves, friction,
-masses, centre, lag and lug phase, as far as they were run.
+for 60 s and on 32.4° for 3 s. Runs in the variations of step, stiffness and friction alone: the turn at 28° with roll-back
+allowed, the open loop on 28° for 60 s, the controller as printed, the seat, the dead zone, the frame of Fig. 5, and the runs with
+lugs of 15 mm every 80 mm (turns of 4 s and up-28). Statistical camera. RSS is the root sum of squares over step, stiffness,
+residual, solves, friction, masses, centre, lag and lug phase, as far as they were run.
 
 **Bold**: the source changes the figure by more than its margin to the target. †: in a variation of the source
 the runs end without the figure, and the change is that of the others. Blank: not run. Figures of secondary interest,

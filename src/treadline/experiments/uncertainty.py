@@ -1,4 +1,4 @@
-"""Uncertainty budget: the largest change of each figure by source of uncertainty, next to the margin of the figure to its target."""
+"""Uncertainty budget: the largest change of each figure by source of uncertainty, next to its margin to the target."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
