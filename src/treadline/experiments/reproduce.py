@@ -112,7 +112,7 @@ def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
 
 
 def learn(plan: ReproducePlan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
-    """Return the tuned controller and each ground's identification figures; write models and controller to files."""
+    """Return the controller tuned on the identified model, and the figures of each ground; write models and controller."""
     fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
     figures: dict[Ground, dict[str, Any]] = {}
     controller: ControllerDesign | None = None
