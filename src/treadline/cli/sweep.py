@@ -50,7 +50,7 @@ def sweep(
     from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
-    from treadline.campaign.sweep import SweepPlan, fly_sweep
+    from treadline.campaign.sweep import SweepPlan, run_sweep
     from treadline.errors import SettingsError
     from treadline.processes import default_workers
 
@@ -64,7 +64,7 @@ def sweep(
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search flies whole generations\n")
     try:
         with _Left() as progress:
-            summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
     except KeyboardInterrupt as stopped:
         stopped.add_note("the same command with --resume goes on with it")
         raise
