@@ -1,41 +1,67 @@
-# make reproduce · make test · make check · make docs : each sets up what it needs in .venv.
+# Each target sets up what it needs in .venv, and no more.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick test test-ros1 test-gazebo check coverage format docs clean
+.PHONY: help setup reproduce quick test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
 
 help:
-	@echo "make reproduce   run the whole paper and write $(OUT)/report.html"
-	@echo "make quick       the same, shortened (figures are marked as such)"
-	@echo "make test        run the tests"
-	@echo "make test-gazebo run the tests in Gazebo 11, which they build first (root, once)"
-	@echo "make test-ros1   install ROS 1 from Debian (root) and run the graph on a real roscore"
-	@echo "make check       formatter, linter, types, import contracts"
-	@echo "make coverage    every branch of the guard is taken by its own tests"
-	@echo "make docs        redraw the drawings of docs/"
+	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
+	@echo "make quick        the same, shortened (figures are marked as such)"
+	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
+	@echo "make test         run all tests"
+	@echo "make fast         run the tests that finish within a minute"
+	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once)"
+	@echo "make test-ros1    install ROS 1 from Debian (root) and run the graph on a real roscore"
+	@echo "make check        formatter, linter, types, import contracts"
+	@echo "make coverage     measure that the guard's own tests take each of its branches"
+	@echo "make docs         build the documentation site in site/ (warnings are errors)"
+	@echo "make docs-serve   show the documentation on a local port while it is edited"
+	@echo "make schema       write docs/reference/scenario.schema.json again"
+	@echo "make dist         build the source distribution and the wheel in dist/"
 
-setup: $(VENV)/.installed
-
-$(VENV)/.installed: pyproject.toml
+$(VENV)/.created:
 	@command -v $(PYTHON) >/dev/null || { echo "treadline: $(PYTHON) not found; install Python 3.11 or newer" >&2; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "treadline: $(PYTHON) is older than 3.11; call make PYTHON=python3.12" >&2; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
 	@touch $@
 
+$(VENV)/.base: pyproject.toml | $(VENV)/.created
+	$(PIP) -e .
+	@touch $@
+
+$(VENV)/.test: $(VENV)/.base
+	$(PIP) -e ".[test]"
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.test
+	$(PIP) -e ".[dev]"
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.base
+	$(PIP) -e ".[docs]"
+	@touch $@
+
+# Compiles once per machine and version; later calls find the marker and return at once.
+setup: $(VENV)/.base
+	@$(BIN)/treadline compile
+
 reproduce: setup
-	$(BIN)/treadline reproduce --out $(OUT)
+	$(BIN)/treadline reproduce --out $(OUT) --force
 
 quick: setup
-	$(BIN)/treadline reproduce --quick --out $(OUT)
+	$(BIN)/treadline reproduce --quick --out $(OUT) --force
 
-test: setup
+test: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
+fast: $(VENV)/.test setup
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m fast
+
 # Where neither root nor chroot is to be had there is nothing to test: environment.sh says so and answers 77.
-test-gazebo: setup
+test-gazebo: $(VENV)/.test
 	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
 	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo tests/devices/test_plant_contract.py
@@ -43,29 +69,41 @@ test-gazebo: setup
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
 	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-msgs python3-tf2-ros
 
-test-ros1: setup
+test-ros1: $(VENV)/.test
 	@command -v rostest >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
 		{ echo "treadline: ROS 1 is not installed, and only root of a Debian can: apt-get install $(ROS1)" >&2; exit 2; }
 	@command -v rostest >/dev/null || { apt-get -q update && \
 		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(ROS1); }
 	TREADLINE_ROS1=1 $(BIN)/python -m pytest -n 2 tests/ros1
 
-check: setup
+check: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-coverage: setup
+coverage: $(VENV)/.dev
 	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/mission/test_guard*.py
 	$(BIN)/coverage report
 
-format: setup
+format: $(VENV)/.dev
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-docs: setup
+docs: $(VENV)/.docs
 	$(BIN)/python -m treadline.report.drawings docs/drawings
+	$(BIN)/python docs/build/commands.py docs/reference/commands.md
+	$(BIN)/mkdocs build --strict --quiet
+
+docs-serve: $(VENV)/.docs
+	$(BIN)/mkdocs serve
+
+schema: $(VENV)/.base
+	$(BIN)/treadline check --schema > docs/reference/scenario.schema.json
+
+dist: $(VENV)/.created
+	$(PIP) build
+	$(BIN)/python -m build --outdir dist .
 
 clean:
-	rm -rf $(VENV) reproduce runs .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) reproduce runs site dist build .mypy_cache .ruff_cache .pytest_cache

@@ -1,4 +1,4 @@
-"""What a first run compiles: its time is known, and whoever waits is told once."""
+"""Compiling: its CPU time is known, the user is informed once, and ``treadline compile`` leaves nothing to compile."""
 
 import json
 import subprocess
@@ -9,7 +9,7 @@ from pathlib import Path
 from numba.core import event
 
 from treadline import compiling as module
-from treadline.compiling import Compiling, compiling
+from treadline.compiling import CompileTimer, compiling
 
 SCENARIO = """
 [stair]
@@ -33,24 +33,24 @@ def burn(seconds: float) -> None:
         pass
 
 
-def test_what_is_compiled_for_another_counts_once_and_is_told_once() -> None:
-    watch, told = Compiling(), []
-    watch.tell_once(lambda: told.append(watch.spent_s))
+def test_nested_compilation_counts_once_and_is_reported_once() -> None:
+    watch, reported = CompileTimer(), []
+    watch.call_once_if_long(lambda: reported.append(watch.spent_s))
     with event.install_listener("numba:compile", watch):
         for _ in range(4):
             with event.trigger_event("numba:compile"), event.trigger_event("numba:compile"):
-                burn(0.6 * module.NOTICED_S)
+                burn(0.6 * module.LONG_S)
     # A second of slack would be a quarter: the clock of a busy machine ticks coarsely.
-    assert 2.4 * module.NOTICED_S <= watch.spent_s < 3.0 * module.NOTICED_S
-    assert len(told) == 1
-    assert module.NOTICED_S < told[0] < 1.6 * module.NOTICED_S
+    assert 2.4 * module.LONG_S <= watch.spent_s < 3.0 * module.LONG_S
+    assert len(reported) == 1
+    assert module.LONG_S < reported[0] < 1.6 * module.LONG_S
 
 
-def test_a_process_has_one_that_listens() -> None:
+def test_a_process_has_one_timer() -> None:
     assert compiling() is compiling()
 
 
-def test_a_first_climb_says_why_it_is_silent_and_is_no_slower_for_it(tmp_path: Path, monkeypatch) -> None:
+def test_a_first_climb_reports_compiling_and_excludes_it_from_the_real_time_factor(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "short.toml").write_text(SCENARIO)
     first, second = (

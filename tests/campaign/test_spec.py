@@ -205,6 +205,6 @@ def test_a_sweep_is_not_listed_or_run_as_a_scenario() -> None:
         read_scenario("paper-29")
     with pytest.raises(SettingsError, match=r"\(shipped: envelope, outside\)"):
         read_spec("envelop")
-    with pytest.raises(SettingsError, match="a sweep, not one scenario; fly it with treadline sweep"):
+    with pytest.raises(SettingsError, match="a sweep, not one scenario; run it with treadline sweep"):
         read_scenario(ENVELOPE.path)
     assert isinstance(Scenario.model_validate(ENVELOPE.base), Scenario)

@@ -282,7 +282,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
 
 
 def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
-    from treadline.experiments.shipped import shipped_controller
+    from treadline.controller_files import shipped_controller
 
     shipped = shipped_controller("wheelchair")
     (tmp_path / "short.toml").write_text(SCENARIO)
@@ -307,7 +307,7 @@ def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run,
 
 
 def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blind: Path, tmp_path: Path) -> None:
-    from treadline.experiments.shipped import shipped_controller
+    from treadline.controller_files import shipped_controller
 
     named = tmp_path / "named"
     shutil.copytree(blind, named)
@@ -423,7 +423,7 @@ def assert_one_line(outcome: Any, word: str) -> None:
         (["{run}/log.mcap", "--out", "{run}"], "own folder"),
         (["{run}", "--out", "{run}/series.csv"], "is a file"),
         (["{run}/nowhere", "--out", "{new}"], "no such file"),
-        (["{run}/series.csv", "--out", "{new}"], "no log"),
+        (["{run}/series.csv", "--out", "{new}"], "not a message log"),
         (["{run}", "--set", "filter.gait=1", "--out", "{new}"], "filter.gate"),
         (["{run}", "--set", "vision=eyes", "--out", "{new}"], "robust"),
         (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),

@@ -7,7 +7,7 @@ import pytest
 
 from treadline.control import tune
 from treadline.control.design_warning import design_warning, heading_response
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.models import LinearModel
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from treadline.control import ControllerConfig, HeadingController, tune
 from treadline.control.export import SOURCES, Exchange, exported, rehearsal
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.models import ControllerDesign, LinearModel
 from treadline.scenario import Control, DriveSettings, Scenario, Stair, Start
@@ -81,6 +81,8 @@ def test_the_c_code_gives_the_same_commands_in_a_rehearsal(tmp_path: Path, case:
 
 class Listener:
     """Heading controller that records its inputs and responses."""
+
+    follows_plan = False
 
     def __init__(self, design: ControllerDesign) -> None:
         self._driver = HeadingController(design, CONFIG)

@@ -7,10 +7,10 @@ from typing import Any, Literal
 import pytest
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
-from treadline.experiments.shipped import shipped_controller
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
 from treadline.perception import StairDetector

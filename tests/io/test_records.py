@@ -125,7 +125,7 @@ def test_missing_rows_count_as_gaps_and_must_leave_the_others_on_the_grid(tmp_pa
         read_record(wild, INPUTS, OUTPUTS, allow_gaps=True)
 
 
-def test_nobody_is_told_to_take_rows_out(tmp_path: Path) -> None:
+def test_no_message_advises_removing_rows(tmp_path: Path) -> None:
     for line in ("0.75,0.2,0.2,nan", "nan,0.2,0.2,0.1"):
         with pytest.raises(NotFinite) as caught:
             read_record(written(tmp_path / "record.csv", replaced(3, line)), INPUTS, OUTPUTS)
@@ -140,7 +140,7 @@ def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> Non
     np.testing.assert_allclose(record.y[:, 0], 0.1 * np.arange(6), atol=1e-15)
 
 
-def test_one_wild_time_stamp_does_not_ask_for_all_the_memory(tmp_path: Path) -> None:
+def test_a_single_wrong_time_stamp_does_not_exhaust_the_memory(tmp_path: Path) -> None:
     path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
     with pytest.raises(RecordError, match="--period"):
         read_record(path, INPUTS, OUTPUTS, resample=True)

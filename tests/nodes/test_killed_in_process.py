@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import mission_config
+from treadline.controller_files import shipped_controller
 from treadline.mission.config import build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.nodes import channels as on
@@ -16,6 +15,7 @@ from treadline.nodes.shells import GuardNode
 from treadline.nodes.words import GuardState, VelocityCommand
 from treadline.ports import Truth
 from treadline.scenario import Scenario
+from treadline.setup import mission_config
 from treadline.signals import FlipperCommand, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 

@@ -13,17 +13,18 @@ import sys
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, suppress
+from contextlib import contextmanager, nullcontext, redirect_stderr, suppress
 from pathlib import Path
 from typing import Annotated
 
 import cyclopts
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from treadline import __version__
 from treadline.cli import (
     check,
     climb,
+    compiling,
     doctor,
     excite,
     export,
@@ -44,6 +45,7 @@ from treadline.cli import (
 )
 from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
+from treadline.cli.start_notice import start_notice
 from treadline.errors import SimulationDiverged, TreadlineError
 from treadline.interrupts import Terminated, on_terminate
 
@@ -64,28 +66,20 @@ app = App(
     default_parameter=Parameter(negative=()),
     config=check_whole_numbers,
 )
-for verb in (
-    reproduce.reproduce,
-    check.check,
-    excite.excite,
-    identify.identify,
-    tune.tune,
-    export.export,
-    climb.climb,
-    seat.seat,
-    model.model,
-    node.node,
-    nodes.nodes,
-    record.record,
-    sweep.sweep,
-    see.see,
-    frames.frames,
-    mount.mount,
-    replay.replay,
-    report.report,
-    doctor.doctor,
-):
-    app.command(verb)
+VERBS = {
+    "The paper": (reproduce.reproduce, report.report),
+    "Simulation": (check.check, climb.climb, seat.seat, sweep.sweep, model.model),
+    "Identification and control": (excite.excite, identify.identify, tune.tune, export.export),
+    "Perception": (see.see, frames.frames, mount.mount),
+    "Logs and ROS": (replay.replay, record.record, nodes.nodes, node.node),
+    "Installation": (doctor.doctor, compiling.compile_),
+}
+"""Commands by the heading under which ``--help`` lists them."""
+GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
+for heading, verbs in VERBS.items():
+    for verb in verbs:
+        app.command(verb, name=verb.__name__.rstrip("_"), group=GROUPS[heading])
+app.register_install_completion_command(group=GROUPS["Installation"])
 
 
 @app.meta.default
@@ -124,7 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    with _streams(), _heeding_requests_to_end():
+    noticed = start_notice(tokens) if arguments is None else nullcontext()
+    with _streams(), _heeding_requests_to_end(), noticed:
         return _run(tokens)
 
 

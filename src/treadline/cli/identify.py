@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice, words
+from treadline.cli.out import Force, claim
 from treadline.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def identify(
     page: Path | None = None,
     no_page: bool = False,
     out: Path = Path("model.json"),
+    force: Force = False,
 ) -> Answer:
     """Fit x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] to recorded runs.
 
@@ -97,6 +99,7 @@ def identify(
     _check(asked, gram)
     if page is not None and no_page:
         raise SettingsError("give --page or --no-page, not both")
+    claim(out, force=force, kind="file")
     try:
         found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
     except TooFewSamples as error:

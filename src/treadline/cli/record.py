@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import RECORDER_SPARE, WireName, stopping, told, wired
+from treadline.cli.node import RECORDER_SPARE, WireName, stopping, wired
 from treadline.cli.numbers import check_times
+from treadline.cli.out import Force, claim
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -24,6 +25,7 @@ def record(
     images: Annotated[bool, Parameter(negative="--no-images")] = True,
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
+    force: Force = False,
 ) -> Answer:
     """Record what the graph's nodes say, or copy a log into another kind of bag.
 
@@ -41,9 +43,12 @@ def record(
         domain: ROS 2's ROS_DOMAIN_ID.
     """
     check_times(duration=duration)
+    claim(out, force=force, kind="either")
     if log is not None:
         return _copied(log, out)
-    _, config = told(scenario, None)
+    from treadline.setup import resolve
+
+    config = resolve(scenario).mission
     wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
     wire.spare = RECORDER_SPARE
     try:
@@ -88,9 +93,10 @@ def _copied(log: Path, out: Path) -> Answer:
     aside: list[Any] = []
     count = 0
     try:
-        for signal in recording.signals(aside.append):
-            for told_signal in (*aside, signal):
+        for taken_s, signal in recording.arrivals(aside.append):
+            for told_signal in aside:
                 bag(told_signal)
+            bag(signal, taken_s)
             count += 1 + len(aside)
             aside.clear()
         for told_signal in aside:

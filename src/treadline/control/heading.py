@@ -49,6 +49,8 @@ class HeadingController:
         NotInvertible: If static reconstruction is requested but impossible for the model.
     """
 
+    follows_plan = True
+
     def __init__(self, design: ControllerDesign, config: ControllerConfig) -> None:
         check_design(design, config.period_s)
         model = design.model

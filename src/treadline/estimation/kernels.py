@@ -5,7 +5,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.products import dot
+from treadline.fma import dot
 
 STATES = 4
 

@@ -154,7 +154,7 @@ class MountStudy:
 
     def readings(self) -> Iterator[Reading]:
         """Yield what the sensors read, each once it has been learned from."""
-        plant = ReplayPlant(self._recording.signals(lambda _: None))
+        plant = ReplayPlant(self._recording.arrivals(lambda _: None))
         with _in_words_of_mount():
             plant.start()
             tick = 0

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.experiments.traverse import mission_config
-from treadline.io.runs import FLOWN, LOG, MANIFEST
+from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
 from treadline.scenario import Scenario
 from treadline.settings import settings_of
+from treadline.setup import mission_config
 
 CHAIR = "wheelchair"
 """Of a log that comes without a run's manifest."""
@@ -56,7 +56,7 @@ def source_of(log: Path) -> Source:
     base = MissionConfig(chair=read_chair(CHAIR))
     if "replay" in settings:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
-    flown = folder / FLOWN
+    flown = folder / RUN_CONTROLLER
     if flown.is_file():  # what a key named then, may be another one now
         changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:

@@ -24,6 +24,7 @@ from treadline.identification.report import CandidateScore, IdentificationReport
 from treadline.identification.structure import gap_of
 from treadline.identification.threads import one_thread
 from treadline.models import InputOutputRecord, LinearModel
+from treadline.printing import Printable
 
 DEAD_TIME = 3
 """Delay in samples from which a warning suggests removing the dead time."""
@@ -45,7 +46,7 @@ class FittedSystem:
     warnings: Sequence[str]
 
 
-class Identified:
+class Identified(Printable):
     """Identified model; the report and the intervals are computed on first access."""
 
     def __init__(
@@ -68,6 +69,17 @@ class Identified:
         """Gram matrix of the data, from which a later identification can continue."""
         self._found, self._method, self._shifts, self._differential = found, method, shifts, differential
         self._seconds = time.perf_counter() - started
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return order, fit, one-step prediction, poles and warnings."""
+        report = self.report
+        rows = [
+            (f"fit of {name}", f"{value:.1f} % free run, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            for name, value in report.fit_percent.items()
+        ]
+        rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
+        rows += [("warning", warning) for warning in report.warnings]
+        return f"model of order {report.order} with {report.lags} lags ({report.method}), period {self.model.dt_s:g} s", rows
 
     @property
     def svd(self) -> HankelSvd:

@@ -145,7 +145,9 @@ def select_model(
         search = Search(folds=folds, criterion=forecast_squares, budget=budget, on_progress=on_progress)
         search.grow_order(families, orders)
     if not search.scores and order is not None:
-        raise PoorExcitation(f"order {order} is above the largest that {whole.data.lags} lags of these data support; ask for less")
+        raise PoorExcitation(
+            f"order {order} is above the largest order that {whole.data.lags} lags of these data support; ask for less"
+        )
     if not search.scores or not np.isfinite(search.lowest_error):
         raise PoorExcitation("no model explains held-out data; give a longer record, or inputs that vary more")
     search.refine("prediction-error" if by_forecasts else "output-error", suggested_order if order is None else None)

@@ -13,7 +13,6 @@ diagram::
 The mission knows what sensors, the chair's file and the operator tell it, and nothing else.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -21,9 +20,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import rotation_of
 from treadline.estimation import HeadingHealth
 from treadline.mission.drivers import Driver
+from treadline.mission.gravity import GravityAtExposure
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
 from treadline.mission.proposals import Proposals
@@ -51,10 +50,6 @@ from treadline.signals import (
 
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event
 """All that a run's log may hold, truth aside."""
-
-ATTITUDES = 50
-"""Remembered IMU samples: half a second, the longest camera latency a scenario may ask for."""
-DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 @runtime_checkable
@@ -128,8 +123,8 @@ class Tick:
     """Whether the driver spoke at this tick."""
 
 
-def _no_log(signal: Signal) -> None:
-    del signal
+def _no_log(signal: Signal, taken_s: float) -> None:
+    del signal, taken_s
 
 
 Noted = StairMap | HeadingHealth | MotionPlan
@@ -152,13 +147,14 @@ class Mission:
         self,
         plant: Plant,
         blocks: Blocks,
-        log: Callable[[Signal], None] = _no_log,
+        log: Callable[[Signal, float], None] = _no_log,
         is_dead: Callable[[float], bool] = _never,
         restamp: Callable[[Noted], Noted] = _as_made,
     ) -> None:
         """Take the blocks and start the plant.
 
         Args:
+            log: Takes each signal and the mission time of the tick at which it was taken or made [s].
             is_dead: Whether the process that drives is dead at a time: what a test does to it.
             restamp: A message as the guard gets it: what a test does to its stamp.
         """
@@ -168,11 +164,12 @@ class Mission:
         self._is_dead = is_dead
         self._restamp = restamp
         self._tick = 0
+        self._t_s = 0.0
         self._control = Rate(blocks.driver.period_s)
         self._proposals = Proposals(blocks.driver)
         self._estimate: HeadingEstimate | None = None
         self._imu: ImuSample | None = None
-        self._attitudes: deque[ImuSample] = deque(maxlen=ATTITUDES)
+        self._gravity = GravityAtExposure()
         self._phase = ""
         self._told = (0.0, 0.0)
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
@@ -180,10 +177,10 @@ class Mission:
 
     def tick(self) -> Tick:
         """Advance the plant to the next tick, feel, decide, act."""
-        t_s = self._tick * TICK_S
+        t_s = self._t_s = self._tick * TICK_S
         self._plant.advance(t_s)
         for reading in self._plant.read():
-            self._log(reading)
+            self._record(reading)
             if self._blocks.guard.admit(reading):
                 self._update(reading)
 
@@ -222,7 +219,7 @@ class Mission:
         match reading:
             case ImuSample():
                 self._imu = reading
-                self._attitudes.append(reading)
+                self._gravity.update(reading)
                 self._estimate = blocks.estimator.step(reading)
                 blocks.planner.update(reading)
             case TrackReading():
@@ -242,18 +239,18 @@ class Mission:
                 pass
 
     def _look(self, frame: RgbdFrame) -> None:
-        gravity_C = self._gravity_in(frame)
+        gravity_C = self._gravity.gravity_C(frame)
         quality = quality_of(frame, gravity_C, self._blocks.swept_half_m)
-        self._log(quality)
+        self._record(quality)
         if not self._blocks.guard.admit(quality):
             return
         seen = self._blocks.detector.see(frame, gravity_C)
         measurement, stair_map = seen.measurement, seen.stair_map
         if measurement is not None:
-            self._log(measurement)
+            self._record(measurement)
             self._update_heading(measurement)
         if stair_map is not None:
-            self._log(stair_map)
+            self._record(stair_map)
             self._update_stair(stair_map)
 
     def _update_heading(self, measurement: HeadingMeasurement) -> None:
@@ -264,25 +261,21 @@ class Mission:
         self._blocks.guard.on_message(self._restamp(stair_map))
         self._blocks.planner.update(stair_map)
 
-    def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
-        if not self._attitudes:
-            return None
-        # A frame arrives late: gravity is that of its exposure, for the chair has rocked since.
-        exposed = min(reversed(self._attitudes), key=lambda sample: abs(sample.t_s - frame.t_s))
-        return np.asarray(frame.camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
+    def _record(self, signal: Signal) -> None:
+        self._log(signal, self._t_s)
 
     def _tell(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
         if self._estimate is not None:
-            self._log(self._estimate)
+            self._record(self._estimate)
         belts = (tracks.left_m_s, tracks.right_m_s)
         if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._told:
-            self._log(tracks)  # whatever the belts are told anew, by whomever: a guard that ramps down too
+            self._record(tracks)  # whatever the belts are told anew, by whomever: a guard that ramps down too
         self._told = belts
         if flipper is not None:
-            self._log(flipper)
-        self._log(self._seat)
+            self._record(flipper)
+        self._record(self._seat)
         if plan.phase != self._phase:
             self._phase = plan.phase
-            self._log(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
+            self._record(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
         for event in self._blocks.guard.take_events():
-            self._log(event)
+            self._record(event)

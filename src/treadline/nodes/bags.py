@@ -18,8 +18,8 @@ from treadline.nodes.words import Mounts, Odometry
 class Bag(Protocol):
     """Takes signals until it is closed."""
 
-    def __call__(self, signal: Any) -> None:
-        """Write one signal."""
+    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
+        """Write one signal, taken at ``taken_s`` on the mission clock; at its stamp where that is left out."""
 
     def close(self) -> None:
         """Finish the file."""
@@ -57,8 +57,8 @@ class _RosBag:
         self._connections: dict[str, Any] = {}
         self._closed = False
 
-    def __call__(self, signal: Any) -> None:
-        time_ns = nanoseconds_of(signal.t_s)
+    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
+        time_ns = nanoseconds_of(signal.t_s if taken_s is None else taken_s)
         for topic, kind, data in _messages(signal, self._kind):
             if topic not in self._connections:
                 self._connections[topic] = self._connect(topic, kind)

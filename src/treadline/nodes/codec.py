@@ -18,9 +18,9 @@ from treadline.io.decode import (
     HEADINGS,
     OURS,
     CdrReader,
+    DiagnosticStatus,
     Picture,
     Ros1Reader,
-    Status,
     calibration,
     one_of,
     picture,
@@ -235,7 +235,7 @@ def _health(r: CdrReader) -> HeadingHealth:
 
 
 def _diagnosis(r: CdrReader) -> Beat | Event:
-    told: Status = status(r)
+    told: DiagnosticStatus = status(r)
     if told.hardware == NODE:
         return Beat(t_s=told.t_s, node=told.name, state=told.message)
     return Event(t_s=told.t_s, name=told.name, cause=told.message)

@@ -70,6 +70,7 @@ class RecorderNode:
         self._period_s = period_s
         self._every = round(period_s / TICK_S)
         self._slot = -1
+        self._t_s = 0.0
         self._command: TrackCommand | None = None
         self._estimate: HeadingEstimate | None = None
         self._before: tuple[float, HeadingEstimate] | None = None
@@ -86,6 +87,7 @@ class RecorderNode:
 
     def tick(self, t_s: float) -> None:
         """Close a row: outputs were read at its beginning, the inputs have acted until now."""
+        self._t_s = t_s
         slot = round(t_s / TICK_S) // self._every
         if slot == self._slot:
             return
@@ -129,5 +131,5 @@ class RecorderNode:
             self._command = signal
         elif isinstance(signal, HeadingEstimate):
             self._estimate = signal
-        self._bag(signal)
+        self._bag(signal, max(self._t_s, signal.t_s))
         self.count += 1

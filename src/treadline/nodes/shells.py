@@ -7,12 +7,11 @@ beside them. Nothing here computes: what a block would be asked in ``mission.loo
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.angles import rotation_of
 from treadline.mission.drivers import Driver
+from treadline.mission.gravity import GravityAtExposure
 from treadline.mission.guard import Guard, GuardConfig
-from treadline.mission.loop import DOWN_W, Detector, Estimator, SeatLeveller
+from treadline.mission.loop import Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
 from treadline.mission.proposals import Proposals
 from treadline.nodes import channels as on
@@ -97,7 +96,7 @@ class CameraNode:
         self._detector = detector
         self._swept_half_m = swept_half_m
         self._gate = Gate(config)
-        self._gravity_B: Float[np.ndarray, " 3"] | None = None
+        self._gravity = GravityAtExposure()
 
     def listen(self, transport: Transport) -> None:
         """Take frames, or what a camera has measured by itself, and whatever tells where down is."""
@@ -123,13 +122,13 @@ class CameraNode:
 
     def _tilt(self, sample: ImuSample) -> None:
         if self._gate.admits(sample):
-            self._gravity_B = rotation_of(sample.orientation).T @ DOWN_W
+            self._gravity.update(sample)
 
     def _roll(self, reading: TrackReading) -> None:
         self._gate.admits(reading)
 
     def _look(self, frame: RgbdFrame) -> None:
-        gravity_C = None if self._gravity_B is None else frame.camera.R_BC.T @ self._gravity_B
+        gravity_C = self._gravity.gravity_C(frame)
         quality = quality_of(frame, gravity_C, self._swept_half_m)
         self._say(on.QUALITY, quality)
         if not (self._gate.admits(frame) and self._gate.admits(quality)):

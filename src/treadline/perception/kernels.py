@@ -9,7 +9,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.products import dot, fused
+from treadline.fma import dot, fused
 
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.recent import Recent
 from treadline.signals import TrackCommand, TrackReading
 
 BRAKE_M_S2 = 10.0
@@ -29,6 +30,7 @@ class BeltWatch:
         self.slow_travel_m = 0.0
         """Integral of the slower belt's speed, backwards negative. On a stair the chair goes along with the slower belt (Coulomb
         friction is rate independent), so slip is judged against it."""
+        self._travels: Recent[tuple[float, float]] = Recent()
         self.speed_m_s = 0.0
         self.cause: str | None = None
         """Which belt does not obey, or that the brake does not."""
@@ -39,6 +41,10 @@ class BeltWatch:
         limit = self._config.belt_limit_m_s
         left, right = (min(max(speed, -limit), limit) for speed in self._expected)
         return left, right
+
+    def travel_at(self, t_s: float) -> tuple[float, float]:
+        """Return ``travel_m`` and ``slow_travel_m`` at ``t_s``: of a frame that arrives late, at its exposure."""
+        return self._travels.at(t_s) or (self.travel_m, self.slow_travel_m)
 
     def ask(self, command: TrackCommand) -> None:
         """Note what the belts are told."""
@@ -57,6 +63,7 @@ class BeltWatch:
             return
         self.travel_m += dt_s * self.speed_m_s
         self.slow_travel_m += dt_s * min(belts, key=abs)
+        self._travels.add(reading.t_s, (self.travel_m, self.slow_travel_m))
         self._note_brake(on=reading.brake_on)
         for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
             self._expected[side] = self._driven(self._expected[side], asked, dt_s)

@@ -218,6 +218,7 @@ class Guard:
 
     def _update_frame(self, quality: FrameQuality) -> bool:
         was_dark = self._sight.is_dark
+        travel_m, _ = self._belts.travel_at(quality.t_s)
         usable = self._sight.frame(quality)
         if self._sight.is_dark != was_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
@@ -225,9 +226,9 @@ class Guard:
         self._senses.refused = self._sight.refused
         needs_stair = self._plan is None or self._plan.needs_stair
         if usable or (self._sight.is_alive and not needs_stair):
-            self._senses.frame(quality.t_s, self._belts.travel_m)
+            self._senses.frame(quality.t_s, travel_m)
         if usable and (quality.obstacle_m is None or math.isfinite(quality.obstacle_m)):
-            self._ahead.look_on(quality.obstacle_m, self._plan, self._belts.travel_m)
+            self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
         return usable
 
     def _update_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:
@@ -236,7 +237,7 @@ class Guard:
         self._senses.refused = self._sight.refused
         if not usable:
             return False
-        self._senses.frame(t_s, self._belts.travel_m)
+        self._senses.frame(t_s, self._belts.travel_at(t_s)[0])
         if stair is None:
             self._senses.seen(t_s)
             self._blind.seen()
@@ -253,17 +254,16 @@ class Guard:
             self._slip.begin()
         self._direction = stair.direction
         sign = 1.0 if stair.direction == "up" else -1.0
-        travel = sign * self._belts.travel_m
+        travel_m, slow_travel_m = self._belts.travel_at(stair.t_s)
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
-        self._ahead.look(stair, places, travel)
+        self._ahead.look(stair, places, sign * travel_m)
         # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
         plan = self._plan
         # A chair that first climbs to turn square, its camera on the flight below, does not roll back.
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
-            slow_travel = sign * self._belts.slow_travel_m
-            self._slip.look(stair.t_s, [place * across for place, _ in places], slow_travel, self._heading_rad)
+            self._slip.look(stair.t_s, [place * across for place, _ in places], sign * slow_travel_m, self._heading_rad)
         else:
             self._slip.forget()
 

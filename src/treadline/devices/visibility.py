@@ -1,6 +1,6 @@
-"""What of a staircase is in view of a camera on a chair, exactly: nosings, walls and the flight's end.
+"""Exact visibility of a staircase from a camera on the chair: nosings, walls and the end of the flight.
 
-``pose -> Outlook, or nothing``. ``devices/statistical.py`` then errs as a detector does.
+``pose -> Visibility, or nothing``. ``devices/statistical.py`` adds the errors of a detector.
 """
 
 import math
@@ -16,73 +16,78 @@ from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import PinholeCamera
 
 NEAR_M, FAR_M = 0.45, 4.0
-"""Depth between which a Kinect shows a nosing sharply enough to be told from the next."""
+"""Depth range in which a Kinect resolves adjacent nosings [m]."""
 ASIDES = 13
-"""Points along an edge that are asked whether they are in view."""
+"""Number of points per edge tested for visibility."""
 LEAST_WIDTH_M = 0.3
-"""Of an edge in view for it to count: ``perception.nosings`` asks as much of a row."""
+"""Least visible width of an edge [m], as required by ``perception.nosings``."""
 BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
-"""How far outside the image an edge still may be told, for its riser is seen; and the margin of what is hidden."""
+"""Margin outside the image within which an edge can be detected from its riser [px]; and the margin assigned to hidden edges
+[px]."""
 RAYS = (12, 9)
-"""Columns and rows of the coarse image that tells how much of the view walls fill."""
+"""Columns and rows of the coarse image used for the wall fractions."""
 LEAST_NOSINGS = 2
+"""Least number of visible nosings of a detectable stair."""
 HEADING_LIMIT_RAD = 45.0 * DEG
+"""Largest heading of a detectable stair [rad]."""
 END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
-"""Where the next step is missed: so many rises above the last nosing, one run behind it; so many runs behind and below it."""
+"""Expected location of the next step beyond the end: height above the last nosing [rises], one run behind it; when descending, the
+distance range behind the last nosing [runs], one rise below."""
 END_SHARE = 0.4
-"""Of those points that must be in view."""
+"""Least visible fraction of the points at the expected location of the next step."""
 FAR_FIRST_M = 1.2
-"""Depth from which the nearest nosing is seen from the floor before the flight."""
+"""Depth of the nearest nosing above which a stair is seen from the floor before the flight [m]."""
 Direction = Literal["up", "down"]
+"""Direction of the flight ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Wall:
-    """A wall beside the flight."""
+    """Wall next to the flight."""
 
     free_m: float
-    """From the chair's middle, square to the wall."""
+    """Distance from the chair's middle perpendicular to the wall [m]."""
     share: float
-    """Of the image."""
+    """Fraction of the image filled by the wall."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outlook:
-    """What is in view of one flight, exactly."""
+class Visibility:
+    """Visible part of one flight, without errors."""
 
     direction: Direction
     heading_rad: float
     numbers: Int[np.ndarray, " n"]
-    """Which nosings are in the image or a little outside it, the nearest first."""
+    """Indices of the nosings in the image or slightly outside, nearest first."""
     nosings_B: Float[np.ndarray, "n 3"]
     margins_px: Float[np.ndarray, " n"]
-    """How far inside the image the best ``LEAST_WIDTH_M`` of each lies."""
+    """Margin of the best ``LEAST_WIDTH_M`` of each nosing from the image border [px], positive inside."""
     depths_m: Float[np.ndarray, " n"]
-    """Along the optical axis, at the middle of the flight."""
+    """Depth of each nosing along the optical axis, at the middle of the flight [m]."""
     rise_m: float
     run_m: float
-    """Mean of the steps above."""
+    """Mean run of these steps [m]; ``rise_m`` likewise."""
     last: int
-    """Number of the flight's last nosing."""
+    """Index of the last nosing of the flight."""
     ends: bool
-    """Whether it would be seen that no step follows that one."""
+    """Whether the absence of a further step is visible."""
     left: Wall | None
     right: Wall | None
 
     @property
     def seen(self) -> Bool[np.ndarray, " n"]:
-        """Which nosings are in view."""
+        """Mask of the nosings in view."""
         return (self.margins_px > 0.0) & (self.depths_m > NEAR_M) & (self.depths_m < FAR_M)
 
     @property
-    def doubt(self) -> int:
-        """Return which row of acceptance holds: a wall beside the flight and a first nosing far away make a detector careful."""
+    def acceptance_row(self) -> int:
+        """Row of the acceptance table: a wall next to the flight and a distant first nosing lower the acceptance."""
         walled = self.left is not None or self.right is not None
         return 2 * int(walled) + int(self.depths_m[0] > FAR_FIRST_M)
 
 
 class Geometry:
-    """A staircase in front of a camera on a chair."""
+    """Visibility model of a staircase and a camera."""
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
         self._staircase = staircase
@@ -91,7 +96,7 @@ class Geometry:
         self._numbers = np.array([step.index for step in steps])
         places = np.array([place for place, step in enumerate(staircase.steps) if not step.missing])
         self._flights = places * staircase.flight_count // len(staircase.steps)
-        self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
+        self._places_W = np.array([step.nosing_F for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
         self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]
@@ -102,8 +107,8 @@ class Geometry:
         across, down = np.meshgrid((u - calibration.cx_px) / calibration.fx_px, (v - calibration.cy_px) / calibration.fy_px)
         self._rays_C = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
 
-    def outlook(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Outlook | None:
-        """Return what is in view from a pose, or None if that is no stair."""
+    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+        """Return the visible stair from a pose, or None without a detectable stair."""
         R_WC, p_WC = R_WB @ self._R_BC, p_WB + R_WB @ self._p_BC
         up = bool(R_WC[0, 2] > 0.0)
         sign = 1.0 if R_WB[1, 1] >= 0.0 else -1.0
@@ -119,7 +124,7 @@ class Geometry:
         flight = int(self._flights[row[0]])
         steps = self._staircase.flights[flight]
         left, right = self._walls(flight, R_WC, p_WC, p_WB)
-        return Outlook(
+        return Visibility(
             direction="up" if up else "down",
             heading_rad=heading,
             numbers=self._numbers[row],
@@ -135,7 +140,7 @@ class Geometry:
         )
 
     def _margins(self, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Return how far inside the image points are, negative outside."""
+        """Return the distance of points from the image border [px], positive inside."""
         camera = self._camera
         z = np.maximum(points_C[..., 2], 1e-6)
         u = np.abs(camera.fx_px * points_C[..., 0] / z + camera.cx_px - 0.5 * (camera.width_px - 1))
@@ -144,13 +149,13 @@ class Geometry:
         return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
 
     def _hidden(self, p_WC: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
-        """Return which nosings are behind the steps between, in the flight's profile."""
+        """Return the mask of nosings hidden by the steps in front, in the profile of the flight."""
         x, z = self._places_W[:, 0] - p_WC[0], self._places_W[:, 2] - p_WC[2]
         part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
         return np.asarray(((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1))
 
     def _row(self, near: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
-        """Return the nosings that follow each other without a gap, the nearest first: of the nearest flight that shows enough."""
+        """Return consecutive nosings without a gap, nearest first, of the nearest flight with enough visible nosings."""
         places = np.flatnonzero(near)
         if not up:
             places = places[::-1]
@@ -158,26 +163,26 @@ class Geometry:
         rows = np.split(places, np.flatnonzero(apart) + 1)
         row = rows[0]
         for other in rows[1:]:
-            # What is left of a flight hides the one across the landing no longer; a gap within a flight hides what is beyond it.
+            # The remainder of a flight no longer hides the one across the landing; a gap within a flight hides the nosings beyond.
             if len(row) >= LEAST_NOSINGS or self._flights[other[0]] == self._flights[row[0]]:
                 break
             row = other
         return np.asarray(row)
 
     def _ends_up(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
-        """Return whether the landing is to be seen through where another riser would stand."""
+        """Return whether the landing is visible through the location of a further riser."""
         staircase, last = self._staircase, flight[-1]
         height, drop = p_WC[2] - last.z_m, p_WC[2] - last.z_m - END_HEIGHT * last.rise_m
         run = flight[0].depth_m
         there = last.x_m + run
-        # Of a landing between two flights the further one is seen, which is as far away.
+        # Across a landing between two flights the next flight is visible at any distance.
         end = last.x_m + max(staircase.landing_m, run) if last is staircase.steps[-1] else math.inf
         if drop <= 0.0 or p_WC[0] + (there - p_WC[0]) * height / drop > end:
             return False
         return self._shown([(there, aside, last.z_m + END_HEIGHT * last.rise_m) for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
     def _ends_down(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
-        """Return whether the floor is to be seen that goes on where another tread would end."""
+        """Return whether the floor is visible beyond the location of a further tread."""
         first = flight[0]
         behind = [first.x_m - part * first.depth_m for part in np.linspace(*END_BEHIND, 4)]
         return self._shown([(x, aside, first.z_m - first.rise_m) for x in behind for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
@@ -190,7 +195,7 @@ class Geometry:
     def _walls(
         self, flight: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
     ) -> tuple[Wall | None, Wall | None]:
-        """Return the walls at +y and at -y, however little of them is in view."""
+        """Return the walls at +y and -y, however small their visible part."""
         staircase = self._staircase
         if staircase.walls == "none":
             return None, None
@@ -210,20 +215,20 @@ class Geometry:
 
 
 class TurningGeometry:
-    """A staircase of flights that turn, in front of a camera on a chair: each flight is seen as if there were no other."""
+    """Visibility model of a staircase with turning flights: each flight without occlusion by the others."""
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
         self._staircase = staircase
         self._frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
         self._flights = [Geometry(staircase.alone(k), calibration) for k in range(staircase.flight_count)]
 
-    def outlook(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Outlook | None:
-        """Return what is in view of the chair's own flight, or else of a neighbour's; None if that is no stair."""
+    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+        """Return the visible part of the chair's own flight, or of a neighbouring one; None without a detectable stair."""
         own = self._staircase.flight_at(p_WB, R_WB)
         for k in (own, own + 1, own - 1):
             if 0 <= k < len(self._flights):
                 R_WF, p_WF = self._frames[k]
-                seen = self._flights[k].outlook(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
+                seen = self._flights[k].visibility(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
                 if seen is not None:
                     return seen
         return None
@@ -235,7 +240,7 @@ def crossings(
     R_WB: Float[np.ndarray, "3 3"],
     p_WB: Float[np.ndarray, " 3"],
 ) -> Float[np.ndarray, "n 3"]:
-    """Return where edges, extended beyond the stair's width, meet the chair's middle plane, in B."""
+    """Return the intersections of edges, extended beyond the stair's width, with the chair's middle plane, in B [m]."""
     places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB
     points = places - (places[:, 1] / along[:, 1])[:, None] * along
     points[:, 1] = 0.0

@@ -1,15 +1,15 @@
-"""Controllers that come with the package."""
+"""Path of a shipped controller: one JSON file per vehicle, made by ``examples/make_controller.py``."""
 
 from pathlib import Path
 
 from treadline.errors import SettingsError
 from treadline.models import ControllerDesign
 
-SHIPPED = Path(__file__).parents[1] / "data" / "controllers"
+SHIPPED = Path(__file__).parent / "data" / "controllers"
 
 
 def shipped_controller(vehicle: str) -> ControllerDesign:
-    """Return the controller shipped for a vehicle; ``examples/make_controller.py`` makes it.
+    """Return the controller that is shipped for a vehicle.
 
     Raises:
         SettingsError: If none is shipped.

@@ -1,6 +1,6 @@
-"""All keys of a settings model, from the model itself: type, range, default and meaning, for people.
+"""Reference of all keys of a settings model, generated from the model: type, range, default and meaning.
 
-The meaning of a key is the docstring under its field; ``# m`` and the like come from its name.
+The meaning of a key is the docstring under its field; the unit is taken from the suffix of its name.
 """
 
 import ast
@@ -19,46 +19,48 @@ from treadline.units import UNITS, unit_ending
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """One key of a settings file."""
+    """Documentation of one key of a settings file."""
 
     place: Place
-    """Its tables, then its name."""
+    """Path of the key: table names, then the key name."""
     default: Any
-    """None where nothing is set; PydanticUndefined where it must be given."""
+    """Default value; None if unset, PydanticUndefined if required."""
     allowed: str
-    """``a number from 0.05 to 0.3``, its unit included."""
+    """Allowed values with their unit: ``a number from 0.05 to 0.3``."""
     meaning: str
-    """Empty where its name says all."""
+    """Meaning of the key; empty if the name is sufficient."""
 
     @property
     def line(self) -> str:
-        """The key as TOML has it, with what it may be; one without a default as a comment."""
+        """TOML line of the key with its documentation as a comment; a key without default is commented out."""
         given = self.default is not None and self.default is not PydanticUndefined
         text = f"{self.place[-1]} = {json.dumps(self.default)}" if given else f"# {self.place[-1]}:"
-        told = self.allowed if given else f"{'must be given' if self.default is PydanticUndefined else 'not set'}; {self.allowed}"
-        return f"{text:<32} {'# ' if given else ''}{told}" + (f". {self.meaning}" if self.meaning else "")
+        range_text = self.allowed
+        if not given:
+            range_text = f"{'must be given' if self.default is PydanticUndefined else 'not set'}; {self.allowed}"
+        return f"{text:<32} {'# ' if given else ''}{range_text}" + (f". {self.meaning}" if self.meaning else "")
 
 
 def meanings(model: type) -> dict[str, str]:
-    """Return the docstring under each field of a class, on one line, those of its bases included."""
+    """Return the docstring of each field of a class and its bases, on one line each."""
     found: dict[str, str] = {}
     for part in reversed(model.__mro__):
         if "__annotations__" not in part.__dict__:
             continue
         try:
             (tree,) = ast.parse(textwrap.dedent(inspect.getsource(part))).body
-        except (OSError, TypeError, SyntaxError):  # made while running, or its source is not at hand
+        except (OSError, TypeError, SyntaxError):  # class created at run time, or source not available
             continue
         body = getattr(tree, "body", [])
         for field, after in pairwise(body):
-            told = after.value if isinstance(after, ast.Expr) else None
-            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(told, ast.Constant):
-                found[field.target.id] = " ".join(str(told.value).replace("``", "").split())
+            docstring = after.value if isinstance(after, ast.Expr) else None
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name) and isinstance(docstring, ast.Constant):
+                found[field.target.id] = " ".join(str(docstring.value).replace("``", "").split())
     return found
 
 
 def tables_of(model: type[Settings]) -> dict[str, tuple[str, list[Key]]]:
-    """Return the tables of a settings file, each with what it is for and its keys; of lists of tables, one item's."""
+    """Return the tables of a settings file with purpose and keys; for lists of tables, the keys of one item."""
     tables: dict[str, tuple[str, list[Key]]] = {}
     for name, field in model.model_fields.items():
         default = field.get_default()
@@ -71,19 +73,19 @@ def tables_of(model: type[Settings]) -> dict[str, tuple[str, list[Key]]]:
 
 
 def _keys(root: type[Settings], table: type[Settings], place: Place) -> list[Key]:
-    told = meanings(table)
+    documented = meanings(table)
     return [
         Key(
             place=(*place, name),
             default=field.get_default(),
             allowed=allowed_at(root, (*place, name)) + (f" [{UNITS[end]}]" if (end := unit_ending(name)) else ""),
-            meaning=told.get(name, ""),
+            meaning=documented.get(name, ""),
         )
         for name, field in table.model_fields.items()
     ]
 
 
 def _item(hint: Any) -> type[Settings] | None:
-    """Return what a list of tables holds."""
+    """Return the item type of a list of tables."""
     parts = [part for part in getattr(hint, "__args__", ()) if isinstance(part, type) and issubclass(part, Settings)]
     return parts[0] if parts else None

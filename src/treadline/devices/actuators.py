@@ -1,4 +1,4 @@
-"""The chair's drives: ``orders -> belt speeds, seat angle, flipper angle`` that the simulator's bodies then follow."""
+"""Actuator models of the chair: commands in; belt speeds, seat angle and flipper angle for the simulator out."""
 
 import math
 
@@ -15,17 +15,19 @@ from treadline.scenario import Scenario
 from treadline.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
 
 BRAKE_M_S2 = 10.0
-"""Deceleration of a belt when the brake falls in."""
+"""Deceleration of a belt with engaged brake [m/s²]."""
 FLIPPER_STIFFNESS_N_M_RAD = 6000.0
-"""Of the flipper's gear and servo: 200 N·m turn it by 2°."""
+"""Stiffness of the flipper's gear and servo [N m/rad]: 200 N·m give a deflection of 2°."""
 FLIPPER_LAG_S = 0.1
-"""Damping over stiffness of that servo: a chair that leans on its flipper does not swing."""
+"""Ratio of damping to stiffness of the flipper servo [s]: prevents oscillation of a chair resting on its flipper."""
 FLIPPER_FRICTION_N_M_S_RAD = 1.0
+"""Viscous friction of the flipper joint [N m s/rad]."""
 TABLE_SIZE = 257
+"""Number of entries of the table of seat angle over stroke."""
 
 
-class Drives:
-    """Numbers and state of the drives, as the compiled loop takes them; the arrays stay where they are."""
+class Actuators:
+    """Parameters and state of the actuators as arrays for the compiled loop, which keeps references to these arrays."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
         drives, seat = chair.drives, chair.seat
@@ -55,10 +57,10 @@ class Drives:
         self._charge = scenario.realism.battery_charge
 
     def rest(self, seat_rad: float, flipper_rad: float) -> None:
-        """Stand still, with the seat and the flipper at an angle.
+        """Reset to standstill, with the seat and the flipper at given angles.
 
         Raises:
-            SettingsError: If the seat cannot be there.
+            SettingsError: If the seat angle is out of reach.
         """
         self.state[:] = 0.0
         self.state[kernels.STROKE] = self._stroke(seat_rad)
@@ -74,14 +76,14 @@ class Drives:
         try:
             return self._linkage.stroke(seat_rad)
         except MechanicsError as error:
-            remedy = "give start.seat = 'chassis', a gentler stair, or a chair of longer seat.stroke_m"
-            raise SettingsError(f"start.seat = 'level' cannot be: {error}; {remedy}") from None
+            remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
+            raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
 
     def take(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None) -> None:
-        """Take orders; they hold until the next ones.
+        """Set the commands; they hold until the next call.
 
         Raises:
-            SimulationDiverged: If one is not finite.
+            SimulationDiverged: If a command is not finite.
         """
         rate = 0.0 if flipper is None else flipper.rate_rad_s
         command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
@@ -90,17 +92,17 @@ class Drives:
         self.command[:] = command
 
     def act(self, flipper_rad: float) -> None:
-        """Go on by a tick; the flipper stands at ``flipper_rad``."""
+        """Advance all actuators by one tick; ``flipper_rad`` is the actual flipper angle."""
         kernels.act(self.command, self.limits, self.state, self.seat, self.angles, self.flipper, flipper_rad)
 
     @property
     def belts_m_s(self) -> Float[np.ndarray, " 2"]:
-        """Speeds as run, mismatch included."""
+        """Actual belt speeds [m/s], mismatch included."""
         return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
 
 
 def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:
-    """Return the flipper's numbers as the compiled loop takes them."""
+    """Return the flipper parameters as an array for the compiled loop."""
     low, high = (angle * DEG for angle in flipper.range_deg)
     wind_up = flipper.torque_n_m / FLIPPER_STIFFNESS_N_M_RAD
     no_load = flipper.no_load_deg_s * DEG if limited and flipper.no_load_deg_s is not None else math.inf
@@ -109,11 +111,11 @@ def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n
 
 
 def _motor_limits(scenario: Scenario, chair: ChairDescription) -> Float[np.ndarray, " n"]:
-    """Return motors, brakes and battery as the compiled loop takes them; empty where the belts follow at any load."""
+    """Return parameters of motors, brakes and battery for the compiled loop; empty without motor limits."""
     motor, battery = chair.motor, chair.battery
     if motor is None or battery is None or not scenario.realism.motor_limits:
         return np.array([])
-    # Each belt carries half of the chair.
+    # Each belt carries half of the weight.
     carried_kg = 0.5 * Loading(chair=chair, payload_kg=scenario.chair.payload_kg).weight_n / GRAVITY_M_S2
     return np.array(
         [

@@ -3,8 +3,8 @@
 import tomllib
 
 from treadline.attendant import OperatorAct
-from treadline.keys import meanings, tables_of
 from treadline.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
+from treadline.setting_docs import meanings, tables_of
 
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
@@ -56,4 +56,4 @@ def test_check_without_a_scenario_says_what_it_needs(run) -> None:
 def test_a_meaning_is_the_docstring_under_its_field() -> None:
     assert meanings(Stair)["slope_deg"] == "In place of rise_m."
     assert "width_m" not in meanings(Stair)
-    assert tables_of(Scenario)["[drive]"][0] == "Direction, speed and a limit on time."
+    assert tables_of(Scenario)["[drive]"][0] == "Direction, speed and time limit of the run."

@@ -1,6 +1,6 @@
-"""Sums of products, compiled, each term added by a fused multiply-add: as BLAS rounds them, and on any processor alike.
+"""Compiled sums of products with fused multiply-add, so that results round as in BLAS and identically on all processors.
 
-``no_type_check`` keeps the tests' shape checker from wrapping what numba compiles.
+``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
 """
 
 from typing import no_type_check
@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 @intrinsic
 @no_type_check
 def fused(_typing, a, b, c):
-    """Return ``a * b + c``, rounded once."""
+    """Return ``a * b + c`` with a single rounding."""
     del a, b, c
     double = types.float64
     return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
