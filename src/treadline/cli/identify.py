@@ -142,7 +142,7 @@ def _check(asked: _Asked, gram: Path | None) -> None:
     if asked.delays is not None and (gram or asked.update) is not None:
         raise SettingsError("--delays cannot be combined with --gram or --update: a Gram matrix does not record shifted inputs")
     if asked.update is None and 0.0 < asked.forgetting < 1.0:
-        raise SettingsError("--forgetting has no effect without earlier data; give them with --update")
+        raise SettingsError("--forgetting needs earlier data; give them with --update")
     both = [name for name in asked.inputs if name in asked.outputs]
     if both:
         raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")

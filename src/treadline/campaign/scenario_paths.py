@@ -1,4 +1,4 @@
-"""Values of a scenario by their path: ``stair.slope_deg``, ``chair.payload_offset_m.0``, and two that follow from others."""
+"""Access to scenario values by path: ``stair.slope_deg``, ``chair.payload_offset_m.0``, and two derived values."""
 
 import math
 from collections.abc import Mapping
@@ -11,17 +11,17 @@ from treadline.scenario import Scenario, Stair
 from treadline.settings import Settings, settings_of
 
 LABEL = "label"
-"""No part of the scenario: a word that other draws may ask for, and a column of the results."""
+"""Key outside the scenario: a free label for conditions of other draws, and a column of the results."""
 DERIVED = ("stair.slope_deg", "stair.tan_slope")
 DEFAULTS: dict[str, Any] = Scenario().model_dump()
 LISTS = tuple(key for key, value in DEFAULTS.items() if isinstance(value, tuple))
-"""Lists of tables: a draw replaces the whole list."""
+"""Keys of lists of tables; a draw replaces the whole list."""
 
 Tables = dict[str, Any]
 
 
-def check_place(key: str, where: str) -> None:
-    """Raise SettingsError unless a scenario has a value there."""
+def check_path(key: str, where: str) -> None:
+    """Raise SettingsError unless the scenario has a value at the path."""
     table, _, rest = key.partition(".")
     field, _, index = rest.partition(".")
     if key == LABEL or table in LISTS:
@@ -38,7 +38,7 @@ def check_place(key: str, where: str) -> None:
 
 
 def check_value(key: str, value: object, where: str) -> None:
-    """Raise SettingsError unless the scenario's own rule for that key allows the value."""
+    """Raise SettingsError unless the scenario's validation of the key allows the value."""
     table, _, rest = key.partition(".")
     field = rest.partition(".")[0]
     if key == LABEL:
@@ -46,22 +46,22 @@ def check_value(key: str, value: object, where: str) -> None:
     if not field or table in LISTS:
         settings_of({table: value} if not field else {}, Scenario, where=where)
         return
-    # A scenario of this one key: rules that join several keys are checked on whole scenarios.
+    # A scenario with only this key; rules across several keys are checked on complete scenarios.
     info = _table_model(table).model_fields[field]
     one: Any = _model(table, {field: (info.annotation, info)})
     whole: Any = _model("Scenario", {table: (one, ...)})
     alone: Tables = {}
-    put(alone, key, value)
+    set_value(alone, key, value)
     settings_of(alone, whole, where=where)
 
 
-def is_whole(key: str) -> bool:
-    """Say whether the value there is a count."""
+def is_integer(key: str) -> bool:
+    """Whether the value at the path is an integer."""
     table, _, field = key.partition(".")
     return table in DEFAULTS and isinstance(DEFAULTS[table], dict) and type(DEFAULTS[table].get(field)) is int
 
 
-def look(tables: Mapping[str, Any], key: str) -> Any:
+def get_value(tables: Mapping[str, Any], key: str) -> Any:
     """Return the value at a path of sparse tables, or the scenario's default."""
     if key in DERIVED:
         slope_deg = _slope_deg(tables.get("stair", {}))
@@ -75,15 +75,15 @@ def look(tables: Mapping[str, Any], key: str) -> Any:
     return None
 
 
-def put(tables: Tables, key: str, value: object) -> None:
-    """Write a value at a path; a list that is not there yet starts as the scenario's default."""
+def set_value(tables: Tables, key: str, value: object) -> None:
+    """Set the value at a path; a missing list is initialised with the scenario's default."""
     *parents, last = key.split(".")
     here: Any = tables
     for depth, part in enumerate(parents):
         if isinstance(here, list):
             here = here[int(part)]
             continue
-        default = look({}, ".".join(parents[: depth + 1]))
+        default = get_value({}, ".".join(parents[: depth + 1]))
         here = here.setdefault(part, list(default) if isinstance(default, tuple) else {})
     here[int(last) if isinstance(here, list) else last] = value
 
@@ -110,5 +110,5 @@ def _model(name: str, fields: dict[str, Any]) -> Any:
 def _table_model(table: str) -> type[Settings]:
     model = Scenario.model_fields[table].annotation
     if not (isinstance(model, type) and issubclass(model, Settings)):
-        raise SettingsError(f"'{table}' is no table")
+        raise SettingsError(f"'{table}' is not a table")
     return model
