@@ -8,7 +8,7 @@ import pytest
 
 from treadline import paper
 from treadline.chair_files import CHAIRS
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.io.mcap_log import RunLog
 
 SCENARIOS = {

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from treadline.controller_files import SHIPPED
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 
 CONTROLLER = SHIPPED / "wheelchair.json"
 

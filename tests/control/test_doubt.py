@@ -7,7 +7,7 @@ import pytest
 
 from treadline.control import tune
 from treadline.control.doubt import ASKEW_RAD, HALVED_S, askew, doubt
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.models import LinearModel
 
 

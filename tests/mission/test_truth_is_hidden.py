@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
 from treadline.mission.config import MissionConfig, build_blocks
 from treadline.mission.loop import Mission

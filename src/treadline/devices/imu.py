@@ -118,7 +118,8 @@ class Imu:
         """Return the sample of one tick."""
         if not self._is_aligned:
             self._align(R_WB)
-        orientation, rate, force = kernels.imu_sample(
+        sample = np.empty(10)
+        kernels.imu_sample(
             self._rng.standard_normal(kernels.DRAWS),
             R_WB,
             rate_B,
@@ -129,8 +130,9 @@ class Imu:
             self._bias_left,
             self._force_bias,
             self._memory,
+            sample,
         )
-        return ImuSample(t_s=t_s, orientation=orientation, angular_velocity_rad_s=rate, linear_acceleration_m_s2=force)
+        return ImuSample(t_s=t_s, orientation=sample[:4], angular_velocity_rad_s=sample[4:7], linear_acceleration_m_s2=sample[7:])
 
 
 def _figures(errors: ImuErrors) -> Float[np.ndarray, " n"]:

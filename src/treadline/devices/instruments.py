@@ -12,9 +12,8 @@ from treadline.devices import kernels
 from treadline.devices.imu import IMUS, Imu
 from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.stability import centre_of_mass, payload_place
+from treadline.mechanics.stability import payload_com, seat_mass_kg
 from treadline.mechanics.staircase import Staircase
-from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Chair, Scenario
@@ -32,6 +31,8 @@ ROCKING_M = 0.015
 TIP_GAP_M = 0.010
 """Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
 so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
+SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
+"""Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 """Standard deviation of the seat pitch reading [rad]."""
 FLIPPER_TORQUE_NOISE_N_M = 2.0
@@ -94,7 +95,9 @@ class Instruments:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
-        self._seated = scenario.chair.leaning()
+        self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
+        self._numbers = _numbers(chair, scenario.chair)
+        self._fixed_rad = chair.tracks.approach_angle_deg * DEG
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
@@ -134,8 +137,8 @@ class Instruments:
         readings: list[Reading] = [self._imu_sample(state)]
         pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
         readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
-        right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
-        left, right = (encoder.speed_m_s(v) for encoder, v in zip(self._encoders, (truth.left_m_s, right_m_s), strict=True))
+        left = self._encoders[0].speed_m_s(truth.left_m_s)
+        right = self._encoders[1].speed_m_s(truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch))
         readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
         if self._chair.flipper is not None:
             torque = state.flipper_torque_n_m + FLIPPER_TORQUE_NOISE_N_M * float(self._streams.flipper.standard_normal())
@@ -148,35 +151,16 @@ class Instruments:
     def _imu_sample(self, state: ChairState) -> ImuSample:
         acceleration = (state.velocity_W - self._velocity_W) / TICK_S
         self._velocity_W = state.velocity_W
-        moving = bool(abs(state.belts_m_s[0]) + abs(state.belts_m_s[1]) > 0.01)
+        left, right = state.belts_m_s.tolist()
+        moving = abs(left) + abs(right) > 0.01
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
-    def _support_of(self, state: ChairState) -> Support:
-        """Return the support polygon: recent contacts, nosings near the belts, and the front tip within 10 mm of the ground."""
-        if self._ticks == 0:
-            self._reaches[:] = state.reach_m
-        self._reaches[self._ticks % SUPPORT_TICKS] = state.reach_m
-        self._ticks += 1
-        tracks = self._chair.tracks
-        half_run_m = 0.5 * tracks.flat_run_m
-        front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
-        angle = tracks.approach_angle_deg * DEG if self._chair.flipper is None else state.flipper_rad
-        tip_m = kernels.tip_support(
-            self._surfaces,
-            half_run_m + tracks.approach_m * math.cos(angle),
-            tracks.pulley_radius_m + tracks.approach_m * math.sin(angle),
-            0.5 * tracks.gauge_m,
-            tracks.pulley_radius_m,
-            state.p_WB,
-            state.R_WB,
-            TIP_GAP_M,
-        )
-        return Support(front_m=max(front, tip_m), rear_m=rear, left_m=left, right_m=right)
-
-    def _loading_at(self, t_s: float) -> Chair:
-        """Return the loading with the passenger at the current sway; comfort is judged by the seat without sway."""
+    def _payload_at(self, t_s: float) -> Float[np.ndarray, " 3"]:
+        """Return the payload's centre in the seat frame with the sway [m]; comfort is judged without the sway."""
         chair = self._scenario.chair
-        return chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s)) if chair.sways else self._seated
+        if not chair.sways:
+            return self._seated
+        return np.array(payload_com(self._chair, chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s))))
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:
         """Return the least friction (along, across) of the steps under the flat run, or the stair's default without steps."""
@@ -189,45 +173,65 @@ class Instruments:
         return float(along), float(across)
 
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
-        angle = state.seat_rad
         R_SW, p_WS, along_m = self._frames[self._staircase.flight_at(state.p_WB, state.R_WB)]
-        heading, heading_rate, x_m, y_m = kernels.on_stair(R_SW, p_WS, state.R_WB, state.p_WB, state.rate_B)
+        place, self._ticks = self._ticks % SUPPORT_TICKS if self._ticks else -1, self._ticks + 1
+        heading, yaw, heading_rate, pitch, roll, x_m, y_m, seat_pitch, margin, *passenger = kernels.truth(
+            R_SW,
+            p_WS,
+            state.R_WB,
+            state.p_WB,
+            state.rate_B,
+            state.seat_rad,
+            self._fixed_rad if self._chair.flipper is None else state.flipper_rad,
+            state.reach_m,
+            place,
+            self._reaches,
+            self._nosings_W,
+            self._surfaces,
+            self._numbers,
+            self._seated,
+            self._payload_at(state.t_s),
+            SUPPORT_WITHIN_M,
+        )
         x_m += along_m
-        (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
         along, across = self._friction_at(x_m)
-        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._seated, angle))
+        (left_m_s, right_m_s), (left_n, right_n) = state.belts_m_s.tolist(), state.traction_n.tolist()
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
-            yaw_rad=math.atan2(forward_y, forward_x),
+            yaw_rad=yaw,
             heading_rate_rad_s=heading_rate,
-            pitch_rad=_arcsine(forward_z),
-            roll_rad=_arcsine(left_z),
+            pitch_rad=pitch,
+            roll_rad=roll,
             pitch_rate_rad_s=-float(state.rate_B[1]),
             x_m=x_m,
             y_m=y_m,
-            seat_pitch_rad=_arcsine(forward_z * math.cos(angle) - up_z * math.sin(angle)),
-            left_m_s=float(state.belts_m_s[0]),
-            right_m_s=float(state.belts_m_s[1]),
-            stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.flipper_rad),
-                (forward_z, left_z, up_z),
-                self._support_of(state),
-            ).worst,
+            seat_pitch_rad=seat_pitch,
+            left_m_s=left_m_s,
+            right_m_s=right_m_s,
+            stability_margin_rad=margin,
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
-            passenger_x_m=float(passenger_W[0]),
-            passenger_y_m=float(passenger_W[1]),
-            passenger_z_m=float(passenger_W[2]),
+            passenger_x_m=passenger[0],
+            passenger_y_m=passenger[1],
+            passenger_z_m=passenger[2],
             contact_force_share=state.contact_force_share,
             airborne_share=state.airborne_share,
             contact_residual_m_s2=state.contact_residual_m_s2,
             hull_contacts=float(state.hull_contacts),
-            left_force_n=float(state.traction_n[0]),
-            right_force_n=float(state.traction_n[1]),
+            left_force_n=left_n,
+            right_force_n=right_n,
             power_w=state.power_w,
         )
 
 
-def _arcsine(value: float) -> float:
-    """Return the arcsine of a component of a unit vector, clamped against rounding."""
-    return math.asin(max(-1.0, min(1.0, value)))
+def _numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
+    """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
+    tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
+    numbers = np.empty(kernels.CHAIR)
+    numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
+    numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
+    numbers[kernels.HINGE : kernels.HINGE + 3] = hinge_x + loading.seat_shift_m, hinge_y, hinge_z
+    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(loading), chair.masses.chassis_kg
+    numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
+    numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
+    return numbers

@@ -97,8 +97,8 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
 
 @njit(cache=True)
 @no_type_check
-def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, force_bias, memory):
-    """Return orientation (w, x, y, z), angular velocity and specific force of an IMU; ``memory`` advances by one tick.
+def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, force_bias, memory, sample):
+    """Fill ``sample`` with an IMU's orientation (w, x, y, z), angular velocity and specific force; ``memory`` advances by a tick.
 
     Args:
         draw: Normal random numbers: gyro bias, gyro, vibration, accelerometer, and quadrature of the vibration.
@@ -108,7 +108,7 @@ def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left
         bias_left: Residual gyro bias after calibration.
         force_bias: Accelerometer bias.
     """
-    measured, force = np.empty(3), np.empty(3)
+    measured, force = sample[4:7], sample[7:10]
     upward = np.array((acceleration[0], acceleration[1], acceleration[2] + GRAVITY_M_S2))
     turn, turn_aside = figures[SHAKE_TURN], figures[SHAKE_TURN + 1]
     for i in range(3):
@@ -128,7 +128,7 @@ def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left
     if figures[FORCE_SHARE] == 0.0:
         exact = product(about_up(heading_of(attitude) - math.atan2(R_WB[1, 0], R_WB[0, 0])), R_WB)
         attitude[:] = quaternion(exact)
-    return attitude.copy(), measured, force
+    sample[:4] = attitude
 
 
 @njit(cache=True)
@@ -237,6 +237,98 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     # The heading is about the chair's z axis: the normal of the nosing plane on the flight, the vertical on floor and landing.
     heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
     return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
+
+
+# Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
+# seat hinge with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
+HALF_RUN, APPROACH, RADIUS, HALF_GAUGE, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, FLIPPER_KG = 0, 1, 2, 3, 4, 7, 8, 9, 12
+CHAIR = 13
+
+
+@njit(cache=True)
+@no_type_check
+def truth(
+    R_SW, p_WS, R_WB, p_WB, rate, seat_angle, flipper_angle, reach, place, reaches, nosings_W, surfaces, chair, seated, loaded, near
+):
+    """Return the ground truth derived from a simulated chair's pose.
+
+    Heading, yaw, heading rate, pitch, roll, x and y on the stair, seat pitch, tip-over margin, x, y and z of the passenger in W.
+
+    Args:
+        rate: Angular velocity in B.
+        flipper_angle: Angle of the approach section, fixed or driven.
+        reach: Reach of the belt contacts of this tick; stored in row ``place`` of ``reaches``, or in all rows if ``place`` is
+            negative.
+        chair: parameters as named above.
+        seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
+        near: Largest distances for support: between a nosing and the belts, and below a front tip.
+    """
+    heading, heading_rate, x, y = on_stair(R_SW, p_WS, R_WB, p_WB, rate)
+    forward_z, left_z, up_z = R_WB[2, 0], R_WB[2, 1], R_WB[2, 2]
+    c, s = math.cos(seat_angle), math.sin(seat_angle)
+
+    if place < 0:
+        reaches[:] = reach
+    else:
+        reaches[place] = reach
+    front, rear, left, right = support(reaches, nosings_W, p_WB, R_WB, chair[HALF_RUN], near[0])
+    out_x, out_z = math.cos(flipper_angle), math.sin(flipper_angle)
+    tip_x, tip_z = chair[HALF_RUN] + chair[APPROACH] * out_x, chair[RADIUS] + chair[APPROACH] * out_z
+    tip = tip_support(surfaces, tip_x, tip_z, chair[HALF_GAUGE], chair[RADIUS], p_WB, R_WB, near[1])
+
+    kg, com_x, com_y, com_z = chair[CHASSIS_KG], chair[CHASSIS], chair[CHASSIS + 1], chair[CHASSIS + 2]
+    if chair[FLIPPER_KG] > 0.0:
+        total = kg + chair[FLIPPER_KG]
+        half = 0.5 * chair[APPROACH]
+        com_x = (kg * com_x + chair[FLIPPER_KG] * (chair[HALF_RUN] + half * out_x)) / total
+        com_y = kg * com_y / total
+        com_z = (kg * com_z + chair[FLIPPER_KG] * (chair[RADIUS] + half * out_z)) / total
+        kg = total
+    payload, seat_kg = np.empty(3), chair[SEAT_KG]
+    _on_seat(chair, loaded, c, s, payload)
+    total = kg + seat_kg
+    com_x = (kg * com_x + seat_kg * payload[0]) / total
+    com_y = (kg * com_y + seat_kg * payload[1]) / total
+    com_z = (kg * com_z + seat_kg * payload[2]) / total
+    lengthwise, sidewise = math.atan2(forward_z, up_z), math.atan2(left_z, up_z)
+    margin = min(
+        math.atan2(max(front, tip) - com_x, com_z) + lengthwise,
+        math.atan2(rear + com_x, com_z) - lengthwise,
+        math.atan2(left - com_y, com_z) + sidewise,
+        math.atan2(right + com_y, com_z) - sidewise,
+    )
+
+    _on_seat(chair, seated, c, s, payload)
+    return (
+        heading,
+        math.atan2(R_WB[1, 0], R_WB[0, 0]),
+        heading_rate,
+        _arcsine(forward_z),
+        _arcsine(left_z),
+        x,
+        y,
+        _arcsine(forward_z * c - up_z * s),
+        margin,
+        p_WB[0] + dot(R_WB[0], payload),
+        p_WB[1] + dot(R_WB[1], payload),
+        p_WB[2] + dot(R_WB[2], payload),
+    )
+
+
+@njit(cache=True)
+@no_type_check
+def _on_seat(chair, centre, c, s, place):
+    """Fill ``place`` with a point of the seat in B: ``mechanics.stability.payload_place``, compiled."""
+    place[0] = chair[HINGE] + c * centre[0] + s * centre[2]
+    place[1] = chair[HINGE + 1] + centre[1]
+    place[2] = chair[HINGE + 2] - s * centre[0] + c * centre[2]
+
+
+@njit(cache=True)
+@no_type_check
+def _arcsine(value):
+    """Return the arcsine of a component of a unit vector, clamped against rounding."""
+    return math.asin(max(-1.0, min(1.0, value)))
 
 
 @njit(cache=True)

@@ -40,7 +40,7 @@ class StatisticalCamera:
     """
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
-        self._geometry = (TurningGeometry if staircase.turn else Geometry)(staircase, calibration)
+        self._geometry = (TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)

@@ -96,7 +96,7 @@ class Geometry:
         self._numbers = np.array([step.index for step in steps])
         places = np.array([place for place, step in enumerate(staircase.steps) if not step.missing])
         self._flights = places * staircase.flight_count // len(staircase.steps)
-        self._places_W = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
+        self._places_W = np.array([step.nosing_F for step in steps])
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
         self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]

@@ -16,9 +16,9 @@ import numpy as np
 
 from treadline.experiments import fig09, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
-from treadline.experiments.pool import run_jobs
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
 from treadline.gazebo import find_environment
 from treadline.io.plain import plain

@@ -85,6 +85,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
+        _winders(stair),
         *start_problems(scenario, chair),
         oversized_lugs(scenario.belts, chair.tracks),
     )
@@ -206,9 +207,10 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
     """Return the widest distance from a nosing to the next, or the next but one.
 
     Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last, a pitch away.
+    Winders are left out, for ``_winders`` refuses them.
     """
     stair, widest_m = scenario.stair, 0.0
-    for steps in as_designed(stair, scenario.step).flights:
+    for steps in as_designed(stair, scenario.step).straight_parts:
         there = [(step.x_m, step.z_m) for step in steps if not step.missing]
         first, last = steps[0], steps[-1]
         there.insert(0, (first.x_m - stair.run_m, first.z_m - stair.rise_m))
@@ -223,6 +225,19 @@ def _turning_flights(stair: Stair) -> str | None:
         return None
     where = f"{stair.flights} flights turn {stair.turn} at their landings"
     return f"{where}, and the chair drives straight on over a landing; take another way"
+
+
+def _winders(stair: Stair) -> str | None:
+    """Refuse winders: at their nosings the two belts do not climb alike, and the mission drives straight on."""
+    plan = as_designed(stair).winders
+    if plan is None:
+        return None
+    inner_m, outer_m = plan.going_m(plan.newel_m), plan.going_m(plan.outer_radius_m)
+    return (
+        f"{plan.count} winders from step {plan.first} on turn the flight by {stair.winder_turn_deg:g}° to the {stair.winder_to}, "
+        f"{inner_m:.2f} m deep at the newel and {outer_m:.2f} m at the outer side: the belt on the newel's side meets each nosing "
+        "first and rolls the chair, which drives straight on; take another way"
+    )
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:

@@ -297,25 +297,26 @@ class MujocoPlant(InstrumentedPlant):
             yield self._state_of(tick, row), grip
 
     def _state_of(self, tick: int, row: Float[np.ndarray, " c"]) -> ChairState:
+        numbers = row.tolist()  # an array gives up its elements one by one at ten times the cost
         return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
             R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
-            seat_rad=float(row[kernels.QPOS + 7]),
-            stroke_m=float(row[kernels.SEAT]),
+            seat_rad=numbers[kernels.QPOS + 7],
+            stroke_m=numbers[kernels.SEAT],
             belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
-            brake_on=bool(row[kernels.BRAKE] > 0.5),
-            flipper_rad=float(row[kernels.FLIPPER]),
-            flipper_torque_n_m=float(row[kernels.FLIPPER_TORQUE]),
+            brake_on=numbers[kernels.BRAKE] > 0.5,
+            flipper_rad=numbers[kernels.FLIPPER],
+            flipper_torque_n_m=numbers[kernels.FLIPPER_TORQUE],
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
-            contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
-            airborne_share=float(row[kernels.AIRBORNE]) / self._physics.substeps,
-            contact_residual_m_s2=float(row[kernels.RESIDUAL]),
-            hull_contacts=int(row[kernels.HULL]),
+            contact_force_share=numbers[kernels.FORCE_MAX] / self._weight_n,
+            airborne_share=numbers[kernels.AIRBORNE] / self._physics.substeps,
+            contact_residual_m_s2=numbers[kernels.RESIDUAL],
+            hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
-            power_w=float(row[kernels.POWER]),
+            power_w=numbers[kernels.POWER],
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:

@@ -171,12 +171,10 @@ def _looked_at(staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float
 
 def _ground_m(staircase: Staircase, p_W: Float[np.ndarray, " 3"]) -> float:
     """Return the height of the ground at a place [m]; with turning flights, on the nearest flight below."""
-    if not staircase.turn:
+    if not staircase.turn_rad:
         return max((step.z_m for step in staircase.steps if step.x_m <= p_W[0] and not step.missing), default=0.0)
-    heights = [0.0]
-    for k, steps in enumerate(staircase.flights):
-        R_WF, p_WF = staircase.flight_frame(k)
-        x_m, y_m, _ = R_WF.T @ (p_W - p_WF)
-        if abs(y_m) <= 0.5 * staircase.width_m and x_m <= steps[-1].x_m + steps[-1].depth_m:
-            heights += [step.z_m for step in steps if step.x_m <= x_m and not step.missing and step.z_m <= p_W[2] + step.rise_m]
-    return max(heights)
+    x, y, c, s, half_length, half_width, height = staircase.surfaces.T
+    along, across = c * (p_W[0] - x) + s * (p_W[1] - y), c * (p_W[1] - y) - s * (p_W[0] - x)
+    below = (np.abs(along) <= half_length) & (np.abs(across) <= half_width)
+    below &= height <= p_W[2] + max(step.rise_m for step in staircase.steps)
+    return float(height[below].max(initial=0.0))

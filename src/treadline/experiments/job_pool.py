@@ -26,7 +26,7 @@ class Job(Protocol[R_co]):
         """Do it."""
 
 
-class Pool:
+class JobPool:
     """Workers that stay from one list of jobs to the next: to start one costs as much as to drive for ten seconds."""
 
     def __init__(self, workers: int, done: Callable[[str], None]) -> None:
@@ -43,7 +43,7 @@ class Pool:
             ProcessPoolExecutor(max_workers=workers, mp_context=spawn, initializer=_begin_worker) if workers > 1 else None
         )
 
-    def __enter__(self) -> "Pool":
+    def __enter__(self) -> "JobPool":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -76,7 +76,7 @@ class Pool:
 
 def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
     """Return the jobs' results in the jobs' order; ``done`` hears each name as it ends."""
-    with Pool(min(workers, len(jobs)), done) as pool:
+    with JobPool(min(workers, len(jobs)), done) as pool:
         return pool.begin(jobs)()
 
 

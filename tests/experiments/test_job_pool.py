@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.experiments.pool import Pool, run_jobs
+from treadline.experiments.job_pool import JobPool, run_jobs
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Square:
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_the_order_of_the_jobs_and_every_end_is_told(workers: int) -> None:
     told: list[str] = []
-    with Pool(workers, told.append) as pool:
+    with JobPool(workers, told.append) as pool:
         first, second = pool.begin([Square(3), Square(2)]), pool.begin([Square(1)])
         assert second() == [1]
         assert first() == [9, 4]
@@ -49,7 +49,7 @@ def test_one_job_needs_no_worker() -> None:
 
 def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_told() -> None:
     told: list[str] = []
-    with pytest.raises(ArithmeticError, match="-1 has no root"), Pool(2, told.append) as pool:
+    with pytest.raises(ArithmeticError, match="-1 has no root"), JobPool(2, told.append) as pool:
         pool.begin([Square(-1)])()
     assert told == []
 
@@ -69,8 +69,8 @@ class Sleeper:
 PARENT = """
 import sys
 from pathlib import Path
-from tests.experiments.test_pool import Sleeper
-from treadline.experiments.pool import run_jobs
+from tests.experiments.test_job_pool import Sleeper
+from treadline.experiments.job_pool import run_jobs
 if __name__ == "__main__":
     run_jobs([Sleeper(Path(sys.argv[1])), Sleeper(Path(sys.argv[1]))], workers=2, done=print)
 """

@@ -1,7 +1,7 @@
-"""The paper's recipe taken literally: Eq. (11b), (12), (14) at Ts = 1 s, on our plant.
+"""The paper's controller as printed: Eq. (11b), (12), (14) at Ts = 1 s, on the simulated chair.
 
-Eq. (14) follows from (12) and (13), so the recipe is consistent with itself; what it asks of the tracks is another
-matter. The climb speed is added as an input offset, without which u = -Kx stops the chair.
+Eq. (14) follows from (12) and (13), so the printed matrices agree with each other. The belt speed that they command at 30° exceeds
+the limit of Table I. The climb speed is added as an input offset, without which u = -Kx stops the chair.
 """
 
 from pathlib import Path
@@ -17,6 +17,7 @@ from treadline.control.reconstruct import static_reconstruction
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, ReproducePlan, turn
 from treadline.models import ControllerDesign, LinearModel
+from treadline.scenario import Scenario
 
 
 def paper_model(climb_speed_m_s: float = 0.0) -> LinearModel:
@@ -57,7 +58,7 @@ def asked_at(heading_deg: float) -> Float[np.ndarray, " 2"]:
 
 
 def facts() -> dict[str, Any]:
-    """Return what the paper's matrices say by themselves."""
+    """Return the gain that follows from the printed matrices, its gap to the printed gain, and the belt speeds commanded at 30°."""
     K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)
     return {
         "K": K.tolist(),
@@ -67,13 +68,17 @@ def facts() -> dict[str, Any]:
     }
 
 
+def as_printed_turn(duration_s: float) -> Scenario:
+    """Return the turn from +30° at 28° in which the printed controller drives: Eq. (11b), belts clipped at their limit."""
+    scenario = turn(FIG10_SLOPE, 30, duration_s, allocation="paper")
+    return scenario.model_copy(update={"control": scenario.control.model_copy(update={"reconstruct": "static"})})
+
+
 def job(plan: ReproducePlan, runs: Path) -> RunJob:
-    """Return the run that shows what the recipe does from +30° at 28°, with clipping at the track's limit."""
-    scenario = turn(FIG10_SLOPE, 30, plan.turn_s, allocation="paper")
-    control = scenario.control.model_copy(update={"reconstruct": "static"})
+    """Return the run of the printed controller from +30° at 28°, with clipping at the track's limit."""
     return RunJob(
         name="literal-28",
-        scenario=scenario.model_copy(update={"control": control}),
+        scenario=as_printed_turn(plan.turn_s),
         seed=plan.seeds[0],
         controller=paper_controller(TABLE_SPEED_M_S),
         folder=runs / "literal-28",
