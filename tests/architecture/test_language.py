@@ -22,7 +22,6 @@ NOT_YET = frozenset(
         "control",
         "estimation",
         "experiments",
-        "gazebo",
         "identification",
         "io",
         "mechanics",
