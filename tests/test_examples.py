@@ -1,4 +1,4 @@
-"""Every example runs, and prints the result that it is about."""
+"""The examples run and print the documented results."""
 
 import re
 import subprocess

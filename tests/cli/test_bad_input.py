@@ -337,7 +337,9 @@ def test_sums_that_are_none_are_said_to_be_none(run, tmp_path: Path) -> None:
     path, other = tmp_path / "record.csv", tmp_path / "other.npz"
     path.write_text("\n".join(record_text()) + "\n")
     np.savez(other, a=1.0)
-    assert_refused(run("identify", path, "--update", other, "--out", tmp_path / "model.json"), "takes what identify --sums wrote")
+    assert_refused(
+        run("identify", path, "--update", other, "--out", tmp_path / "model.json"), "takes a file written by identify --gram"
+    )
 
 
 def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:

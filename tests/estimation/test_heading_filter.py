@@ -169,9 +169,9 @@ def test_as_long_as_the_guard_lets_the_gyro_drive_alone_half_a_degree_is_kept(cl
 
 def deviations(climb: Climb) -> list[float]:
     """Return a climb's errors each second, in declared deviations; what lasts in real frames these do not have."""
-    lasting_rad = FilterConfig().lasting_rad
+    systematic_sigma_rad = FilterConfig().systematic_sigma_rad
     return [
-        (estimate.heading_rad - truth) / math.sqrt(estimate.sigma_rad**2 - lasting_rad**2)
+        (estimate.heading_rad - truth) / math.sqrt(estimate.sigma_rad**2 - systematic_sigma_rad**2)
         for estimate, truth in zip(climb.estimates[200::100], climb.truth[200::100].tolist(), strict=True)
         if estimate is not None
     ]

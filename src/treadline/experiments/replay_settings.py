@@ -48,6 +48,13 @@ UNSET = {
 OPERATORS = ("", "control.", "camera.", "imu.")
 """Tables whose keys are no block's."""
 MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
+RENAMED = {
+    "filter.shake_deg": "filter.vibration_sigma_deg",
+    "filter.lasting_deg": "filter.systematic_sigma_deg",
+    "filter.unseen_rate_deg_s": "filter.unobserved_rate_sigma_deg_s",
+    "filter.told_s": "filter.report_s",
+}
+"""Former names of keys, accepted for one release."""
 
 
 class CameraKeys(Settings):
@@ -300,7 +307,7 @@ def _tables(items: Sequence[str], known: dict[str, Any]) -> dict[str, object]:
     tables: dict[str, Any] = {}
     for item in items:
         key, sign, text = item.partition("=")
-        key = key.strip()
+        key = RENAMED.get(key.strip(), key.strip())
         if not sign:
             raise SettingsError(f"--set {item}: must be key=value, as --set filter.gate=16")
         if key not in known:

@@ -1,4 +1,4 @@
-"""What the inputs can tell is counted, what residuals hold is tested, and a doubt comes with its number."""
+"""Order of excitation, residual tests, and warnings with their numbers."""
 
 import json
 import re
@@ -21,14 +21,14 @@ LAGS = 12
 
 
 def excited(u: Float[np.ndarray, "T m"], *, samples: float = 0.0) -> int:
-    """Return the order that inputs excite, as far as twelve lags show."""
+    """Return the order that the inputs excite, up to twelve lags."""
     y = np.random.default_rng(99).standard_normal((len(u), 1))
     record = InputOutputRecord(u=u, y=y, dt_s=1.0)
     return excitation_order(gram(record, LAGS, units_of([record])), samples=samples)
 
 
 @pytest.mark.parametrize("inputs", [1, 2, 3])
-def test_white_inputs_excite_as_many_orders_as_are_looked_at(inputs: int) -> None:
+def test_white_inputs_excite_every_order_up_to_the_lags(inputs: int) -> None:
     assert excited(np.random.default_rng(0).standard_normal((600, inputs))) == LAGS + 1
 
 
@@ -36,11 +36,11 @@ def test_white_inputs_excite_as_many_orders_as_are_looked_at(inputs: int) -> Non
 def test_sinusoids_excite_two_orders_each(count: int) -> None:
     t = np.arange(2000.0)
     u = sum(np.sin(omega * t + omega) for omega in np.linspace(0.5, 2.7, count))
-    # A constant would be one more; the mean is the operating point's, not the dynamics'.
+    # A constant would add one order, but the mean belongs to the operating point.
     assert excited(5.0 + np.asarray(u)[:, None]) == 2 * count
 
 
-def test_inputs_of_which_one_is_a_sinusoid_excite_what_that_one_does() -> None:
+def test_the_least_exciting_input_limits_the_order_of_excitation() -> None:
     t = np.arange(2000.0)
     assert excited(np.column_stack([np.random.default_rng(0).standard_normal(2000), np.sin(t)])) == 2
 
@@ -49,13 +49,13 @@ def test_a_ramp_excites_one_order() -> None:
     assert excited(np.arange(600.0)[:, None]) == 1
 
 
-def test_the_corner_of_a_single_step_is_not_worth_a_few_samples() -> None:
+def test_a_single_step_excites_less_than_a_few_samples() -> None:
     step = np.where(np.arange(600) < 300, 0.0, 1.0)[:, None]
     assert excited(step, samples=FEW_SAMPLES) == 1
     assert excited(np.random.default_rng(0).standard_normal((600, 1)), samples=FEW_SAMPLES) == LAGS + 1
 
 
-def test_an_order_above_the_excited_one_is_refused_with_both_numbers() -> None:
+def test_an_order_above_the_excited_one_is_rejected_with_both_numbers() -> None:
     t = np.arange(600.0)
     u = np.column_stack([np.sin(0.3 * t), np.sin(0.7 * t + 1.0)])
     rng = np.random.default_rng(1)
@@ -70,21 +70,21 @@ def test_the_report_counts_the_excited_order(draw: Draw) -> None:
 
 
 def response_residuals(seed: int, leak: float) -> tuple[Float[np.ndarray, "T p"], Float[np.ndarray, "T m"]]:
-    """Return white residuals into which a share of the inputs of three samples ago leaks, and those inputs."""
+    """Return white residuals with a share of the inputs of three samples ago, and those inputs."""
     rng = np.random.default_rng(seed)
     u, e = rng.standard_normal((2, 1000, 2))
     e[3:] += leak * u[:-3]
     return e, u
 
 
-def test_residuals_that_know_nothing_of_the_inputs_pass_as_often_as_they_should() -> None:
+def test_residuals_independent_of_the_inputs_pass_at_the_nominal_rate() -> None:
     values = [crosscorrelation_p(*response_residuals(seed, 0.0)) for seed in range(150)]
-    # p is uniform: a mean of 0.5 ± 0.024, 7.5 of 150 below 5 % ± 2.7. Three deviations.
+    # p is uniform: mean 0.5 ± 0.024, and 7.5 ± 2.7 of 150 below 5 %. Three standard deviations.
     assert np.mean(values) == pytest.approx(0.5, abs=0.07)
     assert sum(value < 0.05 for value in values) <= 15
 
 
-def test_residuals_into_which_inputs_leak_do_not_pass() -> None:
+def test_residuals_that_depend_on_inputs_fail() -> None:
     assert max(crosscorrelation_p(*response_residuals(seed, 0.2)) for seed in range(20)) < 1e-3
 
 
@@ -98,23 +98,23 @@ def test_gaps_do_not_make_white_residuals_coloured() -> None:
 
 
 def test_the_right_model_passes_both_tests_on_data_it_has_not_seen(draw: Draw) -> None:
-    # Fitted to nine times as much: the model's own error, which the judging data see, shifts p by a twentieth.
+    # Fitted to nine times as much data, because the model's own error would shift the p-values by a twentieth.
     records = [draw(seed, noise=0.1, samples=4000) for seed in range(40)]
     reports = [identify(record, order=2, method="okid-era", lags=8, validation=0.1).report for record in records]
     for values in ([report.whiteness_p for report in reports], [report.crosscorrelation_p for report in reports]):
-        # Uniform: a mean of 0.5 ± 0.05, and 0.4 of 40 below 1 %.
+        # Uniform: mean 0.5 ± 0.05, and 0.4 of 40 below 1 %.
         assert 0.3 < np.mean(values) < 0.65
         assert sum(value < 0.01 for value in values) <= 4
 
 
-def test_a_wrong_model_is_named_with_both_p_values(draw: Draw) -> None:
+def test_a_wrong_model_is_reported_with_both_p_values(draw: Draw) -> None:
     wrong = identify(draw(0, noise=0.1), order=1, method="okid-era").report
     assert max(wrong.crosscorrelation_p, wrong.whiteness_p) < 1e-6
     assert any(f"not white (p = {wrong.whiteness_p:.1e})" in warning for warning in wrong.warnings)
     assert any(f"still depend on the inputs (p = {wrong.crosscorrelation_p:.1e})" in warning for warning in wrong.warnings)
 
 
-def test_an_unstable_model_is_told_with_its_radius() -> None:
+def test_an_unstable_model_is_reported_with_its_radius() -> None:
     rng = np.random.default_rng(2)
     u, y = rng.standard_normal((300, 1)), np.zeros((300, 1))
     for k in range(1, 300):
@@ -123,7 +123,7 @@ def test_an_unstable_model_is_told_with_its_radius() -> None:
     assert any("the model is unstable (spectral radius 1.0200)" in warning for warning in report.warnings)
 
 
-def test_a_validation_part_that_hardly_moves_is_told_with_its_ratio(draw: Draw, eq_12: LinearModel) -> None:
+def test_a_validation_part_with_little_motion_is_reported_with_its_ratio(draw: Draw, eq_12: LinearModel) -> None:
     rng = np.random.default_rng(3)
     u = rng.standard_normal((1000, 2)) * np.where(np.arange(1000) < 700, 1.0, 0.1)[:, None]
     y = simulate(eq_12, u, np.zeros(2))
@@ -132,14 +132,14 @@ def test_a_validation_part_that_hardly_moves_is_told_with_its_ratio(draw: Draw, 
     assert any("'heading' moves 0.1" in warning and "in the validation part" in warning for warning in warnings)
 
 
-def test_inputs_that_move_nearly_together_are_named_with_what_tells_them_apart(draw: Draw, eq_12: LinearModel) -> None:
+def test_nearly_collinear_inputs_are_reported_with_their_independent_variance(draw: Draw, eq_12: LinearModel) -> None:
     rng = np.random.default_rng(4)
     common = rng.standard_normal((800, 1))
     u = np.hstack([common, common]) + 0.2 * rng.standard_normal((800, 2))
     y = simulate(eq_12, u, np.zeros(2))
     record = replace(draw(0), u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape))
     warnings = identify(record, order=2, method="okid-era").report.warnings
-    # Variances 1 + 0.04, covariance 1: what is left of the difference is 0.04/1.04, give or take a tenth.
+    # Variances 1 + 0.04, covariance 1: the difference has a variance of 0.04/1.04, within a tenth.
     said = [warning for warning in warnings if "move nearly together" in warning]
     assert len(said) == 1
     assert "'left_m_s'" in said[0]
@@ -147,7 +147,7 @@ def test_inputs_that_move_nearly_together_are_named_with_what_tells_them_apart(d
     assert re.search("has [345] % of one input's variance", said[0])
 
 
-def test_a_good_record_raises_no_doubt(draw: Draw) -> None:
+def test_a_good_record_gives_no_warning(draw: Draw) -> None:
     assert identify(draw(5, noise=0.05), order=2, validation=0.3).report.warnings == []
 
 

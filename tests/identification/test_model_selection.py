@@ -1,4 +1,4 @@
-"""The best model is chosen by data held out: order, step and constants, and a doubt is said."""
+"""Model selection by cross-validation: order, step and offsets, with a warning if unclear."""
 
 from collections.abc import Callable
 
@@ -7,9 +7,9 @@ import pytest
 
 from treadline.identification import identify
 from treadline.identification.affine import Affine
-from treadline.identification.best import free_runs
-from treadline.identification.fitting import Fitting, Recipe
+from treadline.identification.fitting import Candidate, Fitting
 from treadline.identification.gram import Units, gram_of
+from treadline.identification.model_selection import free_run_squares
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -26,7 +26,7 @@ def markov_error(model: LinearModel, true: LinearModel) -> float:
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 def test_eq_12_has_two_states_in_nearly_every_record(draw: Draw, noise: float) -> None:
     orders = [identify(draw(seed, noise=noise)).report.order for seed in range(10)]
-    # Held out, a third state costs or gains less than half a percent: chance may keep it.
+    # On held-out data a third state changes the error by less than half a percent; chance may keep it.
     assert orders.count(2) >= 8
     assert max(orders) <= 3
 
@@ -35,15 +35,15 @@ def test_the_order_asked_for_is_the_order_given(draw: Draw) -> None:
     assert [identify(draw(0, noise=0.01), order=order).report.order for order in (1, 4)] == [1, 4]
 
 
-def test_what_is_told_are_the_candidates_of_the_report(draw: Draw) -> None:
+def test_progress_lines_are_the_candidates_of_the_report(draw: Draw) -> None:
     told: list[str] = []
-    candidates = identify(draw(0, noise=0.1, samples=300), told=told.append).report.candidates
+    candidates = identify(draw(0, noise=0.1, samples=300), on_progress=told.append).report.candidates
     assert len(told) == len(candidates) > 3
     assert sum(candidate.chosen for candidate in candidates) == 1
     assert {candidate.method for candidate in candidates} >= {"pbsid"}
 
 
-def test_two_experiments_tell_more_than_one(draw: Draw, eq_12: LinearModel) -> None:
+def test_two_experiments_give_a_smaller_error_than_one(draw: Draw, eq_12: LinearModel) -> None:
     alone, both = [], []
     for seed in range(5):
         first, second = draw(seed, samples=400, noise=0.05), draw(seed + 50, samples=400, noise=0.05, x0=np.array([9.0, -9.0]))
@@ -60,7 +60,7 @@ def test_the_same_data_give_the_same_bytes(draw: Draw) -> None:
 
 
 def judged(true: LinearModel, further: int, seed: int) -> float:
-    """Return the error of Eq. (12), with states beside it that no input reaches, on 40 samples whose noise has variance 1."""
+    """Return the error of Eq. (12) with additional uncontrollable states, on 40 samples with noise of variance 1."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((40, 2))
     record = InputOutputRecord(u=u, y=simulate(true, u, np.zeros(2)) + rng.standard_normal((40, 2)), dt_s=1.0)
@@ -71,31 +71,31 @@ def judged(true: LinearModel, further: int, seed: int) -> float:
     A[:2, :2], B[:2, :2], C[:, :2] = true.A, true.B, true.C
     A[:2, 2:] = 0.0
     system = Affine(A=A, B=B, C=C, D=np.column_stack([true.D, np.zeros(2)]))
-    recipe = Recipe(method="pbsid", lags=4, order=n)
-    return float(np.sum(free_runs(system, held, recipe)[0]) / record.y.size)
+    candidate = Candidate(method="pbsid", lags=4, order=n)
+    return float(np.sum(free_run_squares(system, held, candidate)[0]) / record.y.size)
 
 
-def test_states_that_only_start_somewhere_are_no_gain_on_data_held_out(eq_12: LinearModel) -> None:
-    # Eight starts take a tenth of eighty values up; counted, the truth and the larger model have the noise's variance both.
+def test_additional_initial_states_do_not_reduce_the_validation_error(eq_12: LinearModel) -> None:
+    # Eight initial states absorb a tenth of eighty values; with the correction both models have the noise variance.
     alone, beside = ([judged(eq_12, further, seed) for seed in range(400)] for further in (0, 6))
-    # 400 runs of 80 values know a variance to 0.8 %; both see the same noise.
+    # 400 runs of 80 values determine a variance to 0.8 %; both use the same noise.
     assert np.mean(alone) == pytest.approx(1.0, abs=0.025)
     assert np.mean(beside) == pytest.approx(np.mean(alone), abs=0.015)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_that_no_input_moves_is_said_to_show_nothing(seed: int) -> None:
+def test_pure_noise_is_reported_as_unclear(seed: int) -> None:
     rng = np.random.default_rng(seed)
     record = InputOutputRecord(u=rng.standard_normal((400, 2)), y=rng.standard_normal((400, 2)), dt_s=1.0)
     report = identify(record).report
     assert any("no clear gap" in warning for warning in report.warnings)
-    # What explains nothing needs no states: the least there are. No free run helps, so forecasts judge.
+    # A model without explanatory power has the smallest order. Free runs do not help, so forecasts are the criterion.
     assert report.order == 1
     assert {candidate.step for candidate in report.candidates} <= {"subspace", "prediction-error"}
 
 
 def rates(eq_12: LinearModel, bias: float) -> InputOutputRecord:
-    """Return belt speeds and the rate they make, with 5 % noise and a bias in deviations."""
+    """Return belt speeds and the resulting rate, with 5 % noise and a bias in standard deviations."""
     rng = np.random.default_rng(0)
     u = 0.1 * rng.standard_normal((600, 2))
     y = simulate(eq_12, u, np.zeros(2))[:, 1:]
@@ -105,15 +105,15 @@ def rates(eq_12: LinearModel, bias: float) -> InputOutputRecord:
 
 def test_rates_rest_at_zero(eq_12: LinearModel) -> None:
     model = identify(rates(eq_12, 0.0)).model
-    # Zero but for the rounding of units.
+    # Zero up to the rounding of units.
     np.testing.assert_allclose(model.input_offset, 0.0, atol=1e-12)
     np.testing.assert_allclose(model.output_offset, 0.0, atol=1e-12)
 
 
-def test_rates_whose_data_speak_against_rest_at_zero_keep_their_constants(eq_12: LinearModel) -> None:
+def test_rates_with_a_bias_keep_their_offsets(eq_12: LinearModel) -> None:
     record = rates(eq_12, 3.0)
     model = identify(record).model
-    # The mean of 600 samples is known to a few hundredths of a deviation, less what inputs near zero leave open.
+    # The mean of 600 samples is known to a few hundredths of a standard deviation, minus the uncertainty from small inputs.
     at_zero = (
         model.output_offset - (model.C @ np.linalg.solve(np.eye(model.order) - model.A, model.B) + model.D) @ model.input_offset
     )
@@ -126,7 +126,7 @@ def test_channels_of_other_units_keep_their_constants(draw: Draw) -> None:
 
 
 def unstable(seed: int, noise: float = 0.1) -> InputOutputRecord:
-    """Return a plant of poles 1.1 and 0.8, its output fed back, that noise drives too."""
+    """Return a plant with poles 1.1 and 0.8 under output feedback, with process noise."""
     rng = np.random.default_rng(seed)
     A, B, C = np.array([[1.1, 0.1], [0.0, 0.8]]), np.array([[1.0], [0.5]]), np.array([[1.0, 0.0]])
     x, inputs, outputs = np.zeros(2), [], []
@@ -137,7 +137,7 @@ def unstable(seed: int, noise: float = 0.1) -> InputOutputRecord:
     return InputOutputRecord(u=np.array(inputs), y=np.array(outputs), dt_s=1.0)
 
 
-def test_an_unstable_plant_in_a_loop_is_judged_by_forecasts_and_not_by_free_runs() -> None:
+def test_an_unstable_plant_in_closed_loop_is_selected_by_forecasts() -> None:
     found = identify(unstable(1))
     assert {candidate.step for candidate in found.report.candidates} == {"subspace", "prediction-error"}
     assert max(real for real, _ in found.report.poles) == pytest.approx(1.1, abs=0.02)
@@ -147,7 +147,7 @@ def test_an_unstable_plant_in_a_loop_is_judged_by_forecasts_and_not_by_free_runs
     assert np.abs(np.linalg.eigvals(model.A - K @ model.C)).max() < 1.0
 
 
-def test_gaps_leave_a_model_whose_observer_forgets(draw: Draw, eq_12: LinearModel) -> None:
+def test_gaps_leave_a_model_with_a_stable_observer(draw: Draw, eq_12: LinearModel) -> None:
     record = draw(7, noise=0.05, samples=600)
     record.y[::7] = np.nan
     found = identify(record)
@@ -156,14 +156,14 @@ def test_gaps_leave_a_model_whose_observer_forgets(draw: Draw, eq_12: LinearMode
     assert found.report.whiteness_p > 0.01
     K, model = found.model.observer_gain, found.model
     assert K is not None
-    # Runs of six samples tell nothing of a gain; a free run forgets at the slower pole, 0.71.
+    # Runs of six samples do not determine a gain; a free run forgets with the slower pole, 0.71.
     assert np.abs(np.linalg.eigvals(model.A - K @ model.C)).max() < 0.9
 
 
-def test_inputs_that_are_missing_for_a_while_are_not_made_up(draw: Draw, eq_12: LinearModel) -> None:
+def test_missing_inputs_are_not_interpolated(draw: Draw, eq_12: LinearModel) -> None:
     record = draw(8, noise=0.05, samples=600)
     record.u[200:300, 0] = np.nan
     found = identify(record)
     assert found.report.order == 2
-    # Whole, 600 samples give 0.5 %; a sixth is gone.
+    # The complete 600 samples give 0.5 %; a sixth is missing.
     assert markov_error(found.model, eq_12) < 0.01

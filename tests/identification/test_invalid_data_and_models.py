@@ -1,4 +1,4 @@
-"""Data and models that cannot serve are refused by the interface for programs as by the command line: typed, in one line."""
+"""The Python interface rejects unusable data and models with a typed one-line error, as the command line does."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,8 +15,8 @@ Draw = Callable[..., InputOutputRecord]
 Spoil = Callable[[InputOutputRecord], InputOutputRecord]
 
 
-def half_still(which: str) -> Spoil:
-    """Return a fault: a channel moves in the second half alone."""
+def constant_first_half(which: str) -> Spoil:
+    """Return a fault: a channel that is constant in the first half."""
 
     def spoil(record: InputOutputRecord) -> InputOutputRecord:
         data = getattr(record, which).copy()
@@ -45,8 +45,8 @@ FAULTS: dict[str, tuple[Spoil, dict[str, float], type[TreadlineError], str]] = {
         "transposed",
     ),
     "names of other channels": (lambda r: replace(r, input_names=("left_m_s",)), {}, ShapeMismatch, "name"),
-    "an input still where it is fitted": (half_still("u"), {"validation": 0.5}, PoorExcitation, "'left_m_s' is constant"),
-    "an output still where it is fitted": (half_still("y"), {"validation": 0.5}, PoorExcitation, "'heading' is constant"),
+    "an input still where it is fitted": (constant_first_half("u"), {"validation": 0.5}, PoorExcitation, "'left_m_s' is constant"),
+    "an output still where it is fitted": (constant_first_half("y"), {"validation": 0.5}, PoorExcitation, "'heading' is constant"),
     "a validation part of no samples": (lambda r: r, {"validation": 1e-6}, PoorExcitation, "validation"),
     "a validation part of ten samples": (lambda r: r, {"validation": 0.025}, PoorExcitation, "validation part has 10 .* at least"),
     "a validation part of gaps": (
@@ -62,7 +62,7 @@ FAULTS: dict[str, tuple[Spoil, dict[str, float], type[TreadlineError], str]] = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_refused_in_one_line(draw: Draw, fault: str) -> None:
+def test_a_fault_is_rejected_in_one_line(draw: Draw, fault: str) -> None:
     spoil, options, error, message = FAULTS[fault]
     spoiled = spoil(draw(0, samples=400, noise=0.05))
     with pytest.raises(error, match=message) as caught:
@@ -73,7 +73,7 @@ def test_a_fault_is_refused_in_one_line(draw: Draw, fault: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
-def test_an_order_above_the_rank_of_exact_data_is_refused(draw: Draw, method: str) -> None:
+def test_an_order_above_the_rank_of_exact_data_is_rejected(draw: Draw, method: str) -> None:
     with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
         identify(draw(0, samples=400), order=3, method=method)
 
@@ -84,7 +84,7 @@ def test_a_validation_record_must_fit_the_fitted_ones(draw: Draw) -> None:
         identify(record, validation=replace(record, y=record.y[:, :1]))
 
 
-def test_a_second_record_of_one_sample_adds_nothing_and_does_no_harm(draw: Draw) -> None:
+def test_a_second_record_of_one_sample_does_not_change_the_model(draw: Draw) -> None:
     record = draw(0, samples=400, noise=0.05)
     short = replace(record, u=record.u[:1], y=record.y[:1])
     found = identify([record, short], order=2, method="okid-era")
@@ -97,13 +97,13 @@ def test_a_period_must_be_a_positive_number(period: float) -> None:
         InputOutputRecord(u=np.zeros((3, 1)), y=np.zeros((3, 1)), dt_s=period)
 
 
-def test_a_period_without_end_is_no_period() -> None:
+def test_an_infinite_period_is_rejected() -> None:
     with pytest.raises(ModelError, match="period is inf"):
         InputOutputRecord(u=np.zeros((3, 1)), y=np.zeros((3, 1)), dt_s=float("inf"))
 
 
 @pytest.mark.parametrize("name", ["A", "B", "C", "D", "input_offset", "output_offset", "observer_gain"])
-def test_a_model_that_holds_nan_or_does_not_fit_is_refused_by_name(eq_12: LinearModel, name: str) -> None:
+def test_a_model_that_holds_nan_or_does_not_fit_is_rejected_by_name(eq_12: LinearModel, name: str) -> None:
     model = replace(eq_12, observer_gain=np.zeros((2, 2)))
     spoiled = getattr(model, name).copy()
     spoiled.flat[0] = np.nan
@@ -114,7 +114,7 @@ def test_a_model_that_holds_nan_or_does_not_fit_is_refused_by_name(eq_12: Linear
 
 
 @pytest.mark.parametrize("scale", [1e-150, 1e150])
-def test_the_size_of_the_units_is_no_fault(draw: Draw, scale: float) -> None:
+def test_large_and_small_units_are_accepted(draw: Draw, scale: float) -> None:
     record = draw(0, samples=400, noise=0.05)
     plain, scaled = (
         identify(item, order=2, method="okid-era").model.A
@@ -123,7 +123,7 @@ def test_the_size_of_the_units_is_no_fault(draw: Draw, scale: float) -> None:
     np.testing.assert_allclose(scaled, plain, rtol=1e-9)
 
 
-def test_arrays_of_any_layout_and_read_only_ones_are_data(draw: Draw) -> None:
+def test_arrays_of_any_layout_and_read_only_arrays_are_accepted(draw: Draw) -> None:
     record = draw(0, samples=400, noise=0.05)
     u, y = np.asfortranarray(record.u), np.asfortranarray(record.y)
     for array in (u, y):
@@ -133,7 +133,7 @@ def test_arrays_of_any_layout_and_read_only_ones_are_data(draw: Draw) -> None:
     assert other.report.fit_percent == pytest.approx(plain.report.fit_percent)
 
 
-def test_a_model_of_lists_is_one_of_arrays(eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_accepts_lists_for_matrices(eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     lists = {name: getattr(eq_12, name).tolist() for name in ("A", "B", "C", "D", "input_offset", "output_offset")}
     np.testing.assert_array_equal(LinearModel(**lists, dt_s=1.0).B, eq_12.B)

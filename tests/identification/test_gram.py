@@ -1,4 +1,4 @@
-"""The Gram matrix of windows equals the dense sums, however the data come, and survives a file."""
+"""The Gram matrix of windows equals the dense computation for any division of the data, and can be saved."""
 
 import sys
 from dataclasses import replace
@@ -16,14 +16,15 @@ from treadline.identification.gram import GramBuilder, Units, units_of
 from treadline.models import InputOutputRecord
 
 ROUNDING = 1e-11
-"""Sums of a few hundred products of size ten, each kept to 1e-16, and slid along the diagonal: 1e-13 was seen."""
+"""Absolute tolerance: sums of a few hundred products of size ten, each accurate to 1e-16, slid along the diagonal; 1e-13 was
+measured."""
 
 
 Case = tuple[int, int, int, int, list[int]]
 CASES = st.tuples(
     st.integers(0, 2**32 - 1), st.integers(1, 3), st.integers(1, 3), st.integers(1, 160), st.lists(st.integers(0, 159), max_size=4)
 )
-"""Seed, inputs, outputs, samples, and where something is missing."""
+"""Seed, inputs, outputs, samples, and the positions of gaps."""
 
 
 def record_of(case: Case) -> InputOutputRecord:
@@ -41,7 +42,7 @@ def some_units(record: InputOutputRecord) -> Units:
 
 
 def whole_windows(record: InputOutputRecord, lags: int, units: Units) -> Float[np.ndarray, "rows q"]:
-    """Return every window of a record that holds no NaN, one row each."""
+    """Return every complete window of a record, one row each."""
     z = (np.hstack([record.u, record.y]) - units.shift) / units.scale
     rows = [np.concatenate([[1.0], z[k - lags : k + 1][::-1].ravel()]) for k in range(lags, len(z))]
     X = np.array(rows).reshape(len(rows), 1 + z.shape[1] * (lags + 1))
@@ -55,7 +56,7 @@ def random_record(seed: int, samples: int = 400) -> InputOutputRecord:
 
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(CASES, st.integers(1, 7))
-def test_the_sums_are_those_of_all_whole_windows(case: Case, lags: int) -> None:
+def test_the_gram_matrix_equals_the_sum_over_all_complete_windows(case: Case, lags: int) -> None:
     record = record_of(case)
     units = some_units(record)
     X = whole_windows(record, lags, units)
@@ -98,7 +99,7 @@ def test_data_longer_than_a_pass_are_summed_as_one(monkeypatch: pytest.MonkeyPat
     np.testing.assert_allclose(gram(record, 5, units).sums, expected.sums, atol=ROUNDING)
 
 
-def test_no_window_reaches_back_into_another_experiment() -> None:
+def test_windows_do_not_extend_across_experiments() -> None:
     first, second = random_record(1), random_record(2)
     units = some_units(first)
     builder = GramBuilder(6, units, 0.1)
@@ -107,11 +108,11 @@ def test_no_window_reaches_back_into_another_experiment() -> None:
         builder.add(record.u, record.y)
     found, parts = builder.finish(), [gram(record, 6, units) for record in (first, second)]
     np.testing.assert_allclose(found.sums, (parts[0] + parts[1]).sums, atol=ROUNDING)
-    # Two experiments of 400 samples: each loses the six windows that have no whole past.
+    # Two experiments of 400 samples: each loses the six windows with an incomplete past.
     assert (found.count, (parts[0] + parts[1]).count, found.dropped) == (788.0, 788.0, 0)
 
 
-def test_more_may_be_added_after_a_look_at_the_sums() -> None:
+def test_samples_may_be_added_after_finish() -> None:
     record = random_record(3)
     units = some_units(record)
     builder = GramBuilder(4, units, 0.1)
@@ -128,24 +129,24 @@ def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     fewer = data.fewer(3)
     assert (fewer.lags, fewer.sums.shape) == (3, (1 + 3 * 4, 1 + 3 * 4))
     np.testing.assert_array_equal(fewer.sums, data.sums[:13, :13])
-    # The same windows with their older samples cut off: those of three lags that end at the ninth sample or later.
+    # The same windows without their older samples: those of three lags that end at the ninth sample or later.
     later = InputOutputRecord(u=record.u[5:], y=record.y[5:], dt_s=0.1)
     np.testing.assert_allclose(fewer.sums, gram(later, 3, units).sums, atol=ROUNDING)
     assert fewer.root is not None
     np.testing.assert_allclose(fewer.root.T @ fewer.root, fewer.sums, atol=ROUNDING)
 
 
-def test_what_is_left_out_is_the_difference() -> None:
+def test_subtraction_removes_a_part() -> None:
     record = random_record(5)
     units = some_units(record)
     whole, first = gram(record, 4, units), gram(InputOutputRecord(u=record.u[:200], y=record.y[:200], dt_s=0.1), 4, units)
-    # The rest begins four samples earlier: their windows end where the first part's do not.
+    # The remainder begins four samples earlier, so that its windows follow those of the first part.
     rest = gram(InputOutputRecord(u=record.u[196:], y=record.y[196:], dt_s=0.1), 4, units)
     np.testing.assert_allclose((whole - first).sums, rest.sums, atol=ROUNDING)
     assert (whole - first).count == rest.count
 
 
-def test_what_is_forgotten_counts_less_in_the_sums_and_in_the_root() -> None:
+def test_forgetting_scales_the_gram_matrix_and_its_root() -> None:
     data = gram(random_record(6), 4, some_units(random_record(6)), solver="qr")
     half = data.forgotten(0.5)
     assert half.root is not None
@@ -167,7 +168,7 @@ def test_sums_of_other_lags_units_or_periods_do_not_add_up() -> None:
 
 @pytest.mark.parametrize("order", ["C", "F"])
 @pytest.mark.parametrize("solver", ["gram", "qr"])
-def test_read_only_data_of_any_layout_serve_and_stay_as_they_are(order: str, solver: str) -> None:
+def test_read_only_data_of_any_layout_are_accepted_unchanged(order: str, solver: str) -> None:
     record = random_record(8)
     u, y = np.require(record.u, requirements=[order]), np.require(record.y, requirements=[order])
     u, y = u.copy(order), y.copy(order)
@@ -189,15 +190,15 @@ def test_units_are_mean_and_deviation_without_the_gaps() -> None:
     np.testing.assert_allclose(units.scale, np.nanstd(joined, axis=0), rtol=1e-13)
 
 
-def test_an_offset_does_not_cost_the_deviation_its_digits() -> None:
+def test_an_offset_does_not_reduce_the_precision_of_the_deviation() -> None:
     record = random_record(11)
     far = InputOutputRecord(u=record.u + 1e8, y=record.y - 1e8, dt_s=0.1)
-    # A sample of 1e8 is kept to 1e-8, and so is a deviation of one; squares about zero would leave none of it.
+    # A sample of 1e8 is accurate to 1e-8, and so is a deviation of one; squares about zero would lose all digits.
     np.testing.assert_allclose(units_of([far]).scale, units_of([record]).scale, rtol=1e-8)
 
 
 def saved(folder: Path, **changes: object) -> Path:
-    """Return a file of sums, parts of it changed; None takes a part away."""
+    """Return a file with a Gram matrix, some parts changed; None removes a part."""
     record = random_record(12, 60)
     gram(record, 2, some_units(record)).save(folder / "sums.npz")
     with np.load(folder / "sums.npz") as file:
@@ -221,7 +222,7 @@ def test_saved_sums_come_back_bit_by_bit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("missing", ["lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_count"])
-def test_a_file_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> None:
+def test_a_file_that_lacks_a_part_is_rejected(tmp_path: Path, missing: str) -> None:
     with pytest.raises(LogFormatError, match=f"not a saved Gram matrix: .*{missing}"):
         Gram.load(saved(tmp_path, **{missing: None}))
 
@@ -252,12 +253,12 @@ def test_a_file_that_lacks_a_part_is_refused(tmp_path: Path, missing: str) -> No
         *("shift", "no count", "negative count", "no period", "nan period", "inputs"),
     ],
 )
-def test_a_part_that_does_not_fit_the_others_is_refused(tmp_path: Path, part: str, value: object) -> None:
+def test_a_part_that_does_not_fit_the_others_is_rejected(tmp_path: Path, part: str, value: object) -> None:
     with pytest.raises(LogFormatError, match=r"changed\.npz: "):
         Gram.load(saved(tmp_path, **{part: value}))
 
 
-def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "empty.npz").touch()
     whole = saved(tmp_path).read_bytes()
     (tmp_path / "half.npz").write_bytes(whole[: len(whole) // 2])
@@ -276,7 +277,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
         Gram.load(tmp_path)
 
 
-def test_sums_that_cannot_be_written_say_where(tmp_path: Path) -> None:
+def test_a_failed_write_names_the_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(TreadlineError, match=r"sums\.npz: cannot be written"):
         gram(random_record(14), 1, some_units(random_record(14))).save(tmp_path / "file" / "sums.npz")

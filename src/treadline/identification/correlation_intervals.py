@@ -1,7 +1,7 @@
-"""How sure a model by ERA/DC is: the law of OKID's Markov parameters, carried through correlations of Hankel matrices.
+"""Confidence intervals of ERA/DC models: covariance of OKID's Markov parameters propagated through the correlations.
 
-ERA/DC decomposes the block Hankel matrix of ``R_k = H(k) H(0)'`` where ERA decomposes H(0). What changes of the Markov
-parameters do to it is ``dH(k) H(0)' + H(k) dH(0)'``; from there the states' changes are taken back as for ERA.
+ERA/DC decomposes the block Hankel matrix of ``R_k = H(k) H(0)'``, ERA decomposes H(0). The Markov parameters change R_k by
+``dH(k) H(0)' + H(k) dH(0)'``; the change of state coordinates is then removed as for ERA.
 """
 
 import numpy as np
@@ -10,17 +10,21 @@ from jaxtyping import Float
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd, hankel
 from treadline.identification.gram import Gram, Units
-from treadline.identification.intervals import Intervals, markov_changes, with_constant
+from treadline.identification.intervals import ConfidenceIntervals, markov_changes, with_constant
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.realisation import correlations
 from treadline.identification.refine import Directions
 
 
-def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> Intervals:
-    """Return how sure ERA/DC's realisation of an observer is, all in units of deviations.
+def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> ConfidenceIntervals:
+    """Return the intervals of ERA/DC's realisation of an observer, in standard deviations.
 
     Args:
+        observer: OKID observer in standard deviations.
         svd: Decomposition of H(0).
+        system: Realised system.
+        units: Units of the system.
+        data: Gram matrix of the data.
     """
     markov, found = correlations(observer, svd)
     n, (p, m), rows, columns, blocks = system.order, observer.D.shape, svd.rows, svd.columns, found.rows
@@ -37,7 +41,7 @@ def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, un
         + _through_second(np.einsum("ina,ijab->jnb", left, H[at[:, None] + at + shift], optimize=True), dY, right, p, m)
         for shift in (0, 1)
     )
-    # O's upper rows, to which C and B belong: its changes with the right factor held.
+    # Changes of the upper rows of O, from which C and B are taken, with the right factor fixed.
     upper = _through_first(np.eye(rows * p)[None], dY, seen, p, m) + _through_second(H[at], dY, right, p, m)
     O = U[: rows * p] * root
     entering = dY[1 + np.arange(rows)].reshape(rows * p, m, -1)
@@ -45,13 +49,13 @@ def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, un
     B = np.tensordot(np.linalg.pinv(O), changed, axes=1)
     A = moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True)
     ways = Directions(A=A, B=with_constant(B), C=np.ascontiguousarray(upper[:p]), D=with_constant(dY[0]))
-    return Intervals(system=system, ways=ways, units=units)
+    return ConfidenceIntervals(system=system, ways=ways, units=units)
 
 
 def _through_first(
     left: Float[np.ndarray, "i a b"], dY: Float[np.ndarray, "count p m k"], right: Float[np.ndarray, "j c n"], p: int, m: int
 ) -> Float[np.ndarray, "a n k"]:
-    """Return Σ L_i dH(i+j) R_j: shifts and block rows add up, so that each factor becomes one row of blocks."""
+    """Return Σ L_i dH(i+j) R_j; shift and block row enter as their sum, so each factor becomes one row of blocks."""
     L, R = _along_shifts(left.transpose(0, 2, 1), p), _along_shifts(right, m)
     total = np.zeros((L.shape[2], R.shape[2], dY.shape[3]))
     for at, block in enumerate(L):
@@ -74,7 +78,7 @@ def _through_second(
 
 
 def _along_shifts(factor: Float[np.ndarray, "i a n"], size: int) -> Float[np.ndarray, "t s n"]:
-    """Return Σ over i + row = t of the blocks of ``size`` rows."""
+    """Return Σ over i + row = t of the blocks with ``size`` rows."""
     shifts, rows, n = len(factor), factor.shape[1] // size, factor.shape[2]
     total = np.zeros((shifts + rows - 1, size, n))
     for at in range(shifts):

@@ -1,4 +1,4 @@
-"""Each step of identification, called by itself as a user would."""
+"""Each step of identification, called on its own."""
 
 from collections.abc import Callable
 
@@ -28,7 +28,7 @@ def test_pbsid_gives_eq_12_back_with_its_channels(draw: Draw, eq_12: LinearModel
     assert model.input_names == ("left_m_s", "right_m_s")
 
 
-def test_what_the_data_do_not_carry_is_refused(draw: Draw) -> None:
+def test_unsupported_lags_and_orders_are_rejected(draw: Draw) -> None:
     with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
         pbsid(draw(3), order=3, lags=3)
     with pytest.raises(PoorExcitation, match="too few"):
@@ -38,14 +38,14 @@ def test_what_the_data_do_not_carry_is_refused(draw: Draw) -> None:
 @pytest.mark.parametrize(
     ("step", "message"),
     [
-        (lambda record: pbsid(record, order=0), "order is 0; at least 1"),
-        (lambda record: okid(record, lags=0), "lags is 0; at least 1"),
-        (lambda record: identify(record, order=2.5), r"order is 2\.5; at least 1, a whole number"),
-        (lambda record: identify(record, order="2"), "order is '2', of type str; at least 1, a whole number"),
-        (lambda _: era(np.ones((9, 1, 1)), 0), "order is 0; at least 1"),
+        (lambda record: pbsid(record, order=0), "order is 0; it must be an integer, at least 1"),
+        (lambda record: okid(record, lags=0), "lags is 0; it must be an integer, at least 1"),
+        (lambda record: identify(record, order=2.5), r"order is 2\.5; it must be an integer, at least 1"),
+        (lambda record: identify(record, order="2"), "order is '2', of type str; it must be an integer, at least 1"),
+        (lambda _: era(np.ones((9, 1, 1)), 0), "order is 0; it must be an integer, at least 1"),
     ],
 )
-def test_a_count_that_is_none_is_told(
+def test_an_invalid_count_is_rejected(
     draw: Draw, step: Callable[[InputOutputRecord], object], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
@@ -58,11 +58,11 @@ def test_a_count_that_is_none_is_told(
     [
         (np.ones((9, 2)), ShapeMismatch, r"markov is of shape \(9, 2\); wanted \(steps, outputs, inputs\)"),
         (np.full((9, 1, 1), np.nan), NotFinite, "markov holds NaN"),
-        (np.ones((2, 1, 1)), ShapeMismatch, "markov is of 2 steps; wanted 3 or more for 1 block rows"),
+        (np.ones((2, 1, 1)), ShapeMismatch, "markov has 2 steps; 1 block rows need at least 3"),
         ("impulse", RecordError, "markov is 'impulse', of type str; wanted"),
     ],
 )
-def test_what_is_no_impulse_response_is_told(
+def test_an_invalid_impulse_response_is_rejected(
     markov: object, error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)

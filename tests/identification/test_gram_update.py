@@ -1,4 +1,4 @@
-"""Later data go on from the sums of earlier ones: the same as all at once, or forgetting what has passed."""
+"""Identification continues from the Gram matrix of earlier data, with or without forgetting."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,16 +21,16 @@ def cut(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_going_on_equals_both_experiments_at_once(draw: Draw, method: str) -> None:
+def test_updating_a_gram_matrix_equals_both_experiments_at_once(draw: Draw, method: str) -> None:
     first, second = draw(0, noise=0.05, samples=500), draw(1, noise=0.05, samples=400)
     prior = identify(first, order=2, method=method).gram
     gone_on = identify(second, order=2, method=method, prior=prior)
-    # All at once in the units of the first: units of both would differ in the last digits of everything.
+    # All data in the units of the first experiment; common units would change the last digits.
     both = gram(first, prior.lags, prior.units) + gram(second, prior.lags, prior.units)
     np.testing.assert_array_equal(gone_on.gram.sums, both.sums)
     assert gone_on.gram.count == 900 - 2 * prior.lags
     at_once = identify([first, second], order=2, method=method, lags=gone_on.report.lags)
-    # Sums of other units and, with fewer lags, of some more windows at the start: a hundredth of the noise's effect.
+    # Other units and, with fewer lags, a few more windows at the start: a hundredth of the noise's effect.
     expected = impulse_response(at_once.model, 20)
     assert np.linalg.norm(impulse_response(gone_on.model, 20) - expected) < 1e-3 * np.linalg.norm(expected)
 
@@ -40,13 +40,13 @@ def test_a_record_cut_in_two_lacks_the_windows_across_the_seam(draw: Draw) -> No
     whole = identify(record, order=2, lags=6, method="okid-era")
     prior = gram(cut(record, 0, 500), 6, whole.gram.units)
     gone_on = identify(cut(record, 500, 1000), order=2, method="okid-era", prior=prior)
-    # Six windows begin in the first half and end in the second: no part has them.
+    # Six windows begin in the first half and end in the second; neither part contains them.
     assert whole.gram.count - gone_on.gram.count == 6
     seam = gram(cut(record, 494, 506), 6, whole.gram.units)
     np.testing.assert_allclose(gone_on.gram.sums + seam.sums, whole.gram.sums, atol=1e-9)
 
 
-def test_sums_that_were_saved_go_on_as_well(draw: Draw, tmp_path: Path) -> None:
+def test_a_saved_gram_matrix_can_be_updated(draw: Draw, tmp_path: Path) -> None:
     prior = identify(draw(0, noise=0.05, samples=500), order=2, method="pbsid").gram
     prior.save(tmp_path / "sums.npz")
     models = [identify(draw(1, noise=0.05), order=2, prior=item).model for item in (prior, Gram.load(tmp_path / "sums.npz"))]
@@ -64,7 +64,7 @@ def test_gaps_in_later_data_do_not_cost_the_earlier_ones(draw: Draw, method: str
     assert found.dropped == prior.dropped + prior.lags + 1
 
 
-def test_what_is_forgotten_counts_less_with_every_new_sample(draw: Draw) -> None:
+def test_forgetting_reduces_the_weight_with_every_new_sample(draw: Draw) -> None:
     prior = identify(draw(0, noise=0.05, samples=500), order=2, method="okid-era").gram
     later = draw(1, noise=0.05, samples=100)
     found = identify(later, order=2, method="okid-era", prior=prior, forgetting=0.99).gram
@@ -74,7 +74,7 @@ def test_what_is_forgotten_counts_less_with_every_new_sample(draw: Draw) -> None
 
 
 def changed(eq_12: LinearModel, seed: int, pole: float, samples: int) -> InputOutputRecord:
-    """Return a record of a first-order lag with some pole."""
+    """Return a record of a first-order lag with the given pole."""
     rng = np.random.default_rng(seed)
     plant = LinearModel(
         A=np.array([[pole]]),
@@ -90,7 +90,7 @@ def changed(eq_12: LinearModel, seed: int, pole: float, samples: int) -> InputOu
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_plant_that_changes_is_followed_by_who_forgets(eq_12: LinearModel, method: str) -> None:
+def test_forgetting_follows_a_changing_plant(eq_12: LinearModel, method: str) -> None:
     prior = identify(changed(eq_12, 0, 0.5, 1000), order=1, method=method).gram
     forgetful, faithful = prior, prior
     for seed in range(1, 7):
@@ -98,7 +98,7 @@ def test_a_plant_that_changes_is_followed_by_who_forgets(eq_12: LinearModel, met
         following = identify(record, order=1, method=method, prior=forgetful, forgetting=0.98)
         holding = identify(record, order=1, method=method, prior=faithful)
         forgetful, faithful = following.gram, holding.gram
-    # 0.98^600 = 5e-6 is left of what was; who forgets nothing still has a thousand samples of 0.5 beside six hundred of 0.8.
+    # 0.98^600 = 5e-6 of the old weight remains; without forgetting a thousand samples at 0.5 outweigh six hundred at 0.8.
     assert float(following.model.A[0, 0]) == pytest.approx(0.8, abs=0.01)
     assert float(holding.model.A[0, 0]) < 0.75
 
@@ -108,18 +108,18 @@ def test_a_plant_that_changes_is_followed_by_who_forgets(eq_12: LinearModel, met
     [
         ({"method": "best"}, "method 'best' needs all samples; with a prior give okid-era, era-dc or pbsid"),
         ({"method": "deconvolution"}, "method 'deconvolution' needs all samples"),
-        ({"forgetting": 0.0}, r"forgetting is 0\.0; above 0, at most 1"),
-        ({"forgetting": 1.1}, r"forgetting is 1\.1; above 0, at most 1"),
+        ({"forgetting": 0.0}, r"forgetting is 0\.0; it must be above 0 and at most 1"),
+        ({"forgetting": 1.1}, r"forgetting is 1\.1; it must be above 0 and at most 1"),
         ({"lags": 99}, r"lags is 99; .*prior"),
     ],
 )
-def test_an_option_that_does_not_go_with_a_prior_is_refused(draw: Draw, options: dict[str, str | float], message: str) -> None:
+def test_an_option_that_does_not_go_with_a_prior_is_rejected(draw: Draw, options: dict[str, str | float], message: str) -> None:
     prior = identify(draw(0, samples=300, noise=0.05), order=2, method="pbsid").gram
     with pytest.raises(SettingsError, match=message):
         identify(draw(1, samples=300, noise=0.05), prior=prior, **options)
 
 
-def test_a_prior_of_other_channels_or_period_is_refused(draw: Draw) -> None:
+def test_a_prior_of_other_channels_or_period_is_rejected(draw: Draw) -> None:
     record = draw(0, samples=300, noise=0.05)
     prior = identify(record, order=2, method="pbsid").gram
     with pytest.raises(SettingsError, match="the prior has 2 inputs of 4 channels, the record 2 of 3"):
@@ -128,6 +128,6 @@ def test_a_prior_of_other_channels_or_period_is_refused(draw: Draw) -> None:
         identify(replace(record, dt_s=0.5), prior=prior)
 
 
-def test_nothing_is_forgotten_where_nothing_is_known(draw: Draw) -> None:
-    with pytest.raises(SettingsError, match="forgetting needs earlier sums to forget"):
+def test_forgetting_without_a_prior_is_rejected(draw: Draw) -> None:
+    with pytest.raises(SettingsError, match="forgetting has no effect without earlier data"):
         identify(draw(0, samples=300), forgetting=0.99)

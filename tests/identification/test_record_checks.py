@@ -1,4 +1,4 @@
-"""A record that cannot be fitted is refused, with what was seen and what to do."""
+"""A record that cannot be fitted is rejected with the observed number and a remedy."""
 
 import itertools
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from treadline.errors import (
     TreadlineError,
 )
 from treadline.identification import identify
-from treadline.identification.windows import carried_lags, fewest_samples
+from treadline.identification.windows import fewest_samples, max_supported_lags
 from treadline.models import InputOutputRecord
 
 Draw = Callable[..., InputOutputRecord]
@@ -66,7 +66,7 @@ def test_a_fault_in_the_data_is_named(draw: Draw, spoil: Spoil, error: type[Trea
         identify(spoiled)
 
 
-def test_degrees_are_taken_for_what_they_are(draw: Draw) -> None:
+def test_degrees_in_a_radian_column_are_rejected(draw: Draw) -> None:
     record = draw(0)
     degrees = InputOutputRecord(u=record.u, y=np.rad2deg(record.y), dt_s=1.0, output_names=("heading_rad", "yaw_rate_rad_s"))
     with pytest.raises(ShapeMismatch, match=r"'heading_rad' reaches \d+\.\d, beyond π: degrees"):
@@ -77,25 +77,26 @@ def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(draw: Draw)
     record = draw(0)
     y = record.y + np.array([20.0, 0.0])
     found = identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0, output_names=("yaw_unwrapped_rad", "yaw_rate_rad_s")), order=2)
-    # The nearest operating point to the data's means, of the many that an offset of the inputs leaves.
+    # The nearest operating point to the data's means, among the many allowed by an input offset.
     assert found.model.output_offset[0] == pytest.approx(20.0, abs=0.1)
 
 
 def test_a_short_record_says_how_many_samples_are_needed(draw: Draw) -> None:
-    # One row holds a constant, both inputs now, and two inputs and two outputs of one lag: 7 unknowns, 8 windows each, and one lag.
+    # A row holds a constant, both current inputs, and two inputs and two outputs of one lag: 7 coefficients with
+    # 8 windows each, and one lag.
     with pytest.raises(TooFewSamples, match=r"12 samples are too few: 2 inputs, 2 outputs .* need at least 57$"):
         identify(draw(0, samples=12))
     with pytest.raises(TooFewSamples, match="56 samples are too few"):
         identify(draw(0, samples=56))
     assert identify(draw(0, samples=57)).model.order >= 1
-    # Lags that are asked for take two windows for each of 1203 unknowns and one more, behind 300 samples.
+    # Given lags need two windows for each of 1203 coefficients and one more, after 300 samples.
     with pytest.raises(TooFewSamples, match=r"need at least 2707$"):
         identify(draw(0), order=2, lags=300)
 
 
 @pytest.mark.parametrize(("lags", "order", "records"), [(3, None, 1), (3, 2, 2), (None, 4, 1), (None, None, 3)])
-def test_as_many_samples_as_are_said_to_be_needed_are_enough(lags: int | None, order: int | None, records: int, draw: Draw) -> None:
-    # Cut into records, whose first samples are targets of no window.
+def test_the_stated_number_of_samples_is_sufficient(lags: int | None, order: int | None, records: int, draw: Draw) -> None:
+    # Split into records, whose first samples are not targets of a window.
     fewest = fewest_samples(2, 2, lags=lags, order=order, records=records)
     for samples in (fewest - 1, fewest):
         record = draw(0, samples=samples)
@@ -103,40 +104,40 @@ def test_as_many_samples_as_are_said_to_be_needed_are_enough(lags: int | None, o
         parts = [replace(record, u=record.u[a:b], y=record.y[a:b]) for a, b in itertools.pairwise(cuts)]
         if samples < fewest:
             with pytest.raises(TooFewSamples, match=rf"at least {fewest}$"):
-                carried_lags(parts, lags, order)
+                max_supported_lags(parts, lags, order)
         else:
-            assert carried_lags(parts, lags, order) >= 1
+            assert max_supported_lags(parts, lags, order) >= 1
 
 
 def test_gaps_that_leave_too_few_whole_windows_are_counted(draw: Draw) -> None:
     record = draw(0, samples=300)
     y = record.y.copy()
     y[::8] = np.nan
-    # Every window of eight lags or more holds a gap.
+    # Every window of eight lags or more contains a gap.
     with pytest.raises(PoorExcitation, match=r"300 samples are too few: .* 8 lags need at least 79, and gaps cost 292"):
         identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0), lags=8)
 
 
-def test_an_empty_record_is_refused() -> None:
+def test_an_empty_record_is_rejected() -> None:
     with pytest.raises(PoorExcitation, match="holds no samples"):
         identify(InputOutputRecord(u=np.zeros((0, 2)), y=np.zeros((0, 2)), dt_s=1.0))
 
 
-def test_records_of_two_clocks_are_not_joined(draw: Draw) -> None:
+def test_records_of_different_periods_are_rejected(draw: Draw) -> None:
     slow = draw(0)
     fast = InputOutputRecord(u=slow.u, y=slow.y, dt_s=0.5)
     with pytest.raises(PeriodMismatch, match=r"record 2: period 0\.5 s, the first record has 1 s"):
         identify([slow, fast])
 
 
-def test_records_of_other_channels_are_not_joined(draw: Draw) -> None:
+def test_records_of_different_channels_are_rejected(draw: Draw) -> None:
     first = draw(0)
     second = InputOutputRecord(u=first.u, y=first.y[:, :1], dt_s=1.0)
     with pytest.raises(ShapeMismatch, match="record 2: has other channels"):
         identify([first, second])
 
 
-def test_an_order_that_the_data_do_not_show_is_refused(draw: Draw) -> None:
+def test_an_order_that_the_data_do_not_show_is_rejected(draw: Draw) -> None:
     with pytest.raises(PoorExcitation, match="order 9 is above the rank 2"):
         identify(draw(0), order=9)
 
@@ -144,18 +145,18 @@ def test_an_order_that_the_data_do_not_show_is_refused(draw: Draw) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"order": 0}, "order is 0; at least 1"),
-        ({"lags": 0}, "lags is 0; at least 1"),
+        ({"order": 0}, "order is 0; it must be an integer, at least 1"),
+        ({"lags": 0}, "lags is 0; it must be an integer, at least 1"),
         ({"method": "guess"}, "method is 'guess'; allowed: best, okid-era, era-dc, pbsid, deconvolution"),
         ({"validation": 1.5}, r"the validation share is 1\.5"),
     ],
 )
-def test_an_option_out_of_range_is_refused(draw: Draw, options: dict[str, float | str], message: str) -> None:
+def test_an_option_out_of_range_is_rejected(draw: Draw, options: dict[str, float | str], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         identify(draw(0), **options)
 
 
-def test_no_record_at_all_is_refused() -> None:
+def test_no_record_at_all_is_rejected() -> None:
     with pytest.raises(SettingsError, match="at least one record"):
         identify([])
 
@@ -194,7 +195,7 @@ def test_arrays_are_kept_as_they_are(draw: Draw) -> None:
         ({"input_names": "left"}, RecordError, "input_names is 'left'; wanted a list of names"),
     ],
 )
-def test_what_is_no_record_is_told_by_name(
+def test_invalid_record_arguments_are_named(
     fields: dict[str, object], error: type[TreadlineError], message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)

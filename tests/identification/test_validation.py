@@ -1,4 +1,4 @@
-"""The measures of a model's quality, on systems for which they can be computed by hand."""
+"""Validation measures on systems with analytical results."""
 
 from collections.abc import Callable
 
@@ -44,7 +44,7 @@ def innovations(eq_12: LinearModel) -> LinearModel:
 
 
 def driven(model: LinearModel, samples: int, seed: int, size: float = 1.0) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:
-    """Return a record of x⁺ = Ax + Bv + Ke, y = Cx + Dv + e, and its innovations e of deviation ``size``."""
+    """Return a record of x⁺ = Ax + Bv + Ke, y = Cx + Dv + e, and its innovations e with standard deviation ``size``."""
     assert model.observer_gain is not None
     rng = np.random.default_rng(seed)
     u, e = rng.standard_normal((samples, 2)), size * rng.standard_normal((samples, 2))
@@ -101,29 +101,29 @@ def test_the_variance_accounted_for_is_one_less_the_share_of_the_residuals() -> 
 def test_the_right_observer_leaves_the_innovations(innovations: LinearModel) -> None:
     record, e = driven(innovations, 1000, seed=2)
     residuals = one_step_residuals(innovations, record)
-    # The unknown initial state is forgotten at the observer's pole.
+    # The effect of the unknown initial state decays with the observer's pole.
     slowest = float(np.abs(np.linalg.eigvals(innovations.A - GAIN @ innovations.C)).max())
     assert slowest < 0.75
     np.testing.assert_allclose(residuals[100:], e[100:], atol=1e-10)
 
 
 @pytest.mark.parametrize("steps", [0, 1, 5, 20])
-def test_forecasts_err_by_the_innovations_that_come_meanwhile(innovations: LinearModel, steps: int) -> None:
+def test_forecast_errors_equal_the_accumulated_innovations(innovations: LinearModel, steps: int) -> None:
     record, _ = driven(innovations, 20_000, seed=3)
     variance = np.ones(2)
     reach = GAIN
     for _ in range(steps):
         variance = variance + np.sum((innovations.C @ reach) ** 2, axis=1)
         reach = innovations.A @ reach
-    # Errors over 20 000 samples, correlated over the forecast: half a percent each, three of them.
+    # Errors over 20 000 samples, correlated over the forecast: half a percent each, three standard deviations.
     np.testing.assert_allclose(h_step_rmse(innovations, record, steps), np.sqrt(variance), rtol=0.02)
 
 
-def test_forecasts_of_the_truth_do_not_err(eq_12: LinearModel, draw: Draw) -> None:
+def test_forecasts_of_the_true_model_are_exact(eq_12: LinearModel, draw: Draw) -> None:
     np.testing.assert_allclose(h_step_rmse(eq_12, draw(4), 20), [0.0, 0.0], atol=1e-12)
 
 
-def test_a_forecast_longer_than_the_record_is_refused(eq_12: LinearModel, draw: Draw) -> None:
+def test_a_forecast_longer_than_the_record_is_rejected(eq_12: LinearModel, draw: Draw) -> None:
     with pytest.raises(PoorExcitation, match="12 samples are too few to forecast 20 ahead"):
         h_step_rmse(eq_12, draw(5, samples=12), 20)
 
@@ -134,7 +134,7 @@ def test_a_gap_in_the_outputs_is_bridged_by_the_model(innovations: LinearModel) 
     y[500] = np.nan
     residuals = one_step_residuals(innovations, InputOutputRecord(u=record.u, y=y, dt_s=1.0))
     assert np.isnan(residuals[500]).all()
-    # The one missed correction has died out after 100 samples at the observer's pole.
+    # The effect of one missing correction has decayed after 100 samples at the observer's pole.
     np.testing.assert_allclose(residuals[600:], e[600:], atol=1e-10)
 
 
@@ -144,7 +144,7 @@ def with_inputs_missing(record: InputOutputRecord, rows: list[int]) -> InputOutp
     return InputOutputRecord(u=u, y=record.y, dt_s=record.dt_s)
 
 
-def test_behind_a_missing_input_the_state_is_estimated_anew(innovations: LinearModel) -> None:
+def test_after_a_missing_input_the_state_is_estimated_anew(innovations: LinearModel) -> None:
     record, e = driven(innovations, 400, seed=6)
     residuals = one_step_residuals(innovations, with_inputs_missing(record, [150]))
     assert np.isnan(residuals[150]).all()
@@ -154,7 +154,7 @@ def test_behind_a_missing_input_the_state_is_estimated_anew(innovations: LinearM
 
 
 def test_missing_inputs_cost_the_true_model_neither_fit_nor_whiteness(innovations: LinearModel) -> None:
-    # The innovations are small, and each gap hides an input as large as any.
+    # The innovations are small, and each gap hides an input of normal size.
     values = []
     for seed in range(20):
         record, _ = driven(innovations, 2000, seed=seed, size=0.005)
@@ -166,9 +166,9 @@ def test_missing_inputs_cost_the_true_model_neither_fit_nor_whiteness(innovation
     assert sum(value < 0.05 for value in values) <= 4
 
 
-def test_stretches_too_short_to_tell_the_state_are_not_judged(innovations: LinearModel) -> None:
+def test_stretches_too_short_to_estimate_the_state_are_left_out(innovations: LinearModel) -> None:
     record, _ = driven(innovations, 300, seed=6)
-    # Two outputs: 20 values are ten samples. Where there are only shorter ones, the longest is taken.
+    # Two outputs: 20 values are ten samples. If all stretches are shorter, the longest is taken.
     assert with_inputs_missing(record, [100, 110]).stretches(20) == [slice(0, 100), slice(111, 300)]
     assert with_inputs_missing(record, [100, 111]).stretches(20) == [slice(0, 100), slice(101, 111), slice(112, 300)]
     assert with_inputs_missing(record, [100, 111]).stretches(2000) == [slice(112, 300)]
@@ -178,14 +178,14 @@ def test_stretches_too_short_to_tell_the_state_are_not_judged(innovations: Linea
     assert np.isfinite(np.delete(residuals, slice(100, 111), axis=0)).all()
 
 
-def test_white_residuals_pass_for_white_as_often_as_they_should() -> None:
+def test_white_residuals_pass_at_the_nominal_rate() -> None:
     values = [whiteness_p(np.random.default_rng(seed).standard_normal((1000, 2))) for seed in range(200)]
     # p is uniform: 10 of 200 below 5 %, with a standard deviation of 3.
     assert 1 <= sum(value < 0.05 for value in values) <= 19
     assert np.mean(values) == pytest.approx(0.5, abs=0.08)
 
 
-def test_residuals_with_a_memory_do_not_pass_for_white() -> None:
+def test_correlated_residuals_fail_the_whiteness_test() -> None:
     for seed in range(20):
         e = np.random.default_rng(seed).standard_normal((1001, 2))
         assert whiteness_p(e[1:] + 0.3 * e[:-1]) < 1e-4
@@ -197,7 +197,7 @@ def test_the_right_model_leaves_white_residuals_and_a_wrong_one_does_not(innovat
         record, _ = driven(innovations, 1000, seed=100 + seed, size=0.02)
         right.append(identify(record, order=2, method="okid-era").report.whiteness_p)
         wrong.append(identify(record, order=1, method="okid-era").report.whiteness_p)
-    # Half of right models pass at 50 %; a wrong order passes never.
+    # Half of the correct models pass at 50 %; a wrong order never passes.
     assert np.median(right) > 0.1
     assert max(wrong) < 1e-6
 
@@ -207,14 +207,14 @@ def test_the_observer_of_identification_predicts_as_well_as_the_true_one(innovat
     found = identify(record, order=2, method="okid-era")
     assert found.model.observer_gain is not None
     excess = np.var(one_step_residuals(found.model, record), axis=0) / np.var(e, axis=0)
-    # Two dozen coefficients of 5000 samples cost half a percent.
+    # Two dozen coefficients from 5000 samples cost half a percent.
     np.testing.assert_array_less(excess, 1.02)
 
 
 def test_the_residual_covariance_is_that_of_the_noise(draw: Draw) -> None:
     record, rng = draw(9, samples=20_000), np.random.default_rng(10)
     noise = np.array([[0.05, 0.0], [0.03, 0.04]])
-    # Noise that enters the state equation as an observer of one lag expects it: y itself feeds back.
+    # Noise with the structure of an observer of one lag: y itself feeds back.
     y = np.zeros_like(record.y)
     for k in range(1, len(y)):
         y[k] = 0.5 * y[k - 1] + record.u[k - 1] + noise @ rng.standard_normal(2)
@@ -226,10 +226,10 @@ def test_the_residual_covariance_is_that_of_the_noise(draw: Draw) -> None:
     np.testing.assert_allclose(found.alpha[0], np.eye(2), atol=3e-3)
 
 
-def test_excitation_moves_each_belt_by_itself_around_the_climb_speed() -> None:
+def test_excitation_moves_the_belts_independently_around_the_climb_speed() -> None:
     source = Excitation(ExcitationConfig(), np.random.default_rng(0))
     speeds = np.array([source.step(0.0) for _ in range(4000)])
-    # Uniform within ±0.1: deviation 0.1/√3, mean to 0.0577/√4000 · 4, correlation to 4/√4000.
+    # Uniform within ±0.1: standard deviation 0.1/√3, mean to 0.0577/√4000 · 4, correlation to 4/√4000.
     np.testing.assert_allclose(speeds.mean(axis=0), 0.2, atol=0.004)
     np.testing.assert_allclose(speeds.std(axis=0), 0.1 / np.sqrt(3.0), rtol=0.04)
     assert abs(np.corrcoef(speeds.T)[0, 1]) < 0.07
@@ -238,10 +238,10 @@ def test_excitation_moves_each_belt_by_itself_around_the_climb_speed() -> None:
 
 
 @pytest.mark.parametrize("heading_rad", [-0.15, -0.03, 0.03, 0.15])
-def test_excitation_pulls_the_chair_back_to_square(heading_rad: float) -> None:
+def test_excitation_steers_the_chair_back_to_zero_heading(heading_rad: float) -> None:
     free = Excitation(ExcitationConfig(), np.random.default_rng(1)).step(0.0)
     left, right = Excitation(ExcitationConfig(), np.random.default_rng(1)).step(heading_rad)
-    # Turning right, which a positive heading needs, takes a faster left belt; twice as strong beyond 5° (0.087).
+    # A positive heading needs a right turn, i.e. a faster left belt; the gain doubles beyond 5° (0.087).
     strength = 0.3 if abs(heading_rad) < 0.08 else 0.6
     assert (left - free[0]) - (right - free[1]) == pytest.approx(strength * heading_rad)
     assert left + right == pytest.approx(sum(free))
