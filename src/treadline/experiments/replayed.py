@@ -124,7 +124,6 @@ def _play(
     recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: RunLog, watch: Watch | None
 ) -> tuple[str | None, int]:
     """Turn the mission until the recording is over; return why it holds, and how many headings the fusion refused."""
-
     now_s = 0.0
 
     def log(signal: Signal, taken_s: float) -> None:

@@ -179,6 +179,7 @@ class Mission:
         """Advance the plant to the next tick, feel, decide, act."""
         t_s = self._t_s = self._tick * TICK_S
         self._plant.advance(t_s)
+        self._blocks.guard.advance(t_s)
         for reading in self._plant.read():
             self._record(reading)
             if self._blocks.guard.admit(reading):

@@ -32,5 +32,5 @@ class Recent(Generic[T]):
     def copy(self) -> "Recent[T]":
         """Return an independent history with the same values."""
         twin: Recent[T] = Recent()
-        twin._values = self._values.copy()  # noqa: SLF001 - of this class
+        twin._values = self._values.copy()
         return twin

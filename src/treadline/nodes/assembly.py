@@ -61,7 +61,7 @@ def node_of(
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
         case "camera":
             node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
-            node.warm(mount_of(config))
+            node.warm_up(mount_of(config), rises=config.direction == "up")
             return node
         case "heading":
             return HeadingNode(blocks.estimator, limits, mount_of(config))

@@ -86,6 +86,9 @@ class PlantNode:
         """Leave the chair, or its simulator."""
         self._plant.close()
 
+    def advance(self, t_s: float) -> None:
+        """Do nothing: the plant makes the time."""
+
     def tick(self, t_s: float) -> None:
         """Go on to this time, and tell what the sensors read."""
         silent_s = t_s - self._heard_s

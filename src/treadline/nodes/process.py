@@ -119,7 +119,9 @@ class Turning:
         self._node.tick(t_s)
 
     def _hear(self, channel: str, signal: Any) -> None:
-        """Compare the first stamp of a sensor with the clock."""
+        """Bring the node's clock up to date where a stamp shows that it stands; compare a sensor's first stamp with the clock."""
+        if getattr(signal, "t_s", -math.inf) - self._t_s > LEAPT_S:
+            self._catch_up()
         if channel in self._heard:
             return
         known = not self._sim or self._clock_at is not None
@@ -135,6 +137,12 @@ class Turning:
                 )
         if known:
             self._heard.add(channel)
+
+    def _catch_up(self) -> None:
+        """Set the node's clock to now: a process that was kept from running finds messages newer than its last tick."""
+        now: Clock | None = self._transport.newest(on.CLOCK) if self._sim else Clock(t_s=time.time())
+        if now is not None:
+            self._node.advance(now.t_s)
 
     def _look_for_trouble(self) -> None:
         after = f"after {self._patience_s:.0f} s"

@@ -85,9 +85,13 @@ class RecorderNode:
         for channel in self._channels:
             transport.subscribe(channel, self._keep)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock, by which arrivals are logged."""
+        self._t_s = t_s
+
     def tick(self, t_s: float) -> None:
         """Close a row: outputs were read at its beginning, the inputs have acted until now."""
-        self._t_s = t_s
+        self.advance(t_s)
         slot = round(t_s / TICK_S) // self._every
         if slot == self._slot:
             return

@@ -6,16 +6,15 @@ beside them. Nothing here computes: what a block would be asked in ``mission.loo
 
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-
 from treadline.mission.drivers import Driver
 from treadline.mission.gravity import GravityAtExposure
-from treadline.mission.guard import Guard, GuardConfig
+from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.loop import Detector, Estimator, SeatLeveller
 from treadline.mission.planner import Planner
 from treadline.mission.proposals import Proposals
 from treadline.nodes import channels as on
 from treadline.nodes.odometry import DeadReckoning
+from treadline.nodes.warm_up import stair_frames
 from treadline.nodes.words import Beat, GuardState, Mounts, VelocityCommand
 from treadline.perception.quality import quality_of
 from treadline.ports import Transport
@@ -65,24 +64,11 @@ class Node(Protocol):
     def listen(self, transport: Transport) -> None:
         """Take from the channels it needs; they may speak from now on."""
 
+    def advance(self, t_s: float) -> None:
+        """Set the node's clock, which stamps are compared with."""
+
     def tick(self, t_s: float) -> None:
         """Do what is due at this time."""
-
-
-class Gate:
-    """The guard's eyes beside another node: whether a reading may be used is asked where it is used."""
-
-    def __init__(self, config: GuardConfig) -> None:
-        self._guard = Guard(config)
-
-    def admits(self, reading: Reading) -> bool:
-        """Say whether anybody may use a reading; the guard's own answer, for it has seen the same readings."""
-        return self._guard.admit(reading)
-
-    def tick(self, t_s: float) -> None:
-        """Note the time; what it would hold for is the guard's to say."""
-        self._guard.step(t_s, None)
-        self._guard.take_events()
 
 
 class CameraNode:
@@ -95,7 +81,7 @@ class CameraNode:
     def __init__(self, detector: Detector, config: GuardConfig, swept_half_m: float) -> None:
         self._detector = detector
         self._swept_half_m = swept_half_m
-        self._gate = Gate(config)
+        self._admission = ReadingAdmission(config)
         self._gravity = GravityAtExposure()
 
     def listen(self, transport: Transport) -> None:
@@ -108,30 +94,38 @@ class CameraNode:
         transport.subscribe(on.CAMERA_HEADING, self._pass)
         transport.subscribe(on.CAMERA_MAP, self._pass)
 
-    def tick(self, t_s: float) -> None:
-        """Note the time."""
-        self._gate.tick(t_s)
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
 
-    def warm(self, camera: PinholeCamera) -> None:
-        """Look once at nothing: what is compiled at the first look is then compiled."""
-        size = camera.height_px, camera.width_px
-        depth = np.full(size, 2.0, np.float32)
-        self._detector.see(
-            RgbdFrame(t_s=0.0, rgb=np.zeros((*size, 3), np.uint8), depth_m=depth, camera=camera), np.array([0.0, 1.0, 0.0])
-        )
+    def tick(self, t_s: float) -> None:
+        """Set the clock; nothing is due."""
+        self.advance(t_s)
+
+    def warm_up(self, camera: PinholeCamera, *, rises: bool) -> None:
+        """Look at synthetic frames of a staircase, so that all kernels are compiled before the first real frame.
+
+        Args:
+            camera: The camera in use, on the chair.
+            rises: Whether the flight that the camera looks at rises, else it falls.
+        """
+        for frame, gravity_C in stair_frames(camera, rises=rises):
+            quality_of(frame, gravity_C, self._swept_half_m)
+            seen = self._detector.see(frame, gravity_C)
+            _ = seen.measurement, seen.stair_map  # the map is made when it is asked for
 
     def _tilt(self, sample: ImuSample) -> None:
-        if self._gate.admits(sample):
+        if self._admission.admit(sample):
             self._gravity.update(sample)
 
     def _roll(self, reading: TrackReading) -> None:
-        self._gate.admits(reading)
+        self._admission.admit(reading)
 
     def _look(self, frame: RgbdFrame) -> None:
         gravity_C = self._gravity.gravity_C(frame)
         quality = quality_of(frame, gravity_C, self._swept_half_m)
         self._say(on.QUALITY, quality)
-        if not (self._gate.admits(frame) and self._gate.admits(quality)):
+        if not (self._admission.admit(frame) and self._admission.admit(quality)):
             return
         seen = self._detector.see(frame, gravity_C)
         measurement, stair_map = seen.measurement, seen.stair_map
@@ -141,11 +135,11 @@ class CameraNode:
             self._say(on.MAP, stair_map)
 
     def _judge(self, quality: FrameQuality) -> None:
-        self._gate.admits(quality)
+        self._admission.admit(quality)
         self._say(on.QUALITY, quality)
 
     def _pass(self, seen: HeadingMeasurement | StairMap) -> None:
-        if self._gate.admits(seen):
+        if self._admission.admit(seen):
             self._say(on.MEASURED if isinstance(seen, HeadingMeasurement) else on.MAP, seen)
 
 
@@ -162,7 +156,7 @@ class HeadingNode:
 
     def __init__(self, estimator: Estimator, config: GuardConfig, mount: PinholeCamera | None = None) -> None:
         self._estimator = estimator
-        self._gate = Gate(config)
+        self._admission = ReadingAdmission(config)
         self._reckoning = DeadReckoning()
         self._mount = mount
         self._mounts_s = -MOUNTS_S
@@ -176,9 +170,13 @@ class HeadingNode:
         transport.subscribe(on.TRACKS, self._roll)
         transport.subscribe(on.MEASURED, self._step)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
     def tick(self, t_s: float) -> None:
         """Say how the filter is, where that is new, and now and then where the sensors sit."""
-        self._gate.tick(t_s)
+        self.advance(t_s)
         if self._mount is not None and t_s - self._mounts_s >= MOUNTS_S:
             self._mounts_s = t_s
             self._say(on.MOUNTS, Mounts(t_s=t_s, camera=self._mount))
@@ -191,12 +189,12 @@ class HeadingNode:
             self._say(on.HEALTH, health)
 
     def _turn(self, sample: ImuSample) -> None:
-        if self._gate.admits(sample):
+        if self._admission.admit(sample):
             self._reckoning.update(sample)
             self._step(sample)
 
     def _roll(self, reading: TrackReading) -> None:
-        if not self._gate.admits(reading):
+        if not self._admission.admit(reading):
             return
         self._step(reading)
         odometry = self._reckoning.step(reading)
@@ -219,7 +217,7 @@ class SeatNode:
 
     def __init__(self, leveller: SeatLeveller, config: GuardConfig) -> None:
         self._leveller = leveller
-        self._gate = Gate(config)
+        self._admission = ReadingAdmission(config)
         self._imu: ImuSample | None = None
 
     def listen(self, transport: Transport) -> None:
@@ -228,16 +226,20 @@ class SeatNode:
         transport.subscribe(on.IMU, self._tilt)
         transport.subscribe(on.SEAT, self._level)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
     def tick(self, t_s: float) -> None:
-        """Note the time."""
-        self._gate.tick(t_s)
+        """Set the clock; nothing is due."""
+        self.advance(t_s)
 
     def _tilt(self, sample: ImuSample) -> None:
-        if self._gate.admits(sample):
+        if self._admission.admit(sample):
             self._imu = sample
 
     def _level(self, reading: SeatReading) -> None:
-        if self._gate.admits(reading):
+        if self._admission.admit(reading):
             self._say(on.SEAT_PROPOSED, self._leveller.step(reading, self._imu))
 
 
@@ -251,7 +253,7 @@ class DriverNode:
     def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
         self._planner = planner
         self._proposals = Proposals(driver)
-        self._gate = Gate(config)
+        self._admission = ReadingAdmission(config)
         self._every = round(driver.period_s / TICK_S)
         self._slot = -1
         self._estimate: HeadingEstimate | None = None
@@ -266,9 +268,13 @@ class DriverNode:
         transport.subscribe(on.ESTIMATE, self._know)
         transport.subscribe(on.GUARD, self._hold)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
     def tick(self, t_s: float) -> None:
         """MotionPlan; propose belt speeds where they are due."""
-        self._gate.tick(t_s)
+        self.advance(t_s)
         plan = self._planner.step(t_s, self._estimate)
         self._say(on.PLAN, plan)
         # A tick that was lost on the way must not lose a command with it.
@@ -279,7 +285,7 @@ class DriverNode:
             self._say(on.TRACKS_PROPOSED, command)
 
     def _update(self, reading: ImuSample | TrackReading | FlipperReading) -> None:
-        if self._gate.admits(reading):
+        if self._admission.admit(reading):
             self._planner.update(reading)
 
     def _know(self, estimate: HeadingEstimate) -> None:
@@ -332,9 +338,14 @@ class GuardNode:
         transport.subscribe(on.SEAT_PROPOSED, self._level)
         transport.subscribe(on.DIAGNOSTICS, self._hear)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._guard.advance(t_s)
+
     def tick(self, t_s: float) -> None:
-        """Say what may reach the chair now."""
+        """Publish the commands that may reach the chair now."""
         self._t_s = t_s
+        self.advance(t_s)
         if self._missing:
             self._say(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return

@@ -26,6 +26,8 @@ class Inbox:
         self._skip: Counter[str] = Counter()
         self._depths: dict[str, int] = {}
         self._come = Condition()
+        self.newest: dict[str, bytes] = {}
+        """Last message received on each topic, whether it has been delivered or still waits."""
         self.lost: Counter[str] = Counter()
         """Messages that gave way to newer ones, by topic; where only the newest counts none is lost."""
 
@@ -37,6 +39,7 @@ class Inbox:
         """Take one message; called by whatever thread brings it."""
         with self._come:
             self._waiting.append((topic, data))
+            self.newest[topic] = data
             if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
                 self._skip[topic] += 1
                 if self._depths[topic] > 1:
@@ -118,6 +121,12 @@ class WireTransport:
                 if signal is not None:
                     take(signal)
         return BATCH
+
+    def newest(self, channel: str) -> Any | None:
+        """Return the last signal received on a channel of one topic, also one that still waits; None before the first."""
+        (topic,) = CHANNELS[channel].topics
+        data = self.inbox.newest.get(topic.name)
+        return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
 
     def trouble(self, channel: str) -> str | None:
         """Return why nothing may come on a channel, as far as the wire tells: another type, or nobody; None if it should."""
