@@ -99,7 +99,7 @@ class Transport(Protocol):
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal to all who take from the channel."""
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Have a channel's signals taken; ``take`` runs in the thread that delivers, one signal after the other."""
 
     def deliver(self, timeout_s: float) -> int:

@@ -8,9 +8,9 @@ import pytest
 
 from treadline.nodes import channels as on
 from treadline.nodes.codec import encoded
-from treadline.nodes.process import Turning
+from treadline.nodes.node_messages import Clock
+from treadline.nodes.process import NodeRunner
 from treadline.nodes.wire import WireTransport
-from treadline.nodes.words import Clock
 from treadline.signals import SeatReading
 
 
@@ -31,7 +31,7 @@ class Ticking:
     """A node that notes its ticks."""
 
     name = "heading"
-    says: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     needs: tuple[tuple[str, ...], ...] = ()
 
     def __init__(self) -> None:
@@ -54,15 +54,15 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
     wall = SimpleNamespace(now_s=1000.0)
     monkeypatch.setattr("treadline.nodes.process.time", SimpleNamespace(time=lambda: wall.now_s, monotonic=time.monotonic))
     node = Ticking()
-    turning = Turning(node, Silent(), clock="wall")  # type: ignore[arg-type]
+    runner = NodeRunner(node, Silent(), clock="wall")  # type: ignore[arg-type]
     for _ in range(100):
         wall.now_s += 0.01
-        turning._turn()
+        runner._turn()
     before = len(node.ticks)
     wall.now_s += step_s
     for _ in range(100):
         wall.now_s += 0.01
-        turning._turn()
+        runner._turn()
     assert len(node.ticks) - before == pytest.approx(ticks, abs=1)
     assert node.ticks[-1] == pytest.approx(wall.now_s, abs=0.011)
 
@@ -72,7 +72,7 @@ def test_a_node_that_was_kept_from_running_compares_stamps_with_the_newest_clock
     than the last tick finds the node's clock at the newest time received, before that tick."""
     wire = Silent()
     node = Listening()
-    Turning(node, wire, clock="sim")  # type: ignore[arg-type]
+    NodeRunner(node, wire, clock="sim")  # type: ignore[arg-type]
     for topic, _, data in encoded(on.CLOCK, Clock(t_s=5.0), ros1=False):
         wire.inbox.put(topic, data)
     wire.deliver(0.0)

@@ -24,7 +24,7 @@ from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.verdict import check
 from treadline.mission.config import MissionConfig, build_blocks, is_full_traversal
 from treadline.mission.drivers import Driver
-from treadline.mission.loop import Mission, Noted, Signal, Tick
+from treadline.mission.loop import GuardMessage, Mission, Signal, Tick
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
@@ -240,7 +240,7 @@ def traverse(
     return ride.result(over, time.process_time() - compiling().spent_s - started)
 
 
-def _stamper(faults: Sequence[Fault]) -> Callable[[Noted], Noted]:
+def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
     """Return what stamps messages to the guard: as they are, or as a fault has it."""
     if not any(fault.kind == "wrong_stamp" for fault in faults):
         return lambda message: message

@@ -6,9 +6,9 @@ from pathlib import Path
 from treadline.errors import SettingsError
 from treadline.mission.config import MissionConfig, build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
+from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.plant import PlantNode
 from treadline.nodes.recorder import RecorderNode
-from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.ports import Plant
 from treadline.signals import PinholeCamera
 

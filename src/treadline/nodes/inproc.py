@@ -9,7 +9,7 @@ class InProcess:
     """The transport of one process: no copies, no threads, no queues; who subscribes first takes first."""
 
     def __init__(self) -> None:
-        self._takers: defaultdict[str, list[Callable[[Any], None]]] = defaultdict(list)
+        self._takers: defaultdict[str, list[Callable[[Any], object]]] = defaultdict(list)
 
     def announce(self, channel: str) -> None:
         """Need nothing."""
@@ -19,7 +19,7 @@ class InProcess:
         for take in self._takers[channel]:
             take(signal)
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Have a channel's signals taken."""
         self._takers[channel].append(take)
 

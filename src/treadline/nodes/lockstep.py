@@ -3,10 +3,10 @@
 from treadline.mission.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.nodes import channels as on
+from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.inproc import InProcess
+from treadline.nodes.node_messages import Beat
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
-from treadline.nodes.words import Beat
 from treadline.ports import Plant, Transport
 from treadline.signals import TICK_S, PinholeCamera
 
@@ -33,7 +33,7 @@ class LockStep:
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
         camera, seat = CameraNode(blocks.detector, config, blocks.swept_half_m), SeatNode(blocks.leveller, config)
-        # The guard takes each reading before anybody acts on it, and speaks after all others.
+        # The guard takes each reading before anybody acts on it, and speaks after all peers.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]
         for node in listeners:
             node.listen(self.transport)

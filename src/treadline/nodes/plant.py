@@ -56,7 +56,7 @@ class PlantNode:
     """``TrackCommand, SeatCommand, FlipperCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
-    says = (*SPOKEN.values(), on.TRUTH)
+    publishes = (*SPOKEN.values(), on.TRUTH)
     needs = ()
 
     def __init__(self, plant: Plant) -> None:
@@ -72,7 +72,7 @@ class PlantNode:
 
     def listen(self, transport: Transport) -> None:
         """Take commands from the guard."""
-        self._say = transport.publish
+        self._publish = transport.publish
         transport.subscribe(on.TRACKS_CMD, self._write)
         transport.subscribe(on.SEAT_CMD, self._level)
         transport.subscribe(on.FLIPPER_CMD, self._raise)
@@ -100,11 +100,11 @@ class PlantNode:
         for reading in self._plant.read():
             if isinstance(reading, OperatorInput):
                 self._obey(reading)  # not every wire lets a node hear itself
-            self._say(spoken(reading), reading)
+            self._publish(spoken(reading), reading)
         if isinstance(self._plant, TruthPlant):
             for truth in self._plant.truth():
                 if round(truth.t_s / TICK_S) % TRUTH_TICKS == 0:
-                    self._say(on.TRUTH, truth)
+                    self._publish(on.TRUTH, truth)
 
     def _write(self, tracks: TrackCommand) -> None:
         self._heard_s, self.commanded_s = self._t_s, tracks.t_s

@@ -12,10 +12,10 @@ from typing import Any, Literal
 
 from treadline.errors import TreadlineError
 from treadline.nodes import channels as on
+from treadline.nodes.block_nodes import GuardNode, Node
+from treadline.nodes.node_messages import Beat, Clock
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.shells import GuardNode, Node
 from treadline.nodes.wire import WireTransport
-from treadline.nodes.words import Beat, Clock
 from treadline.signals import TICK_S
 
 BEAT_S = 0.2
@@ -41,7 +41,7 @@ POLL_S = 0.005
 ClockKind = Literal["sim", "wall"]
 
 
-class Turning:
+class NodeRunner:
     """Turns a node by messages, clock and heartbeat."""
 
     def __init__(self, node: Node, transport: WireTransport, *, clock: ClockKind = "sim", patience_s: float = PATIENCE_S) -> None:
@@ -56,9 +56,9 @@ class Turning:
         self._heard: set[str] = set()
         self._began = self._turned_at = time.monotonic()
         transport.announce(on.DIAGNOSTICS)
-        for channel in node.says:
+        for channel in node.publishes:
             transport.announce(channel)
-        node.listen(_Ears(transport, self._hear))
+        node.listen(_Subscriptions(transport, self._receive))
         if self._sim and not isinstance(node, PlantNode):
             transport.subscribe(on.CLOCK, self._take_clock)
 
@@ -118,7 +118,7 @@ class Turning:
         self._t_s = t_s
         self._node.tick(t_s)
 
-    def _hear(self, channel: str, signal: Any) -> None:
+    def _receive(self, channel: str, signal: Any) -> None:
         """Bring the node's clock up to date where a stamp shows that it stands; compare a sensor's first stamp with the clock."""
         if getattr(signal, "t_s", -math.inf) - self._t_s > LEAPT_S:
             self._catch_up()
@@ -160,20 +160,20 @@ class Turning:
             )
 
 
-class _Ears:
+class _Subscriptions:
     """A transport that lets every signal be seen before it is taken."""
 
-    def __init__(self, transport: WireTransport, hear: Callable[[str, Any], None]) -> None:
+    def __init__(self, transport: WireTransport, receive: Callable[[str, Any], None]) -> None:
         self._transport = transport
-        self._hear = hear
+        self._receive = receive
         self.announce, self.publish = transport.announce, transport.publish
         self.deliver, self.close = transport.deliver, transport.close
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Have a channel's signals seen, then taken."""
 
         def seen(signal: Any) -> None:
-            self._hear(channel, signal)
+            self._receive(channel, signal)
             take(signal)
 
         self._transport.subscribe(channel, seen)
@@ -196,17 +196,17 @@ def run_plant(
     Raises:
         TreadlineError: If no guard is ready in time.
     """
-    turning = Turning(node, transport, patience_s=math.inf)
+    runner = NodeRunner(node, transport, patience_s=math.inf)
     transport.announce(on.CLOCK)
-    others = _Others(node)
-    transport.subscribe(on.DIAGNOSTICS, others.hear)
+    peers = _Peers(node)
+    transport.subscribe(on.DIAGNOSTICS, peers.receive)
     node.start()
     began = time.monotonic()
-    while others.guard != "ready" and not stop.is_set():
+    while peers.guard != "ready" and not stop.is_set():
         transport.deliver(POLL_S)
-        turning.beat(time.monotonic())
+        runner.beat(time.monotonic())
         if time.monotonic() - began > patience_s:
-            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {others.guard}; start the missing nodes")
+            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
     due = time.monotonic()
     tick, t_s = 0, 0.0
     while not stop.is_set() and t_s < duration_s:
@@ -215,14 +215,14 @@ def run_plant(
         transport.publish(on.CLOCK, Clock(t_s=t_s))
         due = max(due + TICK_S / pace, time.monotonic() - TICK_S)
         waits_from = time.monotonic()
-        while (now := time.monotonic()) < due or others.keep_waiting(t_s, now - waits_from):
-            turning.beat(now)
+        while (now := time.monotonic()) < due or peers.keep_waiting(t_s, now - waits_from):
+            runner.beat(now)
             transport.deliver(min(POLL_S, max(due - now, 0.001)))
         tick += 1
     return t_s
 
 
-class _Others:
+class _Peers:
     """How far the other nodes have come."""
 
     def __init__(self, node: PlantNode) -> None:
@@ -232,7 +232,7 @@ class _Others:
         self.guard = "not heard"
         """What the guard says of itself."""
 
-    def hear(self, told: object) -> None:
+    def receive(self, told: object) -> None:
         """Take a sign of life."""
         if not isinstance(told, Beat) or told.node in ("plant", "recorder"):
             return

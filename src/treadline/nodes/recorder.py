@@ -14,7 +14,7 @@ from treadline.io.runs import LOG, clear_run
 from treadline.models import InputOutputRecord
 from treadline.nodes import channels as on
 from treadline.nodes.bags import Bag, open_bag
-from treadline.nodes.words import Beat
+from treadline.nodes.node_messages import Beat
 from treadline.ports import Transport
 from treadline.signals import TICK_S, HeadingEstimate, TrackCommand
 
@@ -55,7 +55,7 @@ class RecorderNode:
     """
 
     name = "recorder"
-    says: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     needs: tuple[tuple[str, ...], ...] = ()
 
     def __init__(self, out: Path | None, period_s: float, *, frames: bool = True) -> None:

@@ -11,10 +11,10 @@ from treadline.nodes.codec import Decoder, encoded
 from treadline.signals import PinholeCamera
 
 
-class _Taker(NamedTuple):
+class _Subscriber(NamedTuple):
     channel: str
     decoder: Decoder
-    take: Callable[[Any], None]
+    take: Callable[[Any], object]
 
 
 class Inbox:
@@ -75,7 +75,7 @@ class WireTransport:
 
     def __init__(self, mount: PinholeCamera | None = None) -> None:
         self._mount = mount
-        self._takers: dict[str, list[_Taker]] = {}
+        self._takers: dict[str, list[_Subscriber]] = {}
         self._announced: set[str] = set()
         self.inbox = Inbox()
         self.spare = 1
@@ -95,7 +95,7 @@ class WireTransport:
         for topic, _, data in encoded(channel, signal, ros1=self.ros1):
             self._send(topic, data)
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Have a channel's signals taken."""
         spec = CHANNELS[channel]
         decoder = Decoder(channel, ros1=self.ros1, mount=self._mount)
@@ -103,7 +103,7 @@ class WireTransport:
             if not topic.read:
                 continue
             first = topic.name not in self._takers
-            self._takers.setdefault(topic.name, []).append(_Taker(channel, decoder, take))
+            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:

@@ -104,12 +104,12 @@ class Guard:
             self._senses.refused = self._admission.frames.refused
         return usable
 
-    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> None:
-        """Take what others computed from the readings."""
+    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
+        """Take what others computed from the readings; return whether its stamp is acceptable."""
         if not self._is_timely(signal):
             if isinstance(signal, MotionPlan):
                 self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a stop counts, whatever its stamp
-            return
+            return False
         match signal:
             case HeadingMeasurement():
                 self._senses.seen(signal.t_s)
@@ -122,6 +122,7 @@ class Guard:
                     self._latch.tell(mended.t_s, mended.name, mended.cause)
             case _:
                 self._follow(signal)
+        return True
 
     def beat(self, process: str, t_s: float) -> None:
         """Note that a process is alive; one that has spoken once must go on."""
