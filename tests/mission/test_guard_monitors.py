@@ -832,12 +832,12 @@ def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
     assert watch.doubt(0.125) == ("imu", "no IMU sample for 0.12 s")
     watch.imu(1.0)
     watch.imu(0.5)
-    watch.accept_frame(0.75, 0.0)
-    watch.accept_frame(0.5, 0.0)
+    watch.frame(0.75, 0.0)
+    watch.frame(0.5, 0.0)
     assert watch.doubt(1.0) is None
     assert watch.doubt(1.03125) == ("camera", "no frame for 0.28 s")
-    watch.accept_frame(2.0, 0.0)
-    watch.accept_frame(1.75, 0.0)
+    watch.frame(2.0, 0.0)
+    watch.frame(1.75, 0.0)
     watch.seen(2.0)
     assert watch.alarm(2.0, 0.0, None) is None
 
@@ -845,7 +845,7 @@ def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
 def test_without_imu_alarms_begin_beyond_a_second() -> None:
     """Test: frames go on, the IMU is silent for 1 s and longer; over the crest for less. Expected result: an alarm beyond only."""
     watch = senses()
-    watch.accept_frame(1.0, 0.0)
+    watch.frame(1.0, 0.0)
     assert watch.alarm(1.0, 0.0, "climb") is None
     assert watch.alarm(1.0, 0.0, "crest") == "no IMU sample for 1.00 s"
     assert watch.alarm(1.0625, 0.0, "climb") == "no IMU sample for 1.06 s"
@@ -875,7 +875,7 @@ def test_a_stair_is_missed_beyond_its_time() -> None:
     """Test: IMU and frames go on, no stair for 8 s and longer. Expected result: an alarm beyond only."""
     watch = senses()
     watch.imu(8.0)
-    watch.accept_frame(8.0, 0.0)
+    watch.frame(8.0, 0.0)
     assert watch.alarm(8.0, 0.0, None) is None
     watch.imu(8.0625)
     watch.seen(0.0)
@@ -889,7 +889,7 @@ def test_what_clocks_tell_of_the_future_was_told_now() -> None:
     """Test: each sense speaks of 9 s at 0.25 s. Expected result: missed from 0.25 s on."""
     watch = senses()
     watch.imu(9.0)
-    watch.accept_frame(9.0, 0.0)
+    watch.frame(9.0, 0.0)
     watch.seen(9.0)
     assert watch.alarm(0.25, 0.0, None) is None
     assert (watch._imu_s, watch._frame_s, watch._seen_s) == (0.25, 0.25, 0.25)

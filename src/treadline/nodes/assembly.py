@@ -16,9 +16,9 @@ DRIVING = ("guard", "camera", "heading", "seat", "driver", "plant")
 """The graph; the guard is started first, the plant last."""
 NAMES = (*DRIVING, "recorder")
 ROLES = {
-    "guard": "lets commands pass, limits them, or holds",
+    "guard": "passes commands, limits them, or holds",
     "camera": "images to heading and stair map (the paper's /depth)",
-    "heading": "IMU, belts and headings seen to the heading now",
+    "heading": "IMU, belts and measured headings to the heading estimate",
     "seat": "levels the seat by its IMU",
     "driver": "planner and LQR: plan and belt speeds",
     "plant": "the chair on its stair, simulated",
