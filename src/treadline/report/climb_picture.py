@@ -8,6 +8,7 @@ import math
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -91,7 +92,7 @@ def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tup
     moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
     draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, truth.pitch_rad - truth.seat_pitch_rad, truth.pitch_rad)
     pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)  # matplotlib has no type hints here
     canvas.draw()
     return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.angles import DEG, tilt_of
-from treadline.mission.guard.belts import GAP_S
+from treadline.mission.guard.belt_travel import GAP_S
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, MotionPlan
@@ -19,7 +19,7 @@ SWINGS_RAD_S = 4.5 * DEG
 SMOOTHING_S = 0.2
 
 
-class BlindTurnWatch:
+class GyroOnlyTurn:
     """How far the belts have turned the chair since a stair was last seen, lately."""
 
     def __init__(self, config: GuardConfig) -> None:

@@ -13,7 +13,7 @@ BETTER_RAD = 2.0 * DEG
 ROUNDING_S = 1e-6
 
 
-class TiltWatch:
+class TiltMonitor:
     """Pitch, roll and pitch rate against their limits."""
 
     def __init__(self, config: GuardConfig) -> None:
@@ -47,7 +47,7 @@ class TiltWatch:
         return None
 
 
-class SeatWatch:
+class SeatMonitor:
     """The seat's error over time."""
 
     def __init__(self, config: GuardConfig) -> None:

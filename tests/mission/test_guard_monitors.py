@@ -11,16 +11,16 @@ from treadline.estimation import HeadingHealth
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
 from treadline.mission.guard import GuardConfig
-from treadline.mission.guard.ahead import GAP_MAPS, AheadWatch, GapWatch, ObstacleWatch
-from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, BlindTurnWatch, askew
-from treadline.mission.guard.body import SeatWatch, TiltWatch
+from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
+from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
+from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
+from treadline.mission.guard.frame_monitor import FrameMonitor
+from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, askew
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
-from treadline.mission.guard.lost import SenseWatch, estimate_fault
-from treadline.mission.guard.sight import SightWatch
-from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
 from treadline.mission.guard.stopping import CauseKind
+from treadline.mission.guard.timestamps import SilenceMonitor, Timestamps
 from treadline.signals import FrameQuality, HeadingEstimate, MotionPlan, StairMap, TrackCommand, TrackReading
 
 
@@ -62,24 +62,29 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert config.watches_motion
 
 
-def test_a_stamp_may_be_off_by_the_leap_and_not_by_more() -> None:
-    """Test: stamps at the leap's very length, ahead and back, and beyond. Expected result: only beyond is a leap."""
-    stamps = Stamps(1.0)
-    assert stamps.admit("a", 2.0, 1.0)
+def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
+    """Test: stamps at the limits and beyond, ahead and back. Expected result: rejected only beyond; a leap only beyond its own."""
+    stamps = Timestamps(0.125, 1.0)
+    assert stamps.accept("plan", 1e6)  # before the first tick nobody knows the time
+    stamps.advance(1.0)
+    assert stamps.accept_reading("a", 1.125)
+    assert (stamps.leap, stamps.rejection) == (None, None)
+    assert not stamps.accept_reading("a", 1.25)
+    assert (stamps.leap, stamps.rejection) == (None, "a stamped 0.25 s ahead of the clock")
+    assert not stamps.accept_reading("a", 2.125)
+    assert (stamps.leap, stamps.rejection) == ("clock of a leapt 1.12 s ahead", None)
+    assert stamps.rejected == {"a": 2}
+    assert not stamps.accept_reading("a", 0.125)
     assert stamps.leap is None
-    assert not stamps.admit("a", 2.125, 1.0)
-    assert stamps.leap == "clock of a leapt 1.12 s ahead"
-    assert not stamps.admit("a", 1.0, 1.0)
-    assert stamps.leap is None
-    assert not stamps.admit("a", 0.875, 1.0)
+    assert not stamps.accept_reading("a", 0.0)
     assert stamps.leap == "clock of a leapt 1.12 s back"
-    assert stamps.admit("a", 1.0, 1.0)  # the new clock goes on
-    assert stamps.admit("b", 0.5, 1.0)  # each kind has its own
+    assert stamps.accept_reading("a", 0.125)  # the new clock goes on
+    assert stamps.accept_reading("b", 0.5)  # each kind has its own
 
 
 def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
     """Test: two sources; one speaks out of order, one of the future. Expected result: its later word counts, not the future."""
-    silence = Silence(0.5, "process ")
+    silence = SilenceMonitor(0.5, "process ")
     assert silence.cause(100.0) is None
     silence.heard("a", 1.0)
     silence.heard("a", 0.75)
@@ -142,50 +147,50 @@ def test_what_is_pressed_is_a_press_once() -> None:
 )
 def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, valid: float, usable: bool, dark: bool) -> None:
     """Test: values on a limit and next to it. Expected result: on the limit it is good."""
-    watch = SightWatch(GuardConfig(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
+    watch = FrameMonitor(GuardConfig(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
     frame = FrameQuality(t_s=0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
-    assert watch.frame(frame) is usable
+    assert watch.accept_frame(frame) is usable
     assert watch.is_dark is dark
 
 
 def test_a_camera_lives_on_its_least_share_of_depth() -> None:
     """Test: in the dark, shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
-    watch = SightWatch(GuardConfig(alive_least=0.125, valid_least=0.5))
+    watch = FrameMonitor(GuardConfig(alive_least=0.125, valid_least=0.5))
     for k, (share, alive) in enumerate(((0.125, True), (0.0625, False), (0.75, True))):
-        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.0, contrast=0.0, valid_share=share))
+        watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.0, contrast=0.0, valid_share=share))
         assert watch.is_alive is alive
-    watch.frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.0, contrast=0.0, valid_share=0.75))
+    watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.0, contrast=0.0, valid_share=0.75))
     assert not watch.is_alive
 
 
 def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
     """Test: after a good frame, frames whose shares are not numbers. Expected result: dead, though each is another."""
-    watch = SightWatch(GuardConfig())
-    assert watch.frame(FrameQuality(t_s=0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
+    watch = FrameMonitor(GuardConfig())
+    assert watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
     for k in range(1, 4):
-        assert not watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
+        assert not watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
         assert not watch.is_alive
 
 
 def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
     """Test: no depth at all, but colours; then the same frame again. Expected result: alive; then not."""
-    watch = SightWatch(GuardConfig())
+    watch = FrameMonitor(GuardConfig())
     for k, alive in ((0, True), (1, True), (1, False)):
-        watch.frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=0.0))
+        watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=0.0))
         assert watch.is_alive is alive
 
 
 def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
     """Test: one value over 0.0625 m of belt, backwards too, and over more. Expected result: frozen beyond."""
     for sign in (1.0, -1.0):
-        watch = SightWatch(GuardConfig(frozen_travel_m=0.0625))
-        assert watch.says("map", 1, 4.0)
-        assert watch.says("map", 1, 4.0 + sign * 0.0625)
-        assert not watch.says("map", 1, 4.0 + sign * 0.125)
+        watch = FrameMonitor(GuardConfig(frozen_travel_m=0.0625))
+        assert watch.accept_measurement("map", 1, 4.0)
+        assert watch.accept_measurement("map", 1, 4.0 + sign * 0.0625)
+        assert not watch.accept_measurement("map", 1, 4.0 + sign * 0.125)
         assert watch.refused == "is frozen"
-        assert watch.says("heading", 1, 4.125)
-        assert watch.says("map", 2, 4.0 + sign * 0.125)
-        assert watch.says("map", 2, 4.0 + sign * 0.1875)
+        assert watch.accept_measurement("heading", 1, 4.125)
+        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.125)
+        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.1875)
         assert watch.refused == ""
 
 
@@ -193,13 +198,12 @@ def reading(t_s: float, left: float, right: float) -> TrackReading:
     return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=False)
 
 
-def test_a_belts_travel_and_speed_are_the_means() -> None:
+def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
     """Test: 0.25 and 0.75 m/s for a second, a gap of readings, backwards. Expected result: half a metre, none for the gap."""
-    watch = BeltWatch(GuardConfig(mismatch_s=99.0))
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
     for k in range(17):
         watch.update(reading(k / 16, 0.25, 0.75))
     assert watch.travel_m == 0.5
-    assert watch.speed_m_s == 0.5
     watch.update(reading(2.0, 0.25, 0.75))
     assert watch.travel_m == 0.5
     watch.update(reading(2.0625, -1.0, -1.0))
@@ -209,7 +213,7 @@ def test_a_belts_travel_and_speed_are_the_means() -> None:
 def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
-    watch = BeltWatch(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0))
+    watch = BeltMonitor(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0))
     watch.update(reading(0.0, 0.0, 0.0))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
     watch.update(reading(0.0625, 0.0, 0.0))
@@ -236,7 +240,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     config = GuardConfig(mismatch=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25)
 
     def run(*lefts: float) -> str | None:
-        watch = BeltWatch(config)
+        watch = BeltMonitor(config)
         watch.update(reading(0.0, 0.5, 0.5))
         watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
         for k, left in enumerate(lefts, start=1):
@@ -255,7 +259,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
 def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
     """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
     its time, and where it was asked for. Expected result: a cause for its time alone."""
-    watch = BeltWatch(GuardConfig(mismatch_s=0.25))
+    watch = BeltMonitor(GuardConfig(mismatch_s=0.25))
 
     def run(begin_s: float, *brakes: bool) -> str | None:
         for k, on in enumerate(brakes):
@@ -274,7 +278,7 @@ def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
 
 def test_readings_apart_by_the_gap_are_still_compared() -> None:
     """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
-    watch = BeltWatch(GuardConfig(mismatch_s=0.0625))
+    watch = BeltMonitor(GuardConfig(mismatch_s=0.0625))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
     watch.update(reading(0.0, 0.0, 0.0))
     watch.update(reading(0.0625, 0.0, 0.0))
@@ -290,9 +294,9 @@ def test_readings_apart_by_the_gap_are_still_compared() -> None:
     assert watch._expected == [1.0, 1.0]
 
 
-def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipWatch:
+def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipMonitor:
     """Feed maps an eighth of a second apart: each step is the belts' travel, what of it the nosings do not show, how often."""
-    watch = SlipWatch(config)
+    watch = SlipMonitor(config)
     t_s = travel = slid = 0.0
     places = [1.0, 1.5, 2.0, 2.5]
     watch.look(t_s, places, travel, 0.0)
@@ -390,7 +394,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
 def test_what_slides_back_unseen_counts_as_far_as_the_nosings_tell_it() -> None:
     """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
     0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
-    slid, climbs, stands = SlipWatch(GuardConfig()), SlipWatch(GuardConfig()), SlipWatch(GuardConfig())
+    slid, climbs, stands = SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig())
     for k in range(4):
         slid.look(float(k), [1.0 + 0.1 * k, 1.5 + 0.1 * k], 0.0, 0.0)
         climbs.look(float(k), [1.0, 1.5], 0.2 * k, 0.0)
@@ -403,7 +407,7 @@ def test_what_slides_back_unseen_counts_as_far_as_the_nosings_tell_it() -> None:
 
 def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
-    watch = SlipWatch(GuardConfig())
+    watch = SlipMonitor(GuardConfig())
     watch.look(0.0, [1.0], 0.0, 0.0)
     watch.look(0.25, [0.9375], 0.125, 0.0)
     assert watch._roll_back_m == 0.0625
@@ -440,7 +444,7 @@ def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_co
 
 def test_something_in_the_way_counts_from_its_second_map() -> None:
     """Test: seen once, twice, not, again. Expected result: a distance after two in a row, less what the belts ran."""
-    watch = ObstacleWatch()
+    watch = ObstacleMonitor()
     assert watch.distance_m(0.0) == math.inf
     watch.look(2.0, 1.0)
     assert watch.distance_m(1.0) == math.inf
@@ -459,7 +463,7 @@ def on_a_line(*places: float) -> list[tuple[float, float]]:
 def test_a_gap_lies_behind_the_last_good_nosing() -> None:
     """Test: spacings just within and beyond the span, two nosings, three, the gap before or behind the short step, on a slope.
     Expected result: the nosing before the wider spacing, and the span."""
-    watch = GapWatch(1.0)
+    watch = GapMonitor(1.0)
     assert watch._gap([]) is None
     assert watch._gap(on_a_line(1.0)) is None
     assert watch._gap(on_a_line(1.0, 2.0)) is None
@@ -477,7 +481,7 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
     for than against; what is out of view is kept."""
     assert GAP_MAPS == 5
     gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
-    watch = GapWatch(1.0)
+    watch = GapMonitor(1.0)
     for _ in range(4):
         watch.look(gap, 0.0)
         assert watch.distance_m(0.0) == math.inf
@@ -508,14 +512,14 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
     assert watch.distance_m(0.0) == 1.625
 
 
-def ahead(config: GuardConfig, **changes: Any) -> AheadWatch:
+def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
     """Return what five maps tell of one thing ahead, at no travel."""
     values: dict[str, Any] = {
         "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
         "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
     }  # fmt: skip
     places = changes.pop("places", [])
-    watch = AheadWatch(config)
+    watch = AheadMonitor(config)
     for _ in range(GAP_MAPS):
         watch.look(StairMap(**{**values, **changes}), places, 0.0)
     return watch
@@ -546,7 +550,7 @@ def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -
     is gone is gone."""
     watch = ahead(LENGTHS, ends=True)
 
-    def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadWatch:
+    def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadMonitor:
         watch.look_on(obstacle_m, replace(plan(phase), **{"needs_stair": False} | changes), travel_m)
         return watch
 
@@ -575,7 +579,7 @@ def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
     assert watch.cause(1.6875, 0.25) is not None
     assert watch.cause(1.75, 0.25) is None
     assert watch.doubt(1.75) is None
-    assert AheadWatch(LENGTHS).doubt(0.0) is None
+    assert AheadMonitor(LENGTHS).doubt(0.0) is None
 
 
 def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
@@ -608,7 +612,7 @@ def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
 def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, cause: str | None) -> None:
     """Test: attitudes and rates around their limits, for 3/64 and 4/64 s. Expected result: a cause after the time, if beyond."""
     config = GuardConfig(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
-    watch = TiltWatch(config)
+    watch = TiltMonitor(config)
     for k in range(4):
         watch.update(k / 64, tilted(pitch, roll), rate)
     assert watch.cause is None
@@ -621,7 +625,7 @@ def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, c
 
 def test_a_tilt_that_ends_is_forgotten() -> None:
     """Test: beyond for 3/64 s, within, beyond for 3/64 s. Expected result: no cause."""
-    watch = TiltWatch(GuardConfig(front_up_rad=0.5))
+    watch = TiltMonitor(GuardConfig(front_up_rad=0.5))
     for k in range(8):
         watch.update(k / 64, tilted(0.6 if k % 4 else 0.0, 0.0), 0.0)
     assert watch.cause is None
@@ -630,7 +634,7 @@ def test_a_tilt_that_ends_is_forgotten() -> None:
 def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
     """Test: straight up and straight down with rounding beyond one. Expected result: 90°, no exception."""
     for sign in (1.0, -1.0):
-        watch = TiltWatch(GuardConfig())
+        watch = TiltMonitor(GuardConfig())
         for k in range(9):
             watch.update(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
         assert watch.cause == f"pitch {sign * 90:.0f}°"
@@ -639,7 +643,7 @@ def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
     """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
-    watch = SeatWatch(GuardConfig(seat_rad=0.25, seat_s=1.0))
+    watch = SeatMonitor(GuardConfig(seat_rad=0.25, seat_s=1.0))
     watch.update(0.0, 0.5 * sign)
     watch.update(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
     assert watch.cause is None
@@ -651,7 +655,7 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     """Test: 0.25 rad allowed for a second; on the limit, beyond, shrinking by less and by more than 2° a time. Expected result: a
     cause a second after the last shrinking."""
     config = GuardConfig(seat_rad=0.25, seat_s=1.0)
-    watch = SeatWatch(config)
+    watch = SeatMonitor(config)
     for k in range(20):
         watch.update(k / 8, 0.25)
     assert watch.cause is None
@@ -676,9 +680,9 @@ def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
     return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
 
 
-def turning(apart_m_s: float, phase: Any, ticks: int, watch: BlindTurnWatch | None = None) -> BlindTurnWatch:
+def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
     """Let the belts run apart for so many sixteenths of a second."""
-    watch = watch or BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = watch or GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     for _ in range(ticks):
         watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
@@ -724,7 +728,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
         watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
     assert watch.cause is None
     assert turning(apart, "climb", 1, watch).cause is not None
-    none = BlindTurnWatch(GuardConfig())
+    none = GyroOnlyTurn(GuardConfig())
     none.update_belts(0.0, 1.0, None)
     none.update_belts(100.0, 1.0, None)
     assert none.cause is None
@@ -744,7 +748,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
 def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
     """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
     belts turn the chair there."""
-    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
     turning(0.3 / per_metre, "crest", 27, watch)
     assert watch.cause is None
@@ -759,7 +763,7 @@ def test_belts_that_stand_closer_turn_a_chair_further(model: str, gauge_m: float
     chair = read_chair(model)
     limits = guard_config(MissionConfig(chair=chair), 0.25)
     assert limits.gauge_m == chair.tracks.gauge_m == gauge_m
-    watch = BlindTurnWatch(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0))
     readings = 2 + math.floor(2.0 * 16 * gauge_m / 0.65)
     assert turning(0.25 / FLIGHT_RAD_M, "climb", readings - 1, watch).cause is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
@@ -769,7 +773,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
     """Test: a chair that lies level, yawed by 120° and rolled by 0.1 rad; its first sample a shock. Expected result: judged as on
     the level from the first reading on."""
     c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
-    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
     assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
 
@@ -777,7 +781,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
 def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
-        watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+        watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
         watch.update_motion(0.0, tilted(0.3, 0.0), rate)
         assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
         for k in range(1, 100):
@@ -785,7 +789,7 @@ def test_a_chair_that_swings_is_not_judged() -> None:
         turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
-    watch = BlindTurnWatch(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
     watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
     watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
@@ -805,8 +809,8 @@ def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: floa
     assert askew(config, estimate(0.0, 0.5), None) is None
 
 
-def senses(config: GuardConfig | None = None) -> SenseWatch:
-    watch = SenseWatch(
+def senses(config: GuardConfig | None = None) -> SensorTimeouts:
+    watch = SensorTimeouts(
         config
         or GuardConfig(
             imu_timeout_s=0.0625,
@@ -893,7 +897,7 @@ def test_what_clocks_tell_of_the_future_was_told_now() -> None:
 
 def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
     """Test: the IMU spoke at -1 s, the mission begins at 2 s. Expected result: the IMU is missed, the others are not yet."""
-    watch = SenseWatch(GuardConfig())
+    watch = SensorTimeouts(GuardConfig())
     watch.imu(-1.0)
     watch.begin(2.0)
     assert (watch._imu_s, watch._frame_s, watch._seen_s) == (-1.0, 2.0, 2.0)

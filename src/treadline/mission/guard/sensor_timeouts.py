@@ -8,7 +8,7 @@ from treadline.mission.guard.phases import TIPPING
 from treadline.signals import Event, HeadingEstimate
 
 
-class SenseWatch:
+class SensorTimeouts:
     """When each sense last told something, and how far the chair has come since."""
 
     def __init__(self, config: GuardConfig) -> None:

@@ -1,4 +1,4 @@
-"""What only nodes tell each other and others: the clock, that one is alive, why the guard holds, and where things are."""
+"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, odometry, sensor mounts."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from treadline.signals import PinholeCamera
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clock:
-    """The mission clock as its owner has it."""
+    """The mission clock."""
 
     t_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beat:
-    """A node is alive; it has spoken once and must go on."""
+    """Heartbeat of a node; after the first the guard awaits the next."""
 
     t_s: float
     node: str
@@ -27,7 +27,7 @@ class Beat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardState:
-    """Why the guard holds the chair, or that it does not."""
+    """Cause of the guard's HOLD, None without one."""
 
     t_s: float
     holding: str | None
@@ -35,7 +35,7 @@ class GuardState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VelocityCommand:
-    """Speed and turn asked by a person's stick or another planner (``/cmd_vel``); it has no stamp."""
+    """Speed and turn rate of a joystick or another planner (``/cmd_vel``); it has no stamp."""
 
     speed_m_s: float
     turn_rad_s: float
@@ -43,7 +43,7 @@ class VelocityCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Odometry:
-    """Where the chair has come by its belts, in a level frame O that begins where it started; belts slip."""
+    """Pose of the chair by its belts and IMU, in a level frame O with its origin at the start; belts slip, so it drifts."""
 
     t_s: float
     p_OB: Float[np.ndarray, " 3"]
@@ -55,7 +55,7 @@ class Odometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounts:
-    """Where the sensors sit on the chair."""
+    """Mounts of the sensors on the chair."""
 
     t_s: float
     camera: PinholeCamera

@@ -1,4 +1,4 @@
-"""What a frame is worth: not one that is frozen, empty or dark (rows 2, 3 and 4)."""
+"""Quality of camera frames: frozen, without depth, dark or glaring frames are rejected (rows 2, 3 and 4)."""
 
 import math
 
@@ -6,38 +6,38 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.signals import FrameQuality
 
 
-class SightWatch:
-    """Judges frames by their quality, and what a camera says without frames by whether it changes."""
+class FrameMonitor:
+    """Judges frames by their quality, and measurements of a camera without images by whether they change."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._fingerprint: int | None = None
-        self._said: dict[str, tuple[object, float]] = {}
+        self._values: dict[str, tuple[object, float]] = {}
         self._blind = False
         self.refused = ""
-        """Why the last frame was of no use; empty if it was."""
+        """Why the last frame was rejected; empty if it was accepted."""
         self.is_alive = False
-        """Whether the camera shows something new, even if it is too little to see a stair in."""
+        """Whether the camera delivers new images, even if too poor to detect a stair."""
         self.is_dark = False
-        """Whether the last frame's colours said nothing."""
+        """Whether the last frame was too dark, glaring or flat for its colours to be used."""
 
-    def frame(self, quality: FrameQuality) -> bool:
-        """Say whether anything can be seen in a frame."""
+    def accept_frame(self, quality: FrameQuality) -> bool:
+        """Return whether a stair can be detected in a frame."""
         before, self._fingerprint = self._fingerprint, quality.fingerprint
         frozen = quality.fingerprint == before
         self.refused = self._fault(quality, frozen=frozen)
-        # Across a landing and out into a wide room there is no depth at all, but something to see.
+        # Across a landing and out into a wide room a frame has no depth at all, but it has colours.
         self.is_alive = not frozen and (quality.valid_share >= self._config.alive_least or not self.is_dark)
         self._blind = bool(self.refused)
         return not self._blind
 
-    def says(self, kind: str, value: object, travel_m: float) -> bool:
-        """Say whether what is measured is new, or the chair has hardly moved since it was; of a useless frame nothing is."""
+    def accept_measurement(self, kind: str, value: object, travel_m: float) -> bool:
+        """Return whether a measurement has changed, or the chair has hardly moved since; False after a rejected frame."""
         if self._blind:
             return False
-        before, since_m = self._said.get(kind, (None, 0.0))
+        before, since_m = self._values.get(kind, (None, 0.0))
         if value != before:
-            self._said[kind] = (value, travel_m)
+            self._values[kind] = (value, travel_m)
             since_m = travel_m
         frozen = abs(travel_m - since_m) > self._config.frozen_travel_m
         self.refused = "is frozen" if frozen else ""
