@@ -14,7 +14,7 @@ from treadline.angles import rotation_of
 from treadline.cli import main
 from treadline.cli import replay as replay_verb
 from treadline.io.cdr import seconds_of
-from treadline.io.decode import Decoder
+from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import mcap_messages, read_log
 from treadline.io.runs import read_series
@@ -61,7 +61,7 @@ def signals_of(run: Path, *kinds: type) -> list[Any]:
 def rewritten(run: Path, out: Path, change: Callable[[Any], Any | None]) -> Path:
     """Copy a run with each signal of its log changed, as late as it was; None leaves it out."""
     shutil.copytree(run, out, ignore=shutil.ignore_patterns("log.mcap"))
-    decoder = Decoder()
+    decoder = LogDecoder()
     with RunLog(out / "log.mcap", image_every=1) as log:
         for topic, taken_ns, data in mcap_messages(run / "log.mcap", lambda _: True, sealed=True):
             signal = decoder.signal(topic.name, data)
