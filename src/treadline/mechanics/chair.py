@@ -1,4 +1,4 @@
-"""The chair as its file describes it: tracks with three pulleys, masses, seat, drives and where the camera sits.
+"""The chair as its file describes it: tracks over three pulleys, masses, seat, drives and cameras.
 
 Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the belts' lower line.
 """
@@ -17,13 +17,13 @@ from treadline.signals import TICK_S, PinholeCamera
 
 GRAVITY_M_S2 = 9.81
 EMPTY_SEAT_KG = 0.5
-"""The seat's shell, which turns with the payload."""
+"""Mass of the seat's shell, which turns with the payload."""
 SWEPT_SPARE_M = 0.025
-"""To either side of a chair: a thing there is in its way."""
+"""Distance to either side of a chair within which an object counts as an obstacle."""
 
 
 def _a_tick_or_more(lag_s: float) -> float:
-    """Return a lag that the drives can be integrated with."""
+    """Return a lag with which the drives can be integrated."""
     if lag_s < TICK_S:
         raise ValueError(
             f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
@@ -58,24 +58,24 @@ class Tracks(Settings):
     """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
 
     flat_run_m: Length
-    """Between the centres of the rear and the front pulley: the part that lies on the stair."""
+    """Distance between the centres of the rear and the front pulley: length of track on the stair."""
     approach_m: Length
-    """Between the centres of the front and the nose pulley."""
+    """Distance between the centres of the front and the nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
-    """Angle of attack: the nose section above the flat run."""
+    """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
     gauge_m: Length
-    """Between the belts' centre lines."""
+    """Distance between the belts' centre lines."""
     belt_width_m: Length
 
 
 class Masses(Settings):
-    """Chassis without payload, seat included."""
+    """Mass and inertia of the chassis without payload, seat included."""
 
     chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
-    """Edges of the uniform box whose inertia the chassis has."""
+    """Edges of the uniform box with the chassis's inertia."""
 
 
 class Seat(Settings):
@@ -86,21 +86,21 @@ class Seat(Settings):
     """Centre of the payload relative to the hinge, seat level with the chassis."""
     payload_size_m: Size
     bar_m: Length
-    """Bar from slider to seat."""
+    """Length of the bar from slider to seat."""
     arm_m: Length
-    """Hinge to the bar's pin on the seat."""
+    """Distance from the hinge to the bar's pin on the seat."""
     slider_drop_m: Length
-    """Of the slider's rail below the hinge."""
+    """Depth of the slider's rail below the hinge."""
     stroke_m: tuple[Place, Place]
     """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
     max_rate_m_s: Speed
     lag_s: Lag
     """First-order lag of the actuator."""
     push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: it follows at any load."""
+    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: the actuator follows at any load."""
     no_load_m_s: Speed | None = None
     hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force that the actuator's screw holds while it stands [N]."""
+    """Holding force of the actuator's screw at rest [N]."""
 
     @model_validator(mode="after")
     def _a_limit_is_whole(self) -> "Seat":
@@ -123,7 +123,7 @@ class Drives(Settings):
     """First-order lag from command to belt speed."""
     max_acceleration_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
     brake_hold_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Force each belt's brake can hold."""
+    """Holding force of each belt's brake."""
 
 
 class Motor(Settings):
@@ -134,9 +134,9 @@ class Motor(Settings):
     no_load_speed_m_s: Speed
     """Belt speed without load [m/s], at the nominal voltage."""
     continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Belt force that the motor gives for ever [N]; the limit once it is hot."""
+    """Continuous belt force of the motor [N]; the limit once the motor is hot."""
     thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
-    """Time constant of its heating."""
+    """Time constant of the motor's heating."""
     moving_mass_kg: Mass
     """Inertia of rotor and gear as a mass at the belt, and the belt's own."""
     nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -149,7 +149,7 @@ class Battery(Settings):
     """Open-circuit voltage, full; linear in the charge down to ``empty_v``."""
     empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
     resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
-    """Internal, cables included."""
+    """Internal resistance, cables included."""
     capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
 
 
@@ -167,24 +167,24 @@ class Flipper(Settings):
     no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
     """Rate at which the motor has no torque left; its torque falls linearly to there. None: full torque at any rate."""
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
-    """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
+    """Damping against rising once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
     mass_kg: Mass
 
 
 class Rating(Settings):
-    """What the maker lets the chair do; physics may allow more on a good day."""
+    """Operational envelope by the maker; mechanics may allow more."""
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
-    """Steepest flight."""
+    """Slope of the steepest flight."""
     payload_kg: Mass
     """Heaviest load on any flight."""
     steep_payload_kg: Mass
-    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with all it has."""
+    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with its largest torque."""
     steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
 class CameraMount(Settings):
-    """Where the depth camera sits and how far it looks down."""
+    """Mounting of the depth camera: place, pitch and yaw."""
 
     position_m: Point
     pitch_deg: Degrees
@@ -193,7 +193,7 @@ class CameraMount(Settings):
 
 
 class ChairDescription(Settings):
-    """A tracked chair: all that its maker knows about it."""
+    """A tracked chair as its maker describes it."""
 
     renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
 
@@ -204,15 +204,15 @@ class ChairDescription(Settings):
     drives: Drives
     camera: CameraMount
     rear_camera: CameraMount | None = None
-    """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
+    """Camera over the chair's back, for the edge and the flight below. None: the chair only climbs."""
     rating: Rating | None = None
-    """None: whatever mechanics allow."""
+    """Operational envelope. None: mechanics alone limit the chair."""
     flipper: Flipper | None = None
-    """None: the approach section is fixed."""
+    """Motor that turns the approach section. None: the section is fixed."""
     motor: Motor | None = None
-    """Of each belt. None: belts follow their speeds at any load."""
+    """Motor of each belt. None: belts follow their speeds at any load."""
     battery: Battery | None = None
-    """Feeds the motors; needed with them."""
+    """Battery of the motors; required with a motor."""
 
     @model_validator(mode="after")
     def _motors_have_a_battery(self) -> "ChairDescription":
@@ -267,13 +267,13 @@ class ChairDescription(Settings):
 
     @property
     def half_width_m(self) -> float:
-        """From its middle to its widest part: belt, chassis or passenger."""
+        """Half width of the widest part: belt, chassis or passenger [m]."""
         tracks = self.tracks
         return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
 
     @property
     def swept_half_m(self) -> float:
-        """Half the width of the volume it sweeps as it drives straight."""
+        """Half width of the volume swept in straight driving [m]."""
         return self.half_width_m + SWEPT_SPARE_M
 
     @property
@@ -284,7 +284,7 @@ class ChairDescription(Settings):
 
     @property
     def rear_reach_m(self) -> float:
-        """From mid-track to the rearmost part of the tracks."""
+        """Distance from mid-track to the rearmost part of the tracks [m]."""
         return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
 
     @property
