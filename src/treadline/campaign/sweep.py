@@ -51,6 +51,9 @@ class SweepPlan:
     score: str = MARGIN
     """What the worst runs are worst at."""
 
+    climb_options: tuple[str, ...] = ()
+    """Options of ``treadline climb`` that all runs share: controller and plug-ins. They are part of what ``--resume`` compares."""
+
     def __post_init__(self) -> None:
         least = generation_size(self.runs) if self.adversarial else 1
         if self.runs < least:
@@ -69,6 +72,7 @@ class SweepPlan:
     def identity(self) -> dict[str, Any]:
         """What must be the same for a sweep to be gone on with; more runs may be asked for, but not of a search."""
         same = {"spec": self.spec.digest, "seed": self.seed, "sampling": self.sampling}
+        same |= {"options": shlex.join(self.climb_options)} if self.climb_options else {"options": None}
         return same | ({"search for": self.score, "runs": self.runs} if self.adversarial else {"search for": "nothing"})
 
     def flight(self, index: int, point: Float[np.ndarray, " dimension"]) -> Flight:
@@ -138,7 +142,7 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flight
         note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {rows[index]['verdict']}"
         write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(flights[index].scenario, note))
     for row in summary["worst"]:
-        row["replay"] = replay_command(folder, row)
+        row["replay"] = replay_command(folder, row, plan.climb_options)
     cpu_s = sum(row.get("cpu_s") or 0.0 for row in kept)
     times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
     _write_json(folder / "summary.json", summary)
@@ -147,11 +151,11 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flight
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
 
 
-def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
+def replay_command(folder: Path, row: Mapping[str, Any], options: Sequence[str] = ()) -> str:
     """Return the command that flies a run again, for a shell."""
     name = f"{row['index']:04d}"
     scenario, out = folder / "scenarios" / f"{name}.toml", folder / "flown" / name
-    return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out)])
+    return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out), *options])
 
 
 def _left(plan: SweepPlan, journal: Journal) -> int:
