@@ -17,13 +17,8 @@ FOLDERS = [*sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and 
 NOT_YET = frozenset(
     {
         ".",
-        "campaign",
         "cli",
-        "control",
-        "estimation",
         "experiments",
-        "gazebo",
-        "identification",
         "io",
         "mechanics",
         "mission",
@@ -41,16 +36,11 @@ HOMONYMS_NOT_YET = frozenset(
         "Blocks",
         "Channel",
         "Flight",
-        "Found",
         "Identified",
-        "Intervals",
-        "Pool",
         "Recipe",
-        "Row",
         "Seen",
         "Sight",
         "Solid",
-        "Stabilisation",
         "_Ride",
     }
 )

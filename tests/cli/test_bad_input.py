@@ -77,7 +77,7 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("fly", [], 'Unknown command "fly"; see treadline --help'),
         ("sea", [], 'Did you mean "seat"? See treadline --help'),
         ("check", ["envelope"], "run it with treadline sweep envelope"),
-        ("sweep", ["paper-28", "--runs", "3"], "fly it once with treadline climb paper-28"),
+        ("sweep", ["paper-28", "--runs", "3"], "run it once with treadline climb paper-28"),
         ("check", [""], "no scenario is named"),
         ("climb", ["paper-28", "--out", "run", "--seed", "1.5"], "--seed: '1.5' is not a whole number"),
         ("sweep", ["envelope", "--out", "run", "--runs", "1.5"], "--runs: '1.5'"),

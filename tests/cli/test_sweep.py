@@ -135,7 +135,7 @@ def test_an_interrupted_sweep_names_what_goes_on_with_it(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("treadline.campaign.sweep.fly_sweep", interrupted)
+    monkeypatch.setattr("treadline.campaign.sweep.run_sweep", interrupted)
     done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
     assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
     assert "the same command with --resume goes on with it" in done.err

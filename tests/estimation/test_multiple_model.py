@@ -1,4 +1,4 @@
-"""The bank of filters between two frames."""
+"""The multiple-model Kalman filter between two frames."""
 
 import math
 
@@ -15,7 +15,7 @@ def started(model: GyroModel) -> MultipleModelKalmanFilter:
     return bank
 
 
-def test_errors_grow_as_their_transition_says() -> None:
+def test_the_covariance_follows_the_error_transition() -> None:
     model = GyroModel(angle_random_walk_rad_sqrt_s=(0.01 * DEG,))
     bank = started(model)
     P, dt, rate = bank._P[0].copy(), 0.5, 0.2
@@ -27,18 +27,18 @@ def test_errors_grow_as_their_transition_says() -> None:
     assert bank.moments.heading == pytest.approx(0.3 + dt * rate)
 
 
-def test_levels_that_differ_are_believed_less_than_any_of_them() -> None:
+def test_the_mixture_variance_includes_the_difference_of_the_levels() -> None:
     bank = started(GyroModel())
     alone = bank.moments.variance
     bank._x[1, 0] += 0.02
     bank._update_moments()
     weight = bank._weights[1]
     assert bank.moments.heading == pytest.approx(0.3 + weight * 0.02)
-    # A mixture's variance: that of its parts, and weight · (1 - weight) · gap² for how far apart they are.
+    # Variance of a mixture: the variance of its parts, plus weight · (1 - weight) · gap² for their distance.
     assert bank.moments.variance == pytest.approx(alone + weight * (1.0 - weight) * 0.02**2)
 
 
-def test_what_is_believed_follows_every_change() -> None:
+def test_the_moments_follow_every_change() -> None:
     bank = started(GyroModel())
     before = bank.moments
     bank.widen(1e-3)

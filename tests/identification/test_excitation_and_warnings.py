@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
 from treadline.identification import gram, identify
-from treadline.identification.checks import FEW_SAMPLES, excitation_order
+from treadline.identification.checks import excitation_order
 from treadline.identification.gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 from treadline.models import InputOutputRecord, LinearModel
@@ -51,8 +51,8 @@ def test_a_ramp_excites_one_order() -> None:
 
 def test_a_single_step_excites_less_than_a_few_samples() -> None:
     step = np.where(np.arange(600) < 300, 0.0, 1.0)[:, None]
-    assert excited(step, samples=FEW_SAMPLES) == 1
-    assert excited(np.random.default_rng(0).standard_normal((600, 1)), samples=FEW_SAMPLES) == LAGS + 1
+    assert excited(step, samples=4.0) == 1
+    assert excited(np.random.default_rng(0).standard_normal((600, 1)), samples=4.0) == LAGS + 1
 
 
 def test_an_order_above_the_excited_one_is_rejected_with_both_numbers() -> None:

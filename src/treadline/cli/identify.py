@@ -132,7 +132,7 @@ def _check(logs: Sequence[Path], asked: IdentifyOptions) -> None:
     if asked.dead_time is not None and (asked.gram or asked.update) is not None:
         raise SettingsError("--delays cannot be combined with --gram or --update: a Gram matrix does not record shifted inputs")
     if asked.update is None and 0.0 < asked.forgetting < 1.0:
-        raise SettingsError("--forgetting has no effect without earlier data; give them with --update")
+        raise SettingsError("--forgetting needs earlier data; give them with --update")
     if asked.page is not None and asked.no_page:
         raise SettingsError("give --page or --no-page, not both")
     both = [name for name in asked.input_names if name in asked.output_names]

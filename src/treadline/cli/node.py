@@ -67,7 +67,7 @@ def node(
     from treadline.errors import SettingsError
     from treadline.nodes.assembly import node_of
     from treadline.nodes.plant import PlantNode
-    from treadline.nodes.process import Turning, run_plant
+    from treadline.nodes.process import NodeRunner, run_plant
     from treadline.nodes.recorder import RecorderNode
     from treadline.setup import resolve
 
@@ -91,7 +91,7 @@ def node(
                 made.close()
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         try:
-            Turning(made, wire, clock=clock, patience_s=patience).run(stop)
+            NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
         finally:
             if isinstance(made, RecorderNode):
                 made.close()

@@ -65,17 +65,17 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     from threading import Timer
 
     from treadline import paper
-    from treadline.nodes.process import Turning
+    from treadline.nodes.process import NodeRunner
     from treadline.nodes.recorder import RecorderNode
 
     node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
     stop = stopping()
     timer = Timer(duration_s, stop.set) if duration_s is not None else None
     try:
-        turning = Turning(node, wire, patience_s=float("inf"))
+        runner = NodeRunner(node, wire, patience_s=float("inf"))
         if timer is not None:
             timer.start()
-        turning.run(stop)
+        runner.run(stop)
     finally:
         if timer is not None:
             timer.cancel()

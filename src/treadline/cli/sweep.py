@@ -61,7 +61,7 @@ def sweep(
     from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
-    from treadline.campaign.sweep import SweepPlan, fly_sweep
+    from treadline.campaign.sweep import SweepPlan, run_sweep
     from treadline.cli.compiling import compile_once
     from treadline.errors import SettingsError
     from treadline.io.runs import remove
@@ -92,7 +92,7 @@ def sweep(
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search runs whole generations\n")
     try:
         with _Left() as progress:
-            summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
     except KeyboardInterrupt as stopped:
         stopped.add_note("the same command with --resume continues it")
         raise

@@ -36,7 +36,7 @@ def tune(
     """
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
-    from treadline.control.doubt import doubt
+    from treadline.control.design_warning import design_warning
     from treadline.errors import SettingsError
     from treadline.mechanics.chair import read_chair
     from treadline.models import LinearModel, Reconstruct
@@ -62,7 +62,7 @@ def tune(
         vehicle=chair,
     )
     controller.save(out)
-    warning = doubt(controller)
+    warning = design_warning(controller)
     poles = closed_loop_poles(controller)
     radius = max(abs(pole) for pole in poles)
     return Answer(

@@ -24,8 +24,9 @@ from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.io.sensor_log import SensorLog
+from treadline.mission.blocks import Detector
 from treadline.mission.config import detector_of
-from treadline.mission.loop import Detector, Mission, Signal
+from treadline.mission.loop import Mission, Signal
 from treadline.mission.plugins import Plugins
 from treadline.mission.replay import ReplayPlant
 from treadline.models import ControllerDesign

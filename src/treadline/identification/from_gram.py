@@ -23,7 +23,7 @@ from treadline.models import InputOutputRecord
 
 OBSERVERS = ("okid-era", "era-dc")
 """Methods whose model is a realisation of the OKID observer."""
-BEYOND_DOUBT_GAP = 10.0
+CLEARLY_SEPARATED_GAP = 10.0
 """Ratio of singular values above which the order is clear enough to limit the search to its neighbours."""
 PBSID_LAGS = 10
 """Smallest default number of lags for PBSID, which needs enough past to reconstruct the state."""
@@ -139,7 +139,7 @@ def _by_cross_validation(
     fitting: Fitting, evidence: _Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
 ) -> FittedSystem:
     """Return the model selected by cross-validation."""
-    names, order_is_clear = channel_names(fitting.records[0]), _is_beyond_doubt(evidence.choice, evidence.svd)
+    names, order_is_clear = channel_names(fitting.records[0]), _is_clearly_separated(evidence.choice, evidence.svd)
     chosen = select_model(
         fitting,
         lags=evidence.lags,
@@ -169,7 +169,7 @@ def _by_method(
         order is None
         and candidate.method == "pbsid"
         and evidence.structural is not None
-        and not _is_beyond_doubt(choice, evidence.svd)
+        and not _is_clearly_separated(choice, evidence.svd)
     ):
         choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, warnings)
         candidate = replace(candidate, order=choice.order)
@@ -238,5 +238,5 @@ def _order_by_bic(fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: i
     return OrderChoice(order=order, gap=gap_at(svd.s, order), clear=False)
 
 
-def _is_beyond_doubt(choice: OrderChoice, svd: HankelSvd) -> bool:
-    return choice.clear and gap_of(choice, svd) > BEYOND_DOUBT_GAP
+def _is_clearly_separated(choice: OrderChoice, svd: HankelSvd) -> bool:
+    return choice.clear and gap_of(choice, svd) > CLEARLY_SEPARATED_GAP

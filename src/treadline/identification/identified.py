@@ -90,8 +90,8 @@ class Identified(Printable):
     @one_thread()
     def intervals(self) -> ConfidenceIntervals | None:
         """Confidence intervals; None for data too short to estimate them. Dead time and input structure are assumed known."""
-        told = self._intervals()
-        return told if told is None or self._differential is None else self._differential.intervals(told, self.gram.units)
+        result = self._intervals()
+        return result if result is None or self._differential is None else self._differential.intervals(result, self.gram.units)
 
     def _intervals(self) -> ConfidenceIntervals | None:
         found = self._found
@@ -110,8 +110,8 @@ class Identified(Printable):
                 return None
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.
             share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
-            told = of_predicting(found.system, runs, fitting.fixed, found.units)
-            return told if told is None or candidate.step != "subspace" else told.narrowed(share)
+            result = of_predicting(found.system, runs, fitting.fixed, found.units)
+            return result if result is None or candidate.step != "subspace" else result.narrowed(share)
         return of_refined(found.system, fitting.experiments(constants=candidate.constants), fitting.fixed, found.units)
 
     @cached_property
@@ -179,8 +179,8 @@ class Identified(Printable):
         return [f"dead time: {', '.join(late)}; --delays auto removes it from the states"] if late else []
 
     def _excitation_warning(self, support: int) -> list[str]:
-        told = reports.collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)
+        result = reports.collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)
         order = self._found.system.order
         if support < order and support <= self._found.fitting.data.lags:
-            told.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")
-        return told
+            result.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")
+        return result

@@ -70,7 +70,7 @@ def identify(
             is computed on the fitted data.
         prior: Gram matrix of earlier data (``Identified.gram``) to continue from.
         forgetting: Weight factor on earlier data per new sample; 1 forgets nothing.
-        told: Called with a line of text per candidate that ``best`` scores.
+        on_progress: Called with a line of text per candidate that ``best`` scores.
 
     Raises:
         RecordError: If the data do not support the request.

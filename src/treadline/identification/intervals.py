@@ -34,7 +34,7 @@ MEMORY_PER_LAG = 2
 """Lags of residual correlation per observer lag; white output noise leaves a moving average of the observer's length."""
 MEMORY = 1.3
 """Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
-DOUBT = 0.05
+WHITENESS_P_MIN = 0.05
 """p-value of the whiteness test below which residuals count as correlated."""
 
 
@@ -294,7 +294,7 @@ def _recent(item: Experiment, rows: int) -> Experiment:
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
     longest = max(errors, key=len)
-    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > DOUBT
+    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
 
 
 def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:

@@ -112,13 +112,13 @@ def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chu
     first: InputOutputRecord | None = None
     for experiment in experiments:
         samples = gaps = 0
-        is_whole = False
+        is_complete = False
         for number, record in enumerate(experiment):
             first = first or record
             check_alike([first, record], parts=True)
             samples, gaps = samples + len(record), gaps + gaps_in(record)
-            yield _Chunk(record=record, begins=number == 0, goes_on=is_whole)
-            is_whole = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
+            yield _Chunk(record=record, begins=number == 0, goes_on=is_complete)
+            is_complete = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
         check_gaps(gaps, samples)
 
 

@@ -10,6 +10,7 @@ import io
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ class Sheet:
     """Indices of the requested columns."""
     clock: int | None
     """Index of the clock column, or None."""
+    has_timestamps: bool = False
+    """Whether the clock column holds ISO 8601 text."""
 
     @property
     def clock_name(self) -> str | None:
@@ -47,7 +50,7 @@ Cells = tuple[Shaped[np.ndarray, "n k"], Shaped[np.ndarray, " n"] | None, Int[np
 def cells_of(sheet: Sheet, block: bytes, line: int, parse: Parser) -> Cells:
     """Return the requested cells of a block whose first line has the number ``line``."""
     rows = _rows_of_one_length(sheet, block)
-    if rows and sheet.places:
+    if rows and sheet.places and not sheet.has_timestamps:
         try:
             values, ticks = _taken(sheet, lambda places, kind: parse(sheet, block, places, kind))
         except ValueError:  # base class of pyarrow's errors
@@ -70,6 +73,8 @@ def _taken(
     """Return the requested columns and the clock; nanoseconds as integers, because a float rounds them."""
     if sheet.clock is None:
         return numbers(sheet.places, float), None
+    if sheet.has_timestamps:
+        return numbers(sheet.places, float), numbers([sheet.clock], datetime)[:, 0]
     if sheet.clock_name in NANOSECONDS:
         return numbers(sheet.places, float), numbers([sheet.clock], int)[:, 0]
     both = numbers([*sheet.places, sheet.clock], float)
@@ -119,16 +124,25 @@ def fastest() -> Parser:
 
 
 def _one_by_one(sheet: Sheet, numbered: list[tuple[int, list[str]]], places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
-    values: Shaped[np.ndarray, "n k"] = np.empty((len(numbered), len(places)), dtype=kind)
+    values: Shaped[np.ndarray, "n k"] = np.empty((len(numbered), len(places)), dtype=float if kind is float else int)
+    convert = nanoseconds_of if kind is datetime else kind
     for i, (line, row) in enumerate(numbered):
         for j, place in enumerate(places):
             text = row[place].strip()
             try:
-                values[i, j] = kind(text) if text or kind is int else math.nan
+                values[i, j] = convert(text) if text or kind is not float else math.nan
             except (ValueError, OverflowError):
-                what = "a whole number" if kind is int else "a number (decimals have a point)" if "," in text else "a number"
+                number = "a number (decimals have a point)" if "," in text else "a number"
+                what = {int: "a whole number", datetime: "an ISO 8601 time"}.get(kind, number)
                 raise LogFormatError(f"{sheet.file}:{line}: column '{sheet.header[place]}' holds '{text}', not {what}") from None
     return values
+
+
+def nanoseconds_of(text: str) -> int:
+    """Return an ISO 8601 time as nanoseconds since 1970, to the microsecond; a time without an offset is taken as UTC."""
+    time = datetime.fromisoformat(text)
+    since = (time if time.tzinfo else time.replace(tzinfo=UTC)) - datetime.fromtimestamp(0, UTC)
+    return since // timedelta(microseconds=1) * 1000
 
 
 def decoded(file: Path, block: bytes, line: int) -> str:

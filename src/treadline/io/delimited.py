@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import IO
 
 from treadline.errors import LogFormatError
-from treadline.io.cells import Parser, Sheet, by_numpy, cells_of, decoded, fastest, parted
-from treadline.io.tables import Table, check_count, clock_of, missing, seconds_of
+from treadline.io.cells import Parser, Sheet, by_numpy, cells_of, decoded, fastest, nanoseconds_of, parted
+from treadline.io.tables import SECONDS, TIMESTAMPS, Table, check_count, clock_of, missing, seconds_of
 
 BLOCK_BYTES = 8 * 1024 * 1024
 """Size of a block [bytes]."""
@@ -102,14 +102,42 @@ def _opened(file: Path, block: bytes, wanted: tuple[str, ...]) -> tuple[Sheet, b
             )
         if name not in header:
             raise missing(file, name, header)
-    clock = clock_of(header, wanted)
+    clock, has_timestamps = _clock(header, wanted, _first_row(file, body, number + 1, delimiter))
     return Sheet(
         file=file,
         delimiter=delimiter,
         header=header,
         places=[header.index(name) for name in wanted],
         clock=None if clock is None else header.index(clock),
+        has_timestamps=has_timestamps,
     ), body
+
+
+def _first_row(file: Path, body: bytes, number: int, delimiter: str) -> list[str]:
+    """Return the cells of the first row of data; empty for a file without data."""
+    line = body.lstrip(b"\r\n").partition(b"\n")[0]
+    return next(iter(parted(file, decoded(file, line, number), delimiter)), [])
+
+
+def _clock(header: list[str], wanted: tuple[str, ...], row: list[str]) -> tuple[str | None, bool]:
+    """Return the clock column, and whether it holds ISO 8601 text, judged by the first row."""
+    cells = dict(zip(header, row, strict=False))
+    name = clock_of(header, wanted)
+    if name is not None:
+        return name, name in SECONDS and _is_timestamp(cells.get(name, ""))
+    stamps = (name for name in TIMESTAMPS if name in cells and name not in wanted and _is_timestamp(cells[name]))
+    stamp = next(stamps, None)
+    return stamp, stamp is not None
+
+
+def _is_timestamp(cell: str) -> bool:
+    if _is_number(cell):
+        return False
+    try:
+        nanoseconds_of(cell.strip())
+    except ValueError:
+        return False
+    return True
 
 
 def _check_header(file: Path, number: int, line: str, header: list[str]) -> None:

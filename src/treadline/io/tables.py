@@ -18,6 +18,8 @@ SECONDS = ("t_s", "t", "time")
 """Names of clock columns in seconds."""
 NANOSECONDS = ("t_ns", "timestamp_ns")
 """Names of clock columns in nanoseconds."""
+TIMESTAMPS = ("timestamp", "datetime")
+"""Names of clock columns in ISO 8601 text, in addition to the names in seconds."""
 UNWRAPPED = "_unwrapped_rad"
 """Name suffix of unwrapped angles, which may exceed π."""
 MOST_GAPS = 0.2
@@ -78,7 +80,7 @@ def seconds_of(ticks: Shaped[np.ndarray, " n"], origin: int) -> Float64[np.ndarr
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
     """Return the error for a column missing in the file."""
-    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)})")
+    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)}); name columns with --inputs and --outputs")
 
 
 def no_clock(table: Table) -> PeriodMismatch:
@@ -91,7 +93,7 @@ def no_clock(table: Table) -> PeriodMismatch:
     there = f" (there are: {listed(table.header)})" if table.header else ""
     return PeriodMismatch(
         f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
-        f"nanoseconds {' or '.join(NANOSECONDS)}"
+        f"nanoseconds {' or '.join(NANOSECONDS)}, in ISO 8601 text {' or '.join(TIMESTAMPS)}"
     )
 
 
