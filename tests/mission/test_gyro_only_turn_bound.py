@@ -8,8 +8,8 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.quasi_static import steady_motion
 from treadline.mechanics.stance import floor_stance, stair_stance
-from treadline.mission.guard.blind import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, BlindTurnWatch
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, GyroOnlyTurn
 from treadline.scenario import Chair
 from treadline.signals import MotionPlan
 
@@ -45,7 +45,7 @@ def test_the_turn_on_the_level_is_the_quasi_static_one_of_the_wheelchair() -> No
 @pytest.mark.parametrize(("apart_m_s", "held_s"), [(0.01, 3.4), (0.02, 2.0), (0.5, 2.0)])
 def test_belts_far_apart_count_no_faster_than_a_gyro_may_drift(sign: float, apart_m_s: float, held_s: float) -> None:
     """Test: belts that differ by 0.01, 0.02 and 0.5 m/s on the flight. Expected: a cause after 3° at 0.88, 1.5 and 1.5 °/s."""
-    watch = BlindTurnWatch(GuardConfig())
+    watch = GyroOnlyTurn(GuardConfig())
     t_s = 0.0
     while watch.cause is None:
         t_s += 1 / 64
