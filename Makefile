@@ -92,14 +92,16 @@ format: $(VENV)/.dev
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m treadline.report.drawings docs/drawings
-	$(BIN)/python docs/build/commands.py docs/reference/commands.md
-	$(BIN)/mkdocs build --strict --quiet
+	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
+	$(BIN)/python docs/tools/decisions_index.py docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "documentation: site/index.html"
 
 docs-serve: $(VENV)/.docs
-	$(BIN)/mkdocs serve
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
 
 schema: $(VENV)/.base
-	$(BIN)/treadline check --schema > docs/reference/scenario.schema.json
+	$(BIN)/python docs/tools/scenario_schema.py docs/reference/scenario.schema.json
 
 dist: $(VENV)/.created
 	$(PIP) build

@@ -67,3 +67,40 @@ def test_a_first_climb_reports_compiling_and_excludes_it_from_the_real_time_fact
     cold, warm = (json.loads(done.stdout)["real_time_factor"] for done in (first, second))
     # Compiling takes tens of seconds, half a second of driving a tenth; loading what was compiled is in neither's way.
     assert cold > 0.3 * warm
+
+
+COUNTED = """
+import sys
+from treadline.compiling import compiling
+compiling()
+from treadline.cli import main
+code = main(sys.argv[1:])
+print(f"compiled {compiling().spent_s:.3f}", file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_once(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("PYTHONPATH", str(Path(module.__file__).parents[1]))  # commands run in another folder
+    (tmp_path / "short.toml").write_text(SCENARIO)
+    (tmp_path / "images.toml").write_text(SCENARIO.replace('vision = "truth"', "").replace('"statistical"', '"kinect1"'))
+    compile_ = [sys.executable, "-m", "treadline", "compile", "--json"]
+    both = [subprocess.Popen(compile_, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    answers = [json.loads(process.communicate()[0]) for process in both]
+    assert sorted(answer["compiled"] for answer in answers) == [False, True]
+
+    for command in (
+        "frames --out frames --count 3 --scene down --seed 7",
+        "see frames",
+        "climb short.toml --out climb",
+        "climb images.toml --out images",
+        "excite short.toml --samples 60 --out excite",
+        "identify excite --method best --out model.json",
+        "identify excite --method era-dc --out era.json",
+        "identify excite --method pbsid --validate 0.5 --out pbsid.json",
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", COUNTED, *command.split()], capture_output=True, text=True, check=False, cwd=tmp_path
+        )
+        assert "compiled 0.000" in done.stderr, (command, done.stdout, done.stderr)

@@ -101,7 +101,7 @@ class Transport(Protocol):
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal to all subscribers of the channel."""
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
         """Register ``take`` for a channel; the delivering thread calls ``take`` for one signal after the other."""
 
     def deliver(self, timeout_s: float) -> int:

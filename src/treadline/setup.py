@@ -31,6 +31,9 @@ from treadline.scenario import Scenario, read_scenario
 SEAT_SHIFT_M = 0.10
 """Largest shift of the seat along the chair [m] that is applied before a traversal to reach the margin that ``check`` requires."""
 
+SHIPPED = "shipped"
+"""Source that names the shipped controller, detector or estimator."""
+
 Opener = Callable[[Scenario, int], TruthPlant]
 """Factory of a plant from a scenario and a seed."""
 PlantName = Literal["mujoco", "gazebo"]
@@ -232,12 +235,15 @@ def _shipped(vehicle: str, *, is_needed: bool) -> ControllerDesign | None:
 def resolved_controller(source: Any) -> ControllerDesign | ControllerPlugin | None:
     """Return the design or plug-in behind a source.
 
-    Text with a colon is a plug-in, an existing or ``.json`` file a design, anything else the name of an entry point.
+    Text with a colon is a plug-in, an existing or ``.json`` file a design, ``shipped`` the shipped controller (None), anything else
+    the name of an entry point.
 
     Raises:
         SettingsError: If there is none, or it is not a controller.
     """
-    if source is None or isinstance(source, ControllerDesign):
+    if source is None or source == SHIPPED:
+        return None
+    if isinstance(source, ControllerDesign):
         return source
     if isinstance(source, str | Path):
         text = str(source)
@@ -258,7 +264,7 @@ def resolved_plugin(kind: str, source: Any) -> Any:
     Raises:
         SettingsError: If it cannot be loaded, or lacks an attribute of its kind.
     """
-    if source is None:
+    if source is None or source == SHIPPED:
         return None
     if isinstance(source, str):
         return load_plugin(kind, source)

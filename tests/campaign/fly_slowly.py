@@ -10,5 +10,5 @@ if __name__ == "__main__":
 
     from treadline.cli import main, sweep
 
-    sweep.fly = flown.slow
+    sweep.RunScenario = lambda **_: flown.slow
     sys.exit(main())

@@ -36,7 +36,7 @@ def spec(tmp_path: Path) -> Path:
 
 
 def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "fly", flown.quick)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.quick)
     done = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--json")
     assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
     assert {"verdicts", "scores", "worst", "traversals_per_cpu_hour", "report"} <= done.values.keys()
@@ -52,7 +52,7 @@ def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Pa
 
 
 def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "fly", flown.unlucky)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.unlucky)
     monkeypatch.setenv("DIES_ONCE", os.devnull)
     spec.write_text(SPEC.replace("[0, 80]", "[85, 90]"))
     done = run("sweep", spec, "--runs", 2, "--workers", 1, "--out", tmp_path / "out", "--json")

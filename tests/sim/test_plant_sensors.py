@@ -96,5 +96,5 @@ def test_a_simulator_that_left_physics_gives_no_result(
 
 def test_a_plant_is_not_opened_by_a_scenarios_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-    with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario makes one"):
+    with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario returns one"):
         open_plant("paper-28")

@@ -61,10 +61,10 @@ class Run(Printable):
         """Return the title and the most important scores."""
         scores = self.scores
         settled = "not settled" if scores.settle_s is None else f"{scores.settle_s:.1f} s to ±2°"
-        title = f"{self.verdict}" + (f": {self.cause}" if self.cause else "") + f" after {scores.duration_s:.1f} s"
+        title = f"{self.verdict}" + (f": {self.cause}" if self.cause else "")
         if scores.duration_s == 0.0:
             return title, []
-        return title, [
+        return f"{title} after {scores.duration_s:.1f} s", [
             ("heading", f"{scores.rms_heading_deg:.2f}° RMS, {settled}"),
             ("roll-back", f"{scores.roll_back_m:.3f} m"),
             ("lateral", f"{scores.lateral_m:.3f} m"),

@@ -14,7 +14,14 @@ from treadline.report.run_scores import WORDS, score_name
 
 TEMPLATES = (Path(__file__).parent / "templates", Path(__file__).parents[1] / "report" / "templates")
 """Template folders of the campaign and of the report base page."""
-COLOURS = {"arrived": "#009e73", "held": "#e69f00", "refused": "#56b4e9", "time_up": "#999999", "fell": "#e4002b"}
+COLOURS = {
+    "arrived": "#009e73",
+    "held": "#e69f00",
+    "refused": "#56b4e9",
+    "end_of_flight": "#0072b2",
+    "time_up": "#999999",
+    "fell": "#e4002b",
+}
 OTHER = "#8a4fa0"
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 48.0

@@ -27,7 +27,7 @@ def climb(
     Set drive.check = false in the scenario to run it all the same.
 
     A controller, detector or estimator of your own is module:Class, path/to/file.py:Class, or the name of an entry point
-    (groups treadline.controllers, treadline.detectors, treadline.estimators).
+    (groups treadline.controllers, treadline.detectors, treadline.estimators); shipped names the shipped block.
 
     Args:
         scenario: Scenario file, or the name of a shipped scenario.

@@ -57,7 +57,7 @@ JOBS = (
     ("replay", "replay {}/run --out {}/again"),
     ("camera mount", "mount {}/run --out {}/mounted.toml"),
     ("seat", "seat {}/flight.toml --out {}/seat"),
-    ("excitation", "excite {}/flight.toml --samples 200 --out {}/excite"),
+    ("excitation", "excite {}/flight.toml --samples 120 --out {}/excite"),
     ("identification", "identify {}/excite --method best --out {}/model.json"),
     ("identification, QR", "identify {}/excite --method okid-era --solver qr --out {}/model-qr.json"),
 )

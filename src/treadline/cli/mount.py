@@ -45,7 +45,7 @@ def mount(
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):
             pass
-    lesson = study.lesson()
+    lesson = study.calibration()
     values = lesson.summary()
     if lesson.reason is not None:
         return Answer(values=values | {"path": None}, summary=[f"no mount: {lesson.reason}"], code=1)

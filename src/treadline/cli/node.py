@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim
+from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig
@@ -67,7 +67,7 @@ def node(
     from treadline.errors import SettingsError
     from treadline.nodes.assembly import node_of
     from treadline.nodes.plant import PlantNode
-    from treadline.nodes.process import Turning, run_plant
+    from treadline.nodes.process import NodeRunner, run_plant
     from treadline.nodes.recorder import RecorderNode
     from treadline.setup import resolve
 
@@ -76,6 +76,7 @@ def node(
     check_times(pace=pace, duration=duration, patience=patience)
     if out is not None:
         claim(out, force=force, kind="either")
+        make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
     config = setup.mission
     stop = stopping()
@@ -90,7 +91,7 @@ def node(
                 made.close()
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         try:
-            Turning(made, wire, clock=clock, patience_s=patience).run(stop)
+            NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
         finally:
             if isinstance(made, RecorderNode):
                 made.close()

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from treadline.cli.answer import Answer
 from treadline.cli.node import STARTED_BY, PlantName, TransportName, stopping, wired
 from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim
+from treadline.cli.out import Force, claim, make_way
 from treadline.errors import SettingsError
 
 GONE_S = 4.0
@@ -62,6 +62,7 @@ def nodes(
         raise SettingsError(f"--without {without} needs --transport ros1 or zenoh: in one process nobody else can be the {without}")
     if out is not None:
         claim(out, force=force, kind="either")
+        make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
     settings, config = setup.scenario, setup.mission
     seconds = duration or settings.drive.duration_s

@@ -11,6 +11,12 @@ Force = Annotated[bool, Parameter(help="Overwrite an existing result; without it
 """The option ``--force`` of a verb."""
 
 
+def make_way(out: Path, *, force: bool) -> None:
+    """Remove a file that ``--force`` replaces, for bag formats whose writers only create new files."""
+    if force and out.is_file():
+        out.unlink()
+
+
 def claim(out: Path, *, force: bool, kind: Literal["file", "folder", "either"] = "folder", resume: bool = False) -> None:
     """Check that a result may be written to a path; nothing is written or removed.
 

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from treadline.cli.answer import Answer
 from treadline.cli.node import RECORDER_SPARE, WireName, stopping, wired
 from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim
+from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -45,9 +45,10 @@ def record(
     check_times(duration=duration)
     claim(out, force=force, kind="either")
     if log is not None:
-        return _copied(log, out)
+        return _copied(log, out, force=force)
     from treadline.setup import resolve
 
+    make_way(out, force=force)
     config = resolve(scenario).mission
     wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
     wire.spare = RECORDER_SPARE
@@ -64,17 +65,17 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     from threading import Timer
 
     from treadline import paper
-    from treadline.nodes.process import Turning
+    from treadline.nodes.process import NodeRunner
     from treadline.nodes.recorder import RecorderNode
 
     node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
     stop = stopping()
     timer = Timer(duration_s, stop.set) if duration_s is not None else None
     try:
-        turning = Turning(node, wire, patience_s=float("inf"))
+        runner = NodeRunner(node, wire, patience_s=float("inf"))
         if timer is not None:
             timer.start()
-        turning.run(stop)
+        runner.run(stop)
     finally:
         if timer is not None:
             timer.cancel()
@@ -82,13 +83,17 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     return node.count, node.left_out
 
 
-def _copied(log: Path, out: Path) -> Answer:
+def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     """Copy a log, signal by signal in the order of time."""
+    from treadline.errors import SettingsError
     from treadline.io.sensor_log import SensorLog
     from treadline.nodes.bags import open_bag
 
     source = log / "log.mcap" if (log / "log.mcap").is_file() else log
     recording = SensorLog(source)
+    if out.resolve() == source.resolve():
+        raise SettingsError(f"--out {out}: is the log itself; give another")
+    make_way(out, force=force)
     bag = open_bag(out)
     aside: list[Any] = []
     count = 0

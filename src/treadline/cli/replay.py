@@ -31,7 +31,8 @@ def replay(
 
     The log is a run folder (treadline climb --log-images keeps the frames), an MCAP file or a ROS bag. Depth (sensor_msgs/Image,
     16UC1 or 32FC1), colour, CameraInfo and Imu topics are found by their types. The belt commands are compared with the recorded
-    ones. In a log without images the recorded headings and stair maps are used.
+    ones. In a log without images the recorded headings and stair maps are used. Plug-ins of the recorded run must be named again,
+    because their code is run; shipped names the shipped block instead.
 
     treadline replay runs/climb --set filter.gate=16 --set vision=paper --out runs/again
 

@@ -66,6 +66,7 @@ def sweep(
     from treadline.errors import SettingsError
     from treadline.io.runs import remove
     from treadline.processes import default_workers
+    from treadline.setup import resolved_controller, resolved_plugin
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
@@ -73,8 +74,10 @@ def sweep(
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
     claim(out, force=force, resume=resume)
+    resolved_controller(controller)  # loaded once here, so that a mistake is found before a process starts
+    resolved_plugin("detector", detector)
+    resolved_plugin("estimator", estimator)
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)
-    run.check()
     plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     compile_once()
@@ -123,18 +126,6 @@ class RunScenario:
     controller: str | None = None
     detector: str | None = None
     estimator: str | None = None
-
-    def check(self) -> None:
-        """Load controller and plug-ins once, before a process starts.
-
-        Raises:
-            SettingsError: If one cannot be loaded.
-        """
-        from treadline.setup import resolved_controller, resolved_plugin
-
-        resolved_controller(self.controller)
-        resolved_plugin("detector", self.detector)
-        resolved_plugin("estimator", self.estimator)
 
     def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
         """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""

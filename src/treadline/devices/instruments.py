@@ -32,6 +32,7 @@ TIP_GAP_M = 0.010
 """Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
 so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
 SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
+"""Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
 """Standard deviation of the seat pitch reading [rad]."""
 FLIPPER_TORQUE_NOISE_N_M = 2.0
@@ -155,7 +156,7 @@ class Instruments:
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
     def _payload_at(self, t_s: float) -> Float[np.ndarray, " 3"]:
-        """Return the payload's centre in the seat's frame, sway included [m]; comfort is judged by the seat without sway."""
+        """Return the payload's centre in the seat frame with the sway [m]; comfort is judged without the sway."""
         chair = self._scenario.chair
         if not chair.sways:
             return self._seated
@@ -224,7 +225,7 @@ class Instruments:
 
 
 def _numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
-    """Return a loaded chair's constants as ``kernels.truth`` takes them."""
+    """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
     tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
     numbers = np.empty(kernels.CHAIR)
     numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m

@@ -98,7 +98,7 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
 @njit(cache=True)
 @no_type_check
 def imu_sample(draw, R_WB, rate, acceleration, moving, figures, scale, bias_left, force_bias, memory, sample):
-    """Fill ``sample`` with orientation (w, x, y, z), angular velocity and specific force; ``memory`` advances by one tick.
+    """Fill ``sample`` with an IMU's orientation (w, x, y, z), angular velocity and specific force; ``memory`` advances by a tick.
 
     Args:
         draw: Normal random numbers: gyro bias, gyro, vibration, accelerometer, and quadrature of the vibration.
@@ -239,8 +239,8 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
     return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
 
 
-# Constants of a chair for its truth: half of the belts' flat run, length of the front section and its pulleys' radius, half gauge,
-# the seat's hinge with the seat's shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
+# Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
+# seat hinge with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
 HALF_RUN, APPROACH, RADIUS, HALF_GAUGE, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, FLIPPER_KG = 0, 1, 2, 3, 4, 7, 8, 9, 12
 CHAIR = 13
 
@@ -250,17 +250,18 @@ CHAIR = 13
 def truth(
     R_SW, p_WS, R_WB, p_WB, rate, seat_angle, flipper_angle, reach, place, reaches, nosings_W, surfaces, chair, seated, loaded, near
 ):
-    """Return what follows from a simulated chair's pose, for scoring.
+    """Return the ground truth derived from a simulated chair's pose.
 
     Heading, yaw, heading rate, pitch, roll, x and y on the stair, seat pitch, tip-over margin, x, y and z of the passenger in W.
 
     Args:
         rate: Angular velocity in B.
-        flipper_angle: Of the front section, fixed or not.
-        reach: Of the belts' contacts of this tick; goes to row ``place`` of ``reaches``, or to all of them if that is negative.
-        chair: constants as named above.
-        seated: Centre of the payload from the hinge in the seat's frame, without sway; ``loaded``: with it.
-        near: Distance between a nosing and the belts, and gap below a front tip, at which they still count as support.
+        flipper_angle: Angle of the approach section, fixed or driven.
+        reach: Reach of the belt contacts of this tick; stored in row ``place`` of ``reaches``, or in all rows if ``place`` is
+            negative.
+        chair: parameters as named above.
+        seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
+        near: Largest distances for support: between a nosing and the belts, and below a front tip.
     """
     heading, heading_rate, x, y = on_stair(R_SW, p_WS, R_WB, p_WB, rate)
     forward_z, left_z, up_z = R_WB[2, 0], R_WB[2, 1], R_WB[2, 2]
@@ -326,7 +327,7 @@ def _on_seat(chair, centre, c, s, place):
 @njit(cache=True)
 @no_type_check
 def _arcsine(value):
-    """Return the angle whose sine is a component of a unit vector, rounding left out."""
+    """Return the arcsine of a component of a unit vector, clamped against rounding."""
     return math.asin(max(-1.0, min(1.0, value)))
 
 

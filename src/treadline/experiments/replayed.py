@@ -24,13 +24,14 @@ from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.io.sensor_log import SensorLog
+from treadline.mission.blocks import Detector
 from treadline.mission.config import detector_of
-from treadline.mission.loop import Detector, Mission, Signal
+from treadline.mission.loop import Mission, Signal
 from treadline.mission.plugins import Plugins
 from treadline.mission.replay import ReplayPlant
 from treadline.models import ControllerDesign
 from treadline.perception import StairDetector
-from treadline.setup import resolved_controller, resolved_plugin
+from treadline.setup import SHIPPED, resolved_controller, resolved_plugin
 from treadline.signals import TICK_S, Event, RgbdFrame
 
 _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
@@ -82,6 +83,12 @@ def replayed_run(
         raise SettingsError(f"--out {out}: is the log's own folder; a replay would write over what it reads: give another")
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out}: is a file; give a folder")
+    for kind, given in (("controller", controller), ("detector", detector), ("estimator", estimator)):
+        if kind in source.plugins and given is None:
+            raise SettingsError(
+                f"{log}: the run used the {kind} plug-in '{source.plugins[kind]}', which a replay does not load by itself; give "
+                f"--{kind} {source.plugins[kind]}, or --{kind} {SHIPPED} for the shipped one"
+            )
     own = resolved_controller(controller)
     plugins = Plugins(
         controller=None if isinstance(own, ControllerDesign) else own,
@@ -91,7 +98,7 @@ def replayed_run(
     settings = resolved(
         replace(source.base, plugins=plugins),
         (*source.changed, *changes),
-        controller if plugins.controller is None and controller is not None else source.controller,
+        source.controller if controller is None else None if own is None else controller,
     )
     recording = SensorLog(
         source.log,

@@ -22,7 +22,7 @@ from treadline.faults import Fault, Message, Process, is_killed, stamp_of
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import as_designed
 from treadline.mission.drivers import Driver
-from treadline.mission.loop import Blocks, Mission, Noted, Signal, Tick
+from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
@@ -209,7 +209,7 @@ def traverse(
     return run_episode(setup, sink=sink, watch=watch, after_hold_s=after_hold_s)
 
 
-def _stamper(faults: Sequence[Fault]) -> Callable[[Noted], Noted]:
+def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
     """Return the function that stamps messages to the guard: the identity, or the one of an injected fault."""
     if not any(fault.kind == "wrong_stamp" for fault in faults):
         return lambda message: message

@@ -1,4 +1,4 @@
-"""Uncertainty budget: largest change of each figure by source of uncertainty, next to its margin to the target."""
+"""Uncertainty budget: the largest change of each figure by source of uncertainty, next to its margin to the target."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -12,10 +12,11 @@ from treadline.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.blocks import Detector
 from treadline.mission.descent import Descent, DescentConfig
 from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
-from treadline.mission.loop import Blocks, Detector, Estimator
+from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.planner import Cruise, Planner
 from treadline.mission.plugins import Plugins
 from treadline.models import ControllerDesign, Reconstruct

@@ -17,8 +17,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from treadline.errors import SettingsError
+from treadline.mission.blocks import Detector
 from treadline.mission.drivers import Driver
-from treadline.mission.loop import Detector, Estimator
+from treadline.mission.loop import Estimator
 
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig

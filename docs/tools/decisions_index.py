@@ -1,0 +1,34 @@
+"""Write the index of decisions and evidence from the pages' titles: ``python docs/tools/decisions_index.py docs``."""
+
+import sys
+from pathlib import Path
+
+HEAD = """# Decisions and evidence
+
+A decision record states context, decision and consequences in at most 40 lines. Measurements are in dated evidence pages, with
+the command that makes them. A later record supersedes an earlier one.
+
+## Decisions
+
+| number | decision |
+| --- | --- |
+"""
+
+
+def index(docs: Path) -> str:
+    """Return the page: one row per record, one line per page of evidence."""
+    records = ""
+    for path in sorted((docs / "decisions").glob("[0-9]*.md")):
+        number, _, title = _title(path).partition(": ")
+        records += f"| {number} | [{title}]({path.name}) |\n"
+    evidence = "".join(f"* [{_title(path)}](../evidence/{path.name})\n" for path in sorted((docs / "evidence").glob("*.md")))
+    return f"{HEAD}{records}\n## Evidence\n\n{evidence}"
+
+
+def _title(page: Path) -> str:
+    return page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    (folder / "decisions" / "index.md").write_text(index(folder), encoding="utf-8")

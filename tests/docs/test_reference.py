@@ -1,0 +1,44 @@
+"""The reference: the committed schema is the settings classes', and the command page lists every command."""
+
+import importlib.util
+import json
+import tomllib
+from pathlib import Path
+from types import ModuleType
+
+from treadline.cli import VERBS
+from treadline.scenario import shipped_scenarios
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def _tool(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, DOCS / "tools" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_committed_schema_is_the_one_of_the_settings_classes() -> None:
+    committed = json.loads((DOCS / "reference" / "scenario.schema.json").read_text(encoding="utf-8"))
+    assert committed == json.loads(json.dumps(_tool("scenario_schema").schema())), "write it again: make schema"
+
+
+def test_the_schema_knows_every_key_of_the_shipped_scenarios() -> None:
+    schema = json.loads((DOCS / "reference" / "scenario.schema.json").read_text(encoding="utf-8"))
+    for path in shipped_scenarios().values():
+        for name, table in tomllib.loads(Path(path).read_text(encoding="utf-8")).items():
+            if name == "draw":  # a sweep's distributions are no part of a scenario
+                continue
+            defined = schema["$defs"][schema["properties"][name].get("$ref", schema["properties"][name]).rpartition("/")[2]]
+            assert set(table) <= set(defined["properties"]), (path, name)
+
+
+def test_the_command_page_shows_the_help_of_every_command() -> None:
+    page = _tool("commands").reference()
+    for heading, verbs in VERBS.items():
+        assert f"\n## {heading}\n" in page
+        for verb in verbs:
+            assert f"Usage: treadline {verb.__name__.rstrip('_')}" in page
