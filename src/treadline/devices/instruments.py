@@ -91,7 +91,7 @@ class Instruments:
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
         self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
-        self._numbers = _numbers(chair, scenario.chair)
+        self._numbers = chair_numbers(chair, scenario.chair)
         self._fixed_rad = chair.tracks.approach_angle_deg * DEG
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
@@ -219,7 +219,7 @@ class Instruments:
         )
 
 
-def _numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
+def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
     """Return a loaded chair's constants as ``kernels.truth`` takes them."""
     tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
     numbers = np.empty(kernels.CHAIR)
