@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
 
-.PHONY: help setup reproduce quick test test-ros1 test-gazebo check coverage format docs clean
+.PHONY: help setup reproduce quick publish test test-ros1 test-gazebo check coverage format docs clean
 
 help:
 	@echo "make reproduce   run the whole paper and write $(OUT)/report.html"
 	@echo "make quick       the same, shortened (figures are marked as such)"
+	@echo "make publish     write the headline figures of $(OUT) to README.md and docs/evidence/results.json"
 	@echo "make test        run the tests"
 	@echo "make test-gazebo run the tests in Gazebo 11, which they build first (root, once)"
 	@echo "make test-ros1   install ROS 1 from Debian (root) and run the graph on a real roscore"
@@ -30,6 +31,9 @@ reproduce: setup
 
 quick: setup
 	$(BIN)/treadline reproduce --quick --out $(OUT)
+
+publish: setup
+	$(BIN)/python benchmarks/publish.py $(OUT)
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile

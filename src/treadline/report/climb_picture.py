@@ -41,9 +41,9 @@ def write_climb_picture(run: Path, path: Path) -> Path:
         SettingsError: If the run kept no log, or its log has no ground truth.
     """
     manifest, result = read_part(run / "manifest.json", Manifest), read_part(run / "result.json", RunResult)
-    chair = read_chair(manifest.settings["chair"]["model"])
     if not (run / LOG).is_file():
         raise SettingsError(f"{run}: no {LOG}; make the run again with treadline climb, which keeps a log")
+    chair = read_chair(manifest.settings["chair"]["model"])
     samples = list(read_log(run / LOG))
     truth = [sample for sample in samples if isinstance(sample, Truth)]
     flipper = [sample for sample in samples if isinstance(sample, FlipperReading)]
