@@ -147,9 +147,20 @@ def test_every_command_on_the_map_is_one_of_ours() -> None:
         assert word in (targets if program == "make" else verbs), command
         assert program in ("make", "treadline")
         if program == "treadline":
-            known = signature(getattr(import_module(f"treadline.cli.{word}"), word)).parameters
-            options = [option.replace("-", "_") for option in re.findall(r"--([\w-]+)", command)]
-            assert [option for option in options if option not in known] == [], command
+            options = re.findall(r"--[\w-]+", command)
+            assert [option for option in options if option not in _options(word)] == [], command
+
+
+def _options(verb: str) -> set[str]:
+    """Return the options of a command: those of its parameters, and names given in their annotations."""
+    parameters = signature(getattr(import_module(f"treadline.cli.{verb}"), verb), eval_str=True).parameters
+    named = {
+        name
+        for parameter in parameters.values()
+        for note in getattr(parameter.annotation, "__metadata__", ())
+        for name in getattr(note, "name", None) or ()
+    }
+    return named | {f"--{name.replace('_', '-')}" for name in parameters}
 
 
 def test_every_paper_line_of_the_source_is_on_the_map() -> None:
