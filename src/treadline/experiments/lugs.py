@@ -5,7 +5,7 @@ change with lugs of 15 mm every 80 mm. The seed draws the phase of the lugs; ``b
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
@@ -13,7 +13,7 @@ from treadline.models import ControllerDesign
 from treadline.scenario import Belts, Scenario, read_scenario
 from treadline.sim.physics import NOMINAL
 
-LUG = "15/80"
+LUG: Literal["15/80"] = "15/80"
 NOMINAL_RUBBER_S = NOMINAL.contact_time_constant_s
 RUBBER_S = (0.5 * NOMINAL_RUBBER_S, NOMINAL_RUBBER_S, 2.0 * NOMINAL_RUBBER_S)
 """Contact time constants of the belts' rubber [s]: the nominal one between the ends of its bracket (``[belts] stiffness_s``)."""

@@ -4,13 +4,13 @@
 truth, seat and flipper in its log. The stair is the designed one; the chair is drawn in side view, without its heading.
 """
 
+import io
 import math
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from treadline.angles import DEG
@@ -79,7 +79,6 @@ def chair_origin(chair: ChairDescription, truth: Truth) -> Point:
 def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tuple[float, float, int], caption: str) -> Image.Image:
     rise_m, run_m, steps = stair
     figure, (pen,) = sheet(WIDTH_IN, HEIGHT_IN)
-    figure.set_dpi(DPI)
     length_m = (steps - 1) * run_m
     height_m = (length_m + BEFORE_M + BEYOND_M) * HEIGHT_IN / WIDTH_IN
     pen.frame((-BEFORE_M, length_m + BEYOND_M), (-0.5, height_m - 0.5))
@@ -91,9 +90,9 @@ def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tup
     moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
     draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, truth.pitch_rad - truth.seat_pitch_rad, truth.pitch_rad)
     pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return Image.open(buffer).convert("RGB")
 
 
 if __name__ == "__main__":
