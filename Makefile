@@ -49,10 +49,10 @@ setup: $(VENV)/.base
 	@$(BIN)/treadline compile
 
 reproduce: setup
-	$(BIN)/treadline reproduce --out $(OUT)
+	$(BIN)/treadline reproduce --out $(OUT) --force
 
 quick: setup
-	$(BIN)/treadline reproduce --quick --out $(OUT)
+	$(BIN)/treadline reproduce --quick --out $(OUT) --force
 
 test: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile

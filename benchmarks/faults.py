@@ -25,8 +25,8 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.campaign.scenario_file import scenario_toml
-from treadline.experiments.pool import run_jobs
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
+from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
 from treadline.mission.guard.phases import TIPPING

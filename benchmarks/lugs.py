@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from treadline.angles import DEG
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.mechanics.chair import read_chair
 from treadline.ports import Truth

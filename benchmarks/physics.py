@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from treadline.angles import DEG
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.mechanics.chair import read_chair
 from treadline.scenario import Chair, Control, Scenario, Stair, Start, read_scenario

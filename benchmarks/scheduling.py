@@ -9,8 +9,8 @@ import argparse
 from statistics import mean
 
 from treadline.control.tune import tune
+from treadline.controller_files import shipped_controller
 from treadline.experiments.excite import PERIOD_S, excite, long_enough
-from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.identification import identify
 from treadline.models import ControllerDesign

@@ -21,7 +21,6 @@ from jaxtyping import Float
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.devices.outlook import Geometry, Outlook, Wall
 from treadline.devices.statistical import (
     COUNTS,
     DEPTHS_M,
@@ -31,8 +30,9 @@ from treadline.devices.statistical import (
     StatisticalCamera,
     cell_of,
     end_class,
-    told_cell,
+    reported_cell,
 )
+from treadline.devices.visibility import Geometry, Visibility, Wall
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase
 from treadline.perception import StairDetector
@@ -183,7 +183,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
         frame = camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
         began = time.process_time()
         sight = detector.look(frame, R_WC.T @ tilt @ DOWN_W)
-        seen = geometry.outlook(R_WB, p_WB)
+        seen = geometry.visibility(R_WB, p_WB)
         yield about | {
             "s": s_m,
             "scene": scene,
@@ -244,7 +244,7 @@ def _tilt(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
     return rotation_z(way) @ rotation_y(GRAVITY_ERROR_RAD * float(abs(rng.standard_normal()))) @ rotation_z(-way)
 
 
-def _plain(told: Outlook | StairMap) -> Record:
+def _plain(told: Visibility | StairMap) -> Record:
     values = {name: getattr(told, name) for name in told.__dataclass_fields__}
     for name, value in values.items():
         if isinstance(value, np.ndarray):
@@ -265,13 +265,13 @@ def lines_of(seeds: range, keep: Path | None) -> list[Record]:
     return records
 
 
-def look_of(record: Record) -> tuple[Outlook | None, StairMap | None]:
+def look_of(record: Record) -> tuple[Visibility | None, StairMap | None]:
     """Return what was in view and what was told, as they were."""
     seen, told = record["seen"], record["map"]
     if seen is not None:
         arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
         walls = {side: None if seen[side] is None else Wall(**seen[side]) for side in ("left", "right")}
-        seen = Outlook(**seen | arrays | walls)
+        seen = Visibility(**seen | arrays | walls)
     if told is not None:
         told = StairMap(**told | {"t_s": 0.0, "nosings_B": np.array(told["nosings_B"])})
     return seen, told
@@ -322,7 +322,7 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
         kind = KINDS.index(f"{seen.direction} {'open' if record['open'] else 'closed'}")
         place = np.array(record["p"]) + np.array(record["R"])[:, 0]
         second = int(np.searchsorted(ACCEPT_PX, np.sort(seen.margins_px)[-2]))
-        found["accept"].add(record, place, (kind, seen.doubt, second), told is not None)
+        found["accept"].add(record, place, (kind, seen.acceptance_row, second), told is not None)
         if told is None:
             continue
         add = partial(_add, found, record, place)
@@ -366,10 +366,10 @@ def _add(
     found[name].add(record, place, cell, value, number)
 
 
-def _add_nosings(add: Callable[..., None], kind: int, seen: Outlook, told: StairMap) -> None:
+def _add_nosings(add: Callable[..., None], kind: int, seen: Visibility, told: StairMap) -> None:
     apart = told.nosings_B[:, None, ::2] - seen.nosings_B[None, :, ::2]
     gaps = np.linalg.norm(apart, axis=2)
-    rows, columns = told_cell(seen)
+    rows, columns = reported_cell(seen)
     away = -1.0 if seen.nosings_B[0, 0] < 0.0 else 1.0
     last = 0
     for k, number in enumerate(seen.numbers.tolist()):

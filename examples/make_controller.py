@@ -11,9 +11,9 @@ import sys
 from dataclasses import replace
 
 from treadline.control import tune
+from treadline.controller_files import SHIPPED
 from treadline.experiments.excite import PERIOD_S, excite
 from treadline.experiments.plan import CONTROLLER_GROUND, excitation
-from treadline.experiments.shipped import SHIPPED
 from treadline.identification import identify
 
 SEED, SAMPLES = 100, 1000

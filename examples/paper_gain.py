@@ -4,7 +4,7 @@ import numpy as np
 
 from treadline import paper
 from treadline.control import lqr_gain
-from treadline.experiments.literal import asked_at
+from treadline.experiments.as_printed import asked_at
 
 K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)
 print(f"largest gap to Eq. (14): {np.abs(K - paper.K).max():.1e}")

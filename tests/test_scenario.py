@@ -1,4 +1,4 @@
-"""Scenario files: what they mean, and what they must not say."""
+"""Scenario files: meaning of keys, and rejection of invalid ones."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from treadline.chair_files import CHAIRS
 from treadline.errors import SettingsError
-from treadline.scenario import RISE_M, RUN_M, SLOPE_DEG, Scenario, Stair, read_scenario, shipped_scenarios
+from treadline.scenario import Scenario, Stair, read_scenario, shipped_scenarios
 
 
 def read(text: str, tmp_path: Path) -> Scenario:
@@ -33,10 +33,10 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
     assert read("", tmp_path) == Scenario()
 
 
-@given(slope_deg=st.floats(*SLOPE_DEG), run_m=st.floats(*RUN_M))
+@given(slope_deg=st.floats(5.0, 45.0), run_m=st.floats(0.15, 0.60))
 def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float) -> None:
     rise = run_m * math.tan(math.radians(slope_deg))
-    if RISE_M[0] <= rise <= RISE_M[1]:
+    if 0.05 <= rise <= 0.30:
         stair = Stair(slope_deg=slope_deg, run_m=run_m)
         assert stair.rise_m == rise
         # tan and atan2 are each good to a few ulp.
@@ -94,7 +94,9 @@ def test_a_start_on_the_flight_stands_on_one_of_its_steps(tmp_path: Path) -> Non
     read('[stair]\nsteps = 8\n[start]\nplace = "floor"\nstep = 8', tmp_path)  # where the step means nothing
 
 
-def test_a_chairs_file_is_sought_beside_the_scenario_then_where_one_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_chair_file_is_sought_next_to_the_scenario_then_in_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     working, beside = tmp_path / "here", tmp_path / "there"
     for folder in (working, beside):
         folder.mkdir()
@@ -108,20 +110,20 @@ def test_a_chairs_file_is_sought_beside_the_scenario_then_where_one_works(tmp_pa
     assert read(text, beside).chair.model == str(beside / "own.toml")
 
 
-def test_a_chair_that_is_not_shipped_is_told_with_those_that_are_and_the_file(tmp_path: Path) -> None:
+def test_an_unknown_chair_lists_the_shipped_ones(tmp_path: Path) -> None:
     shipped = ", ".join(sorted(path.stem for path in CHAIRS.glob("*.toml")))
     said = refusal('[chair]\nmodel = "throne"', tmp_path)
     assert said == f"chair.model: no shipped chair 'throne' (shipped: {shipped}); or give a path to a .toml"
 
 
 @pytest.mark.parametrize("name", list(shipped_scenarios()))
-def test_a_shipped_scenario_survives_being_written_down(name: str) -> None:
+def test_a_shipped_scenario_is_unchanged_by_serialisation(name: str) -> None:
     scenario = read_scenario(name)
     assert Scenario.model_validate_json(scenario.model_dump_json()) == scenario
     assert Scenario.model_validate(scenario.model_dump()) == scenario
 
 
-def test_a_shipped_scenario_is_found_beside_a_folder_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_shipped_scenario_is_found_next_to_a_folder_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "paper-28").mkdir()
     assert read_scenario("paper-28").start.heading_deg == 30.0

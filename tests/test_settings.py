@@ -1,4 +1,4 @@
-"""Settings files: what is wrong, where, and all that would be allowed, on one line."""
+"""Settings files: error, location and allowed values on one line."""
 
 import re
 from pathlib import Path

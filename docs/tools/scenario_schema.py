@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.keys import meanings
+
 from treadline.scenario import Scenario
 from treadline.settings import Settings
 

@@ -1,3 +1,40 @@
-"""Stair climbing for tracked chairs: simulate, see, identify, steer and level."""
+"""Stair climbing for tracked chairs: simulate, detect, identify, control and level.
+
+``import treadline as tl`` imports nothing heavy: each function below is loaded when it is first used.
+
+* ``tl.identify(u, y, dt)``: linear model of recorded inputs and outputs.
+* ``tl.load_model(path)``: model from a file.
+* ``tl.tune(model)``: LQR gain and observer of a model.
+* ``tl.check(scenario)``: mechanical feasibility of a scenario.
+* ``tl.climb(scenario, controller=None, seed=0)``: one simulated traversal.
+* ``tl.detect_stair(depth_m, camera, gravity=None)``: heading and geometry of the stair in one depth image.
+"""
+
+from importlib import import_module
+from typing import Any
 
 __version__ = "0.2.0"
+__all__ = ["__version__", "check", "climb", "detect_stair", "identify", "load_model", "tune"]
+
+_MODULE_OF = {
+    "check": "treadline.api.feasibility",
+    "climb": "treadline.api.simulation",
+    "detect_stair": "treadline.api.vision",
+    "identify": "treadline.api.models",
+    "load_model": "treadline.api.models",
+    "tune": "treadline.api.models",
+}
+"""Module of each public function. Named by text, so that importing the package, or one of its blocks, loads none of them."""
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public function, loaded at its first use (PEP 562)."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'treadline' has no attribute '{name}'")
+    value = getattr(import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""``python -m treadline`` is ``treadline``: the process as a whole, from before the first heavy import to its end."""
+"""``python -m treadline`` and the ``treadline`` command: interrupt handling of the whole process, including heavy imports."""
 
 import signal
 import sys
@@ -7,7 +7,7 @@ from treadline import interrupts
 
 
 def main() -> int:
-    """Run the command line of this process; a Ctrl-C at any moment is one line and exit code 130."""
+    """Run the command line of this process; Ctrl-C at any time gives one line and exit code 130."""
     interrupts.install()
     try:
         from treadline.cli import main as run
@@ -16,10 +16,10 @@ def main() -> int:
     except KeyboardInterrupt:
         sys.stderr.write("treadline: interrupted\n")
         code = 130
-    # Python notes an interrupt that falls into source text run by a library (the methods of a dataclass), whoever answers it, and
-    # would end a module by the signal. The next source text clears the note.
+    # An interrupt inside source text executed by a library (the methods of a dataclass) sets a flag in the interpreter, which would
+    # end the process by the signal even after the exception is handled. Executing another source text clears the flag.
     eval("0")  # noqa: S307
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all is done: what comes now has nothing to interrupt
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # all work is finished; a late Ctrl-C must not change the exit code
     return code
 
 

@@ -1,4 +1,4 @@
-"""Angles: wrapping, blending and the one place where degrees meet radians."""
+"""Angles and rotations; the only conversion between degrees and radians."""
 
 import math
 from collections.abc import Sequence
@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 DEG: Final = math.pi / 180.0
-"""Radians in a degree: ``30 * DEG`` is 30° in radians, ``x / DEG`` is x in degrees."""
+"""Radians per degree: ``30 * DEG`` is 30° in radians, ``x / DEG`` is x in degrees."""
 
 
 def wrap(angle_rad: float) -> float:
-    """Return the angle in [-π, π); rounding may make it π itself."""
+    """Return the angle wrapped to [-π, π); rounding can give π."""
     return (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
 
 
@@ -22,19 +22,19 @@ def rms(values: Float[np.ndarray, " n"]) -> float:
 
 
 def rotation_x(angle_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation about x: y turns towards z."""
+    """Return the rotation about x; a positive angle turns y towards z."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def rotation_y(angle_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation about y: z turns towards x, so a positive angle tips x (forward) down."""
+    """Return the rotation about y; a positive angle turns z towards x and tips x (forward) down."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def rotation_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation about z: x turns towards y."""
+    """Return the rotation about z; a positive angle turns x towards y."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
@@ -61,7 +61,7 @@ def tilt_of(quaternion: Sequence[float]) -> tuple[float, float]:
 def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
     """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    # Four equivalent forms (Shepperd, 1978); the largest divisor loses no digits.
+    # Four equivalent forms (Shepperd, 1978); division by the largest element avoids cancellation.
     forms = (
         (1.0 + a + e + i, h - f, c - g, d - b),
         (h - f, 1.0 + a - e - i, b + d, c + g),
@@ -75,11 +75,12 @@ def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
 
 
 UP = np.array([0.0, 0.0, 1.0])
+"""Unit vector along z."""
 UP.setflags(write=False)
 
 
 def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """Return the shortest turn, as a rotation vector, that points a force up."""
+    """Return the rotation vector of the shortest rotation of a force onto +z."""
     axis = np.cross(force, UP)
     sine, cosine = float(np.linalg.norm(axis)), float(force @ UP)
     if sine < 1e-12 * abs(cosine):
@@ -88,7 +89,7 @@ def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
 
 
 def rotation_about(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation by a rotation vector: its length is the angle (Rodrigues)."""
+    """Return the rotation matrix of a rotation vector, whose length is the angle (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:
         return np.eye(3)

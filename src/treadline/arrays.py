@@ -1,4 +1,4 @@
-"""Numbers from a caller as arrays: converted and checked once, where they come in."""
+"""Conversion and checking of numeric arrays from callers, once, at the interface."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,20 +6,20 @@ from jaxtyping import Float
 from treadline.errors import RecordError, ShapeMismatch
 
 REAL = "biuf"
-"""Kinds of a dtype that are real numbers: truth values, whole numbers with and without a sign, floating ones."""
+"""Dtype kinds of real numbers: boolean, signed and unsigned integer, floating point."""
 
 
 def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str) -> Float[np.ndarray, "..."]:
-    """Return what was given as an array of floating numbers of a shape; one that is this already is returned itself.
+    """Return an array-like as a floating-point array of the given shape; a matching array is returned unchanged.
 
     Args:
-        name: What the caller calls it.
-        shape: None for a length that may be any.
-        wanted: What it must be, in words.
+        name: Name of the argument in error messages.
+        shape: Required shape; None for a dimension of any length.
+        wanted: Description of the requirement in error messages.
 
     Raises:
-        RecordError: If it holds anything but real numbers.
-        ShapeMismatch: If it has another shape.
+        RecordError: If the values are not all real numbers.
+        ShapeMismatch: If the shape differs.
     """
     array = real(name, given, wanted)
     if len(array.shape) != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True)):
@@ -28,20 +28,20 @@ def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str)
 
 
 def matrix(name: str, given: object) -> Float[np.ndarray, "_ _"]:
-    """Return what was given as a matrix of floating numbers.
+    """Return an array-like as a floating-point matrix.
 
     Raises:
-        RecordError: If it holds anything but real numbers, or rows of different lengths.
-        ShapeMismatch: If it is no matrix.
+        RecordError: If the values are not all real numbers, or the rows differ in length.
+        ShapeMismatch: If the array is not two-dimensional.
     """
     return shaped(name, given, (None, None), "a matrix, of two dimensions even where one is 1")
 
 
 def real(name: str, given: object, wanted: str) -> Float[np.ndarray, "..."]:
-    """Return what was given as an array of floating numbers, of whatever shape.
+    """Return an array-like as a floating-point array of any shape.
 
     Raises:
-        RecordError: If it holds anything but real numbers, or rows of different lengths.
+        RecordError: If the values are not all real numbers, or the rows differ in length.
     """
     try:
         array = np.asarray(given)
@@ -53,7 +53,7 @@ def real(name: str, given: object, wanted: str) -> Float[np.ndarray, "..."]:
 
 
 def _called(given: object, array: np.ndarray) -> str:
-    """Return what something that is no array of numbers is called: itself, or what it holds."""
+    """Return a description of an argument that is not a numeric array: its value, or the type of its items."""
     if array.ndim == 0:
         return f"{given!r}, of type {type(given).__name__}"
     kind = {"c": "complex", "O": "object", "U": "str", "S": "bytes"}.get(array.dtype.kind, str(array.dtype))

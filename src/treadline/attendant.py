@@ -1,6 +1,6 @@
-"""What the person in charge does during a run: the ``[[operator]]`` tables of a scenario.
+"""Operator actions during a run: the ``[[operator]]`` tables of a scenario.
 
-The person holds a handset with a stop button, a dead-man switch and a button to re-arm; it reports ten times a second.
+The operator holds a handset with a stop button, a dead-man switch and a re-arm button; the handset reports ten times per second.
 """
 
 import math
@@ -12,38 +12,38 @@ from pydantic import Field
 from treadline.settings import Settings
 
 SAME_TIME_S = 1e-6
-"""Times closer than this are one tick, whatever their last bits say."""
+"""Largest time difference treated as the same tick despite rounding [s]."""
 REPORT_S = 0.1
-"""Period of the handset's reports."""
+"""Report period of the handset [s]."""
 
 
 class OperatorAct(Settings):
-    """One act of the person in charge: a stop, a released dead-man switch, or a re-arm after a hold."""
+    """One operator action: a stop, a released dead-man switch, or a re-arm after a hold."""
 
     kind: Literal["stop", "release", "rearm"]
-    """Press stop, let go of the dead-man switch, or press re-arm, which ends a hold."""
+    """Action: press stop, release the dead-man switch, or press re-arm, which ends a hold."""
     at_s: Annotated[float, Field(ge=0.0)] = 10.0
-    """When it begins."""
+    """Start time of the action."""
     for_s: Annotated[float, Field(ge=0.2, le=3600.0)] = 0.5
-    """How long the button is held, or the dead-man switch let go: at least two reports of the handset."""
+    """Duration of the press or release: at least two handset reports."""
 
     def active(self, t_s: float) -> bool:
-        """Say whether the act is going on at ``t_s``."""
+        """Return whether the action is in progress at ``t_s``."""
         return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
 
 
 def does(acts: Sequence[OperatorAct], kind: str, t_s: float) -> bool:
-    """Say whether the person does something at ``t_s``."""
+    """Return whether an action of the given kind is in progress at ``t_s``."""
     return any(act.kind == kind and act.active(t_s) for act in acts)
 
 
 def rearms_until_s(acts: Sequence[OperatorAct]) -> float:
-    """Return the time from which on no re-arm is to come any more: a hold then ends the run."""
+    """Return the end of the last re-arm action [s]; a later hold ends the run."""
     return max((act.at_s + 2.0 * REPORT_S for act in acts if act.kind == "rearm"), default=-math.inf)
 
 
 def act_problem(acts: Sequence[OperatorAct]) -> str | None:
-    """Return which re-arm would mean nothing, and why; or None."""
+    """Return an error message for the first re-arm without effect, or None."""
     for number, act in enumerate(acts):
         if act.kind != "rearm":
             continue

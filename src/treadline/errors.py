@@ -1,25 +1,25 @@
-"""The errors treadline raises, as one tree.
+"""Exception classes of treadline, as one tree.
 
 ::
 
-    TreadlineError                       anything a caller may expect to go wrong (exit code 2)
-    ├── SettingsError                    a scenario, chair, camera or model file says something it must not
+    TreadlineError                       any expected failure (exit code 2)
+    ├── SettingsError                    a scenario, chair, camera or model file is missing or invalid
     ├── RecordError                      a log or record cannot be used as data
-    │   ├── LogFormatError               the file is not what its name says, or is broken
-    │   ├── ShapeMismatch                arrays do not fit each other
-    │   ├── NotFinite                    NaN or Inf where a number must stand
-    │   └── PoorExcitation               the inputs do not excite what is asked for
-    │       └── TooFewSamples            the record is too short for it, or its gaps leave too little
-    ├── ModelError                       a model cannot serve the purpose
+    │   ├── LogFormatError               the file is damaged, or not in the format of its name
+    │   ├── ShapeMismatch                array shapes do not match
+    │   ├── NotFinite                    NaN or Inf where a number is required
+    │   └── PoorExcitation               the inputs do not excite the requested order
+    │       └── TooFewSamples            the record is too short, or its gaps leave too little data
+    ├── ModelError                       a model is unsuitable for the purpose
     │   ├── NotStabilisable              no gain makes A - BK stable
     │   ├── NotDetectable                no observer makes A - LC stable
     │   ├── NotInvertible                C - DK has no inverse
     │   ├── NotDefinite                  a weight is not (semi-)definite
-    │   └── PeriodMismatch               two clocks where one is needed
+    │   └── PeriodMismatch               two different sampling periods where one is required
     ├── ImageError                       an image or its calibration cannot be used
-    ├── MechanicsError                   a geometry that cannot exist
-    ├── GazeboError                      Gazebo is not there, does not start, or has died
-    └── SimulationDiverged               the simulator left physics: never a result from it (exit code 1)
+    ├── MechanicsError                   an impossible geometry
+    ├── GazeboError                      Gazebo is not installed, does not start, or has exited
+    └── SimulationDiverged               the simulation is numerically invalid and has no result (exit code 1)
 """
 
 
@@ -28,7 +28,7 @@ class TreadlineError(Exception):
 
 
 class SettingsError(TreadlineError):
-    """A settings file is missing, unreadable, or holds a key or value it must not."""
+    """A settings file is missing, unreadable, or contains an invalid key or value."""
 
 
 class RecordError(TreadlineError):
@@ -36,27 +36,27 @@ class RecordError(TreadlineError):
 
 
 class LogFormatError(RecordError):
-    """A file is not in the format it claims, or is broken."""
+    """A file is damaged, or not in the format of its name."""
 
 
 class ShapeMismatch(RecordError):
-    """Arrays whose shapes must agree do not."""
+    """Shapes of related arrays do not match."""
 
 
 class NotFinite(RecordError):
-    """NaN or Inf where a number must stand."""
+    """NaN or Inf where a number is required."""
 
 
 class PoorExcitation(RecordError):
-    """The inputs do not excite the order that is asked for."""
+    """The inputs do not excite the requested order."""
 
 
 class TooFewSamples(PoorExcitation):
-    """A record is too short for what is asked, or its gaps leave too little of it."""
+    """A record is too short for the request, or its gaps leave too little data."""
 
 
 class ModelError(TreadlineError):
-    """A model cannot serve the purpose."""
+    """A model is unsuitable for the purpose."""
 
 
 class NotStabilisable(ModelError):
@@ -68,7 +68,7 @@ class NotDetectable(ModelError):
 
 
 class NotInvertible(ModelError):
-    """``C - DK`` has no inverse, so Eq. (11b) has no answer."""
+    """``C - DK`` has no inverse, so Eq. (11b) has no solution."""
 
 
 class NotDefinite(ModelError):
@@ -76,7 +76,7 @@ class NotDefinite(ModelError):
 
 
 class PeriodMismatch(ModelError):
-    """A model and its user run on different clocks."""
+    """A model and its user have different sampling periods."""
 
 
 class ImageError(TreadlineError):
@@ -84,12 +84,12 @@ class ImageError(TreadlineError):
 
 
 class MechanicsError(TreadlineError):
-    """A geometry that cannot exist."""
+    """An impossible geometry."""
 
 
 class GazeboError(TreadlineError):
-    """Gazebo is not there, does not start, or has died."""
+    """Gazebo is not installed, does not start, or has exited."""
 
 
 class SimulationDiverged(TreadlineError):
-    """The simulator left physics (a warning, time going back, a state that is not finite)."""
+    """The simulation is numerically invalid (a warning, time running backwards, a non-finite state)."""

@@ -1,7 +1,8 @@
-"""The faults a scenario may inject, and what the size of each means.
+"""Fault injection: kinds of faults, their magnitudes and their duration.
 
-A fault lasts from ``at_s`` for ``for_s`` seconds. ``value = 0`` stands for the size in ``EXTENTS``; where a kind has choices,
-zero is the first. Physics that a fault has changed stays changed (a chair that slid has slid); all else is afterwards as it was.
+A fault is active from ``at_s`` for ``for_s`` seconds. ``value = 0`` selects the default magnitude in ``EXTENTS``; for kinds with
+numbered choices, zero is the first choice. After the fault all settings are as before, but its physical effects remain (a chair
+that rolled back stays there).
 """
 
 from collections.abc import Iterable
@@ -19,34 +20,35 @@ FaultKind = Literal[
     "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "flipper_lost", "flipper_stuck",
     "readings_lost", "gyro_ramp", "wrong_stamp",
 ]  # fmt: skip
-"""New kinds come last: a kind's place chooses its stream of random numbers."""
+"""Kinds of faults. New kinds are appended: the position of a kind selects its stream of random numbers."""
 
 RENAMED_KINDS = {"arm_lost": "flipper_lost", "arm_stuck": "flipper_stuck"}
 """Kinds of the previous release and their present names; both are accepted for one release."""
 
 SAME_TIME_S = 1e-6
-"""Times closer than this are one tick, whatever their last bits say."""
+"""Largest time difference treated as the same tick despite rounding [s]."""
 
 
 class Process(IntEnum):
-    """What ``process_killed`` kills."""
+    """Process stopped by ``process_killed``."""
 
     MISSION = 0
-    """All of it: no order reaches the chair."""
+    """The whole mission: the chair receives no commands."""
     PERCEPTION = 1
-    """No frame, heading or map reaches the mission."""
+    """Camera pipeline: the mission receives no frame, heading or map."""
     CONTROLLER = 2
-    """No proposal reaches the guard. A plant cannot do that: who builds the mission asks ``is_killed``."""
+    """Controller: the guard receives no proposal. Implemented by the builder of the mission through ``is_killed``, because a plant
+    cannot suppress proposals."""
     SEAT = 3
-    """No order reaches the seat's actuator, which goes on with its last until its watchdog stops it."""
+    """Seat controller: the seat actuator receives no command and continues with the last one until its watchdog stops it."""
 
 
 WRONG_STAMP_S = 1e6
-"""Stamp of a message under ``wrong_stamp``: eleven days ahead."""
+"""Stamp of a message under ``wrong_stamp`` [s]: eleven days in the future."""
 
 
 class Message(IntEnum):
-    """Which message to the guard ``wrong_stamp`` stamps."""
+    """Message to the guard with a false stamp under ``wrong_stamp``."""
 
     MAP = 0
     PLAN = 1
@@ -55,58 +57,58 @@ class Message(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extent:
-    """What ``value`` says of one kind of fault."""
+    """Meaning, default and range of ``value`` for one kind of fault."""
 
     means: str
     default: float = 0.0
     low: float = 0.0
     high: float = 0.0
     is_choice: bool = False
-    """Whether only whole numbers mean something."""
+    """Whether ``value`` must be a whole number."""
 
 
 EXTENTS: dict[FaultKind, Extent] = {
-    "camera_lost": Extent(means="nothing: no frame, heading or map arrives"),
-    "camera_frozen": Extent(means="nothing: the last frame, heading and map arrive again and again, with new stamps"),
+    "camera_lost": Extent(means="unused: no frame, heading or map arrives"),
+    "camera_frozen": Extent(means="unused: the last frame, heading and map are repeated with new stamps"),
     "camera_dark": Extent(
-        means="the light's factor, below 1 dark and above 1 glare; negative: the depth image is empty as well",
+        means="factor on the light, below 1 dark and above 1 glare; negative: the depth image is empty as well",
         default=0.02,
         low=-50.0,
         high=50.0,
     ),
-    "depth_holes": Extent(means="the share of the depth image lost in blotches", default=0.4, high=0.98),
-    "false_edges": Extent(means="degrees by which a bar on the nosings lies askew (in images)", default=15.0, low=-45.0, high=45.0),
-    "imu_nan": Extent(means="nothing: every number is NaN"),
-    "imu_stuck": Extent(means="nothing: the last numbers arrive again and again, with new stamps"),
+    "depth_holes": Extent(means="fraction of the depth image lost in blotches", default=0.4, high=0.98),
+    "false_edges": Extent(means="angle of a bar across the nosings [°] (rendered images only)", default=15.0, low=-45.0, high=45.0),
+    "imu_nan": Extent(means="unused: every number is NaN"),
+    "imu_stuck": Extent(means="unused: the last sample is repeated with new stamps"),
     "imu_bias": Extent(
-        means="below 5 a bias of the gyro about the chair's z [°/s], from 5 a jump of the heading within 0.1 s [°]",
+        means="below 5: bias of the gyro about the chair's z [°/s]; from 5: jump of the heading within 0.1 s [°]",
         default=1.0,
         low=-180.0,
         high=180.0,
     ),
-    "imu_lost": Extent(means="nothing: no sample arrives"),
-    "clock_back": Extent(means="seconds by which all stamps leap back; every reading comes twice", default=0.5, high=10.0),
-    "late_tick": Extent(means="seconds by which orders are late, and readings come in bursts", default=0.5, high=10.0),
-    "track_stalled": Extent(means="the belt that stands: 0 left, 1 right", high=1.0, is_choice=True),
-    "track_slip": Extent(means="the share of friction that a belt keeps; negative: the right one", default=0.2, low=-1.0, high=1.0),
-    "low_friction": Extent(means="the share of their friction that both belts keep", default=0.5, high=1.0),
-    "operator_stop": Extent(means="what the person does: 0 presses stop, 1 lets go of the dead-man", high=1.0, is_choice=True),
-    "link_lost": Extent(means="nothing: the person's heartbeat does not arrive"),
-    "seat_stuck": Extent(means="nothing: the seat's actuator stands"),
-    "process_killed": Extent(means="the process: 0 mission, 1 perception, 2 controller, 3 seat", high=3.0, is_choice=True),
-    "power_cut": Extent(means="nothing: brakes fall in; flipper and seat are held by their gears"),
-    "obstacle": Extent(means="metres from the chair's leading end to the box that stands in its way", default=1.2, high=5.0),
-    "flipper_lost": Extent(means="nothing: the flipper's motor is dead, its shorted windings damp one way"),
-    "flipper_stuck": Extent(means="nothing: the flipper's motor holds"),
-    "readings_lost": Extent(means="nothing: belts, seat and flipper report nothing"),
+    "imu_lost": Extent(means="unused: no sample arrives"),
+    "clock_back": Extent(means="backward jump of all stamps [s]; every reading is delivered twice", default=0.5, high=10.0),
+    "late_tick": Extent(means="delay of commands [s]; readings arrive in bursts of this length", default=0.5, high=10.0),
+    "track_stalled": Extent(means="stalled belt: 0 left, 1 right", high=1.0, is_choice=True),
+    "track_slip": Extent(means="remaining fraction of one belt's friction; negative: right belt", default=0.2, low=-1.0, high=1.0),
+    "low_friction": Extent(means="remaining fraction of both belts' friction", default=0.5, high=1.0),
+    "operator_stop": Extent(means="operator's action: 0 presses stop, 1 releases the dead-man switch", high=1.0, is_choice=True),
+    "link_lost": Extent(means="unused: the operator's heartbeat does not arrive"),
+    "seat_stuck": Extent(means="unused: the seat actuator is blocked"),
+    "process_killed": Extent(means="killed process: 0 mission, 1 perception, 2 controller, 3 seat", high=3.0, is_choice=True),
+    "power_cut": Extent(means="unused: the brakes engage; gears hold flipper and seat"),
+    "obstacle": Extent(means="distance from the chair's leading end to a box in its path [m]", default=1.2, high=5.0),
+    "flipper_lost": Extent(means="unused: the flipper motor has no power; its shorted windings damp the rise only"),
+    "flipper_stuck": Extent(means="unused: the flipper is blocked"),
+    "readings_lost": Extent(means="unused: no readings of belts, seat and flipper arrive"),
     "gyro_ramp": Extent(
-        means="the bias of the gyro about the chair's z [°/s] at the end of the fault; it grows evenly from zero",
+        means="bias of the gyro about the chair's z at the end of the fault [°/s], linear from zero",
         default=0.6,
         low=-10.0,
         high=10.0,
     ),
     "wrong_stamp": Extent(
-        means="the message to the guard that is stamped 1e6 s: 0 stair map, 1 plan, 2 health of the heading filter",
+        means="message to the guard stamped 1e6 s: 0 stair map, 1 plan, 2 health of the heading filter",
         high=2.0,
         is_choice=True,
     ),
@@ -114,16 +116,16 @@ EXTENTS: dict[FaultKind, Extent] = {
 
 
 class Fault(Settings):
-    """One fault: from ``at_s``, for ``for_s`` seconds, of size ``value`` (its unit depends on the kind)."""
+    """One fault: from ``at_s``, for ``for_s`` seconds, with the magnitude ``value`` (unit depends on the kind)."""
 
     kind: FaultKind
-    """What breaks."""
+    """Kind of fault."""
     at_s: Annotated[float, Field(ge=0.0)] = 10.0
-    """When it begins."""
+    """Start time of the fault."""
     for_s: Annotated[float, Field(gt=0.0)] = 3.0
-    """How long it lasts."""
+    """Duration of the fault."""
     value: float = 0.0
-    """Its size: for each kind another thing, with a default of its own for 0."""
+    """Magnitude of the fault; the unit depends on the kind, and 0 selects the default of the kind."""
 
     @field_validator("kind", mode="before")
     @classmethod
@@ -136,7 +138,7 @@ class Fault(Settings):
         if extent.low <= self.value <= extent.high and not (extent.is_choice and self.value % 1.0):
             return self
         if extent.low == extent.high:
-            raise ValueError(f"value is {self.value:g}, but {self.kind} has none; remove it")
+            raise ValueError(f"value is {self.value:g}, but {self.kind} takes no value; remove the key")
         wanted = "a whole number from" if extent.is_choice else "from"
         raise ValueError(
             f"value is {self.value:g}; for {self.kind} it must be {wanted} {extent.low:g} to {extent.high:g} ({extent.means})"
@@ -144,20 +146,20 @@ class Fault(Settings):
 
     @property
     def size(self) -> float:
-        """``value``, or what its kind has for zero."""
+        """Magnitude: ``value``, or the default of the kind if ``value`` is zero."""
         return self.value or EXTENTS[self.kind].default
 
     def active(self, t_s: float) -> bool:
-        """Say whether the fault is on at ``t_s``."""
+        """Return whether the fault is active at ``t_s``."""
         return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
 
 
 def is_killed(faults: Iterable[Fault], process: Process, t_s: float) -> bool:
-    """Say whether a process is dead at ``t_s``."""
+    """Return whether a process is stopped at ``t_s``."""
     return any(fault.kind == "process_killed" and fault.size == process and fault.active(t_s) for fault in faults)
 
 
 def stamp_of(faults: Iterable[Fault], message: Message, t_s: float) -> float:
-    """Return the stamp of a message that was made at ``t_s``."""
+    """Return the stamp of a message created at ``t_s``, false under ``wrong_stamp``."""
     wrong = any(fault.kind == "wrong_stamp" and fault.size == message and fault.active(t_s) for fault in faults)
     return WRONG_STAMP_S if wrong else t_s

@@ -16,7 +16,7 @@ class Terminated(KeyboardInterrupt):
 
 
 class _Deferral:
-    """Whether the main thread is inside ``deferred``, and the interrupt that arrived meanwhile."""
+    """State of ``deferred`` in the main thread: nesting depth, and an interrupt received in the block."""
 
     depth = 0
     pending: KeyboardInterrupt | None = None
@@ -71,6 +71,6 @@ def on_terminate(number: int, frame: FrameType | None) -> None:
 
 
 def install() -> None:
-    """Install the SIGINT handler of this process; a shell may have had the signal ignored, which is kept."""
+    """Install the SIGINT handler of this process, unless the signal is ignored (by the starting shell)."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, Interrupts())

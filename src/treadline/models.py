@@ -1,7 +1,7 @@
-"""Data and models: the only things that pass from the laboratory to the driving chair.
+"""Records and models: the interface between identification and control.
 
-``InputOutputRecord`` goes into identification, ``LinearModel`` comes out, ``ControllerDesign`` is what drives. Both
-models are JSON on disk: no code, no pickle.
+Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tuning adds gains, and a mission runs the resulting
+``ControllerDesign``. Models and designs are stored as JSON: no code, no pickle.
 """
 
 import json
@@ -18,26 +18,27 @@ from jaxtyping import Bool, Float
 
 from treadline.arrays import matrix, real, shaped
 from treadline.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.printing import Printable
 from treadline.settings import text_of
 from treadline.signals import TICK_S, on_the_tick
 
 Reconstruct = Literal["observer", "static"]
-"""Where the state comes from: an observer, or one output alone (Eq. 11b)."""
+"""Method of state reconstruction: an observer, or the static inverse of one output (Eq. 11b)."""
 Provenance = dict[str, Any]
-"""Where a model came from: command, versions, seeds, fit. JSON values only."""
+"""Origin of a model: command, versions, seeds, fit. JSON values only."""
 
 RUN_VALUES = 10
-"""Output values for each state that is estimated, from which a free run is judged: a tenth of them goes into the estimate."""
+"""Least output values per estimated initial state for a free-run score: the state estimate uses a tenth of them."""
 TEST_VALUES = 100
-"""From which residuals are tested: what states estimated from fewer take out of white residuals colours them."""
+"""Least output values per initial state for residual tests: state estimation from fewer values colours white residuals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputOutputRecord:
-    """What went in and what came out, sampled together; ``y[k]`` is read before ``u[k]`` acts.
+    """Sampled inputs and outputs of an experiment; ``y[k]`` is measured before ``u[k]`` acts.
 
-    One row per sample, one column per channel; a single channel may be given as a plain row of its samples, and anything that
-    numpy makes an array of real numbers of will do.
+    One row per sample, one column per channel; a one-dimensional array is a single channel. Any array-like of real numbers is
+    accepted.
     """
 
     u: Float[np.ndarray, "T m"]
@@ -64,19 +65,19 @@ class InputOutputRecord:
 
     @property
     def whole(self) -> Bool[np.ndarray, " T"]:
-        """Of which samples no channel is missing."""
-        if np.isfinite(self.u).all() and np.isfinite(self.y).all():  # far faster than row by row
+        """Mask of the samples without a missing channel."""
+        if np.isfinite(self.u).all() and np.isfinite(self.y).all():  # much faster than the row-wise test
             return np.ones(len(self), dtype=np.bool_)
         return np.asarray(np.isfinite(self.u).all(axis=1) & np.isfinite(self.y).all(axis=1))
 
     def stretches(self, values: int) -> list[slice]:
-        """Return the samples on which a model is judged: all, or those between missing inputs.
+        """Return the segments used for model validation: the whole record, or the parts between missing inputs.
 
-        What an unknown input did to the state is unknown, and a slow model remembers it for long: behind one, the state is
-        estimated anew. Stretches too short for that are left out, unless there are only such; then it is the longest.
+        The effect of an unknown input on the state is unknown and decays slowly in a slow model, so the state is estimated anew
+        after each gap. Segments too short for an estimate are left out; if all are too short, the longest is returned.
 
         Args:
-            values: Of the outputs, that a stretch must hold: ``RUN_VALUES`` or ``TEST_VALUES`` for each state.
+            values: Least number of output values per segment: ``RUN_VALUES`` or ``TEST_VALUES`` per state.
         """
         edges = np.flatnonzero(np.diff(np.isfinite(self.u).all(axis=1).astype(int), prepend=0, append=0))
         spans = [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
@@ -87,13 +88,12 @@ class InputOutputRecord:
         return long or [spans[int(np.argmax(held))]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearModel:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class LinearModel(Printable):
     """x[k+1] = A x[k] + B (u[k] - input_offset),  y[k] - output_offset = C x[k] + D (u[k] - input_offset).
 
-    ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). Without ``input_offset`` the law
-    u = -Kx would stop the chair: the climb speed is the offset. Shapes are checked here, where the matrix has a name:
-    A (n n), B (n m), C (p n), D (p m).
+    ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed;
+    without an offset the law u = -Kx would stop the chair. The constructor checks the shapes: A (n n), B (n m), C (p n), D (p m).
     """
 
     A: Float[np.ndarray, "_ _"]
@@ -132,6 +132,13 @@ class LinearModel:
         """Number of states."""
         return int(self.A.shape[0])
 
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return order, period, channels and poles."""
+        poles = ", ".join(f"{pole:.4g}" for pole in np.linalg.eigvals(self.A))
+        names = {"inputs": (self.input_names, self.B.shape[1]), "outputs": (self.output_names, self.C.shape[0])}
+        rows = [(kind, ", ".join(given) or str(count)) for kind, (given, count) in names.items()]
+        return f"linear model of order {self.order}, period {self.dt_s:g} s", [*rows, ("poles", poles)]
+
     def save(self, path: Path) -> None:
         """Write the model as JSON."""
         write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
@@ -141,7 +148,7 @@ class LinearModel:
         """Return the model in a JSON file.
 
         Raises:
-            SettingsError: If it is missing, not JSON, or not a model.
+            SettingsError: If the file is missing, not JSON, or not a model.
         """
         if path.suffix.lower() == ".mat":
             raise SettingsError(f"{path}: a model for MATLAB; give the JSON file: treadline identify --out model.json")
@@ -153,16 +160,16 @@ class LinearModel:
         return model
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ControllerDesign:
-    """A gain and all that is needed to run it: the file ``treadline tune`` writes and ``treadline climb`` loads."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ControllerDesign(Printable):
+    """Feedback gain with model and observer: the file written by ``treadline tune`` and loaded by ``treadline climb``."""
 
     model: LinearModel
     K: Float[np.ndarray, "_ _"]
     observer_gain: Float[np.ndarray, "_ _"]
     period_s: float
     disturbance_gain: Float[np.ndarray, " _"] | None = None
-    """Corrects the constant difference between asked and acting belts, per unit of innovation; None carries none."""
+    """Gain from innovation to the estimated constant input disturbance; None: no disturbance estimate."""
     reconstruct: Reconstruct = "observer"
     vehicle: str = "wheelchair"
     provenance: Provenance = field(default_factory=dict)
@@ -173,6 +180,12 @@ class ControllerDesign:
         if self.disturbance_gain is not None:
             _settle(self, "disturbance_gain", (self.model.C.shape[0],))
 
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return vehicle, period, gain and state reconstruction."""
+        gain = "; ".join(" ".join(f"{value:.4f}" for value in row) for row in self.K)
+        rows = [("K", f"[{gain}]"), ("state", self.reconstruct), ("model", f"order {self.model.order}")]
+        return f"controller of '{self.vehicle}', period {self.period_s:g} s", rows
+
     def save(self, path: Path) -> None:
         """Write the controller as JSON."""
         write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
@@ -182,7 +195,7 @@ class ControllerDesign:
         """Return the controller in a JSON file.
 
         Raises:
-            SettingsError: If it is missing, not JSON, not a controller, or of a period that no mission can keep.
+            SettingsError: If the file is missing, not JSON, not a controller, or has a period other than a multiple of the tick.
         """
         tables = read_json(path)
         if {"A", "B", "C", "D"} <= set(tables):
@@ -199,17 +212,17 @@ class ControllerDesign:
 
 
 def write_whole(path: Path, data: str | bytes) -> None:
-    """Write a file so that readers see the old one or the new one, never a part."""
+    """Write a file atomically: a reader sees the old content or the new content, never a part."""
     with written_whole(path) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield the path to write to: what is there at the end takes the file's place, and after an error nothing does.
+    """Yield a temporary path whose content atomically replaces the file on success and is discarded on error.
 
     Raises:
-        TreadlineError: If it cannot be written.
+        TreadlineError: If the file cannot be written.
     """
     temporary = path.with_name(path.name + ".part")
     try:
@@ -227,7 +240,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """Return the object in a JSON file.
 
     Raises:
-        SettingsError: If it is missing, a folder, not UTF-8, not JSON or not an object.
+        SettingsError: If the file is missing, a folder, not UTF-8, not JSON or not an object.
     """
     text = text_of(path, "a JSON file")
     if not text.strip():
@@ -237,7 +250,7 @@ def read_json(path: Path) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
     except (ValueError, RecursionError) as error:
-        # ValueError: Python's refusal of an integer of thousands of digits.
+        # ValueError: Python rejects an integer of thousands of digits.
         raise SettingsError(f"{path}: not JSON that can be read: {error}") from None
     if not isinstance(value, dict):
         raise SettingsError(f"{path}: holds a {type(value).__name__}, not an object")
@@ -245,7 +258,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
-    """Return a record's samples, one row each: those of a single channel may come without columns."""
+    """Return the samples of a record, one row each; a one-dimensional array becomes one column."""
     wanted = "one row per sample, one column per channel"
     array = real(name, given, wanted)
     return shaped(name, array[:, None] if array.ndim == 1 else array, (None, None), wanted)
@@ -264,7 +277,7 @@ def _check_number(name: str, given: object) -> None:
 
 
 def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
-    """Check an array of a model, and keep it so that nobody writes to it."""
+    """Check an array of a model and store a read-only view."""
     array = real(name, getattr(owner, name), f"an array of shape {shape}")
     if array.shape != shape:
         raise ShapeMismatch(f"{name} is {array.shape}, the other matrices ask for {shape}; is it transposed?")
@@ -292,7 +305,7 @@ _NO_MODELS = {
     "verdict": "a run's result, which treadline report draws from its folder",
     "settings": "a run's manifest",
 }
-"""Keys that tell other files of ours from a model."""
+"""Keys by which other treadline files are recognised, with their descriptions."""
 
 
 def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:

@@ -1,7 +1,7 @@
-"""What the mission needs of a chair, real or simulated, and what only a simulator can tell.
+"""Interfaces between the mission and a chair, real or simulated.
 
-``Plant`` is all the mission ever sees. ``Truth`` comes from a ``TruthPlant`` and is for scoring: experiments read it,
-the mission cannot. ``Transport`` is what carries signals where the blocks run apart.
+The mission uses ``Plant`` only. ``TruthPlant`` adds ground truth (``Truth``) for scoring: experiments read ground truth, the
+mission has no access. ``Transport`` carries signals between blocks in different processes.
 """
 
 import math
@@ -17,93 +17,95 @@ class Plant(Protocol):
     """A chair on its tracks: MuJoCo, Gazebo, a recorded log or hardware."""
 
     def start(self) -> None:
-        """Put the chair at its start, at ``t_s = 0``, belts at rest."""
+        """Put the chair at its start pose, at ``t_s = 0``, belts at rest."""
 
     def advance(self, until_s: float) -> None:
-        """Step the simulation, or wait, until the mission clock shows ``until_s``."""
+        """Step the simulation, or wait, until the mission clock reaches ``until_s``."""
 
     def read(self) -> Sequence[Reading]:
-        """Return every sample that arrived since the last call, each kind in the order of its stamps; a camera's arrive late."""
+        """Return all samples since the last call, each kind in order of its stamps; camera samples arrive late."""
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
         """Send commands, which hold until the next call. ``flipper=None`` stops the flipper; a chair without one ignores it."""
 
     def close(self) -> None:
-        """Release what the plant holds."""
+        """Release all resources of the plant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """The state of a simulated chair at one instant."""
+    """Ground truth of a simulated chair at one instant."""
 
     t_s: float
     heading_rad: float
-    """In the nosing plane, positive anticlockwise from above."""
+    """Heading in the nosing plane [rad], positive anticlockwise seen from above."""
     yaw_rad: float
-    """About gravity."""
+    """Rotation about the vertical [rad]."""
     heading_rate_rad_s: float
-    """Angular velocity along the nosing plane's normal."""
+    """Angular velocity about the normal of the nosing plane [rad/s]."""
     pitch_rad: float
-    """Of the chassis against the level, front up positive."""
+    """Pitch of the chassis from horizontal [rad], front up positive."""
     roll_rad: float
-    """Of the chassis against the level, left side up positive."""
+    """Roll of the chassis from horizontal [rad], left side up positive."""
     pitch_rate_rad_s: float
     x_m: float
-    """Position of B along the stair (S), up the flight; where flights turn, S is that of the flight that the chair is on."""
+    """Position of B along the stair frame S [m], up the flight. With turning flights, S belongs to the flight under the chair."""
     y_m: float
-    """Position of B across the stair (S), left."""
+    """Position of B across the stair frame S [m], left."""
     seat_pitch_rad: float
     left_m_s: float
-    """Belt speed as run, actuator lag and mismatch included."""
+    """Actual belt speed [m/s], with actuator lag and mismatch."""
     right_m_s: float
     stability_margin_rad: float
-    """Smallest static tip-over margin at this attitude, on the nosings and floors in reach of the belts and of the front tip."""
+    """Smallest static tip-over margin at this attitude [rad], over the nosings and floors in reach of belts and front tip."""
     friction_use: float
-    """Share of the friction circle needed to hold this heading on this slope; 1 slides."""
+    """Required fraction of the friction circle at this heading and slope; the chair slides at 1."""
     passenger_x_m: float
-    """Payload centre of mass in W, horizontal, up the flight."""
+    """Payload centre of mass in W, horizontal, up the flight [m]."""
     passenger_y_m: float
-    """Payload centre of mass in W, horizontal, across the flight."""
+    """Payload centre of mass in W, horizontal, across the flight [m]."""
     passenger_z_m: float
-    """Payload centre of mass in W, height."""
+    """Payload centre of mass in W, height [m]."""
     contact_force_share: float = math.nan
-    """Sum of the normal contact forces over the weight, largest of the steps since the last tick; NaN where unknown."""
+    """Ratio of summed normal contact forces to the weight, maximum over the physics steps since the last tick; NaN if unknown."""
     airborne_share: float = math.nan
-    """Share of the steps since the last tick in which nothing touches the chair; NaN where unknown."""
+    """Fraction of the physics steps since the last tick without any contact of the chair; NaN if unknown."""
     contact_residual_m_s2: float = math.nan
-    """Residual of the contact forces (Signorini's condition), largest of the steps since the last tick; NaN where unknown."""
+    """Residual of the contact forces (Signorini's condition) [m/s²], maximum over the physics steps since the last tick; NaN if
+    unknown."""
     hull_contacts: float = 0.0
-    """Contacts of hull, seat and passenger with stair, walls and obstacles: 0 in a regular run."""
+    """Number of contacts of hull, seat and passenger with stair, walls and obstacles: 0 in a regular run."""
     left_force_n: float = 0.0
-    """Traction of the belt, forward positive, mean over the last tick."""
+    """Traction of the left belt [N], forward positive, mean over the last tick."""
     right_force_n: float = 0.0
+    """Traction of the right belt [N], forward positive, mean over the last tick."""
     power_w: float = 0.0
-    """Electric power drawn from the battery, its own loss included."""
+    """Electric power drawn from the battery [W], internal battery loss included."""
 
 
 @runtime_checkable
 class TruthPlant(Plant, Protocol):
-    """A plant that also knows the truth: simulators only."""
+    """Plant with ground truth: simulators only."""
 
     def truth(self) -> Sequence[Truth]:
-        """Return every 100 Hz truth sample since the last call, ``t_s = 0`` included."""
+        """Return all 100 Hz ground-truth samples since the last call, ``t_s = 0`` included."""
 
 
 @runtime_checkable
 class Transport(Protocol):
-    """What carries signals between nodes, by channel: calls in one process, ROS 1, or ROS 2's wire."""
+    """Channel-based transport of signals between nodes: calls in one process, ROS 1, or the ROS 2 wire protocol."""
 
     def announce(self, channel: str) -> None:
-        """Make known that this node will speak on a channel."""
+        """Declare this node as a publisher of a channel."""
 
     def publish(self, channel: str, signal: Any) -> None:
-        """Send a signal to all who take from the channel."""
+        """Send a signal to all subscribers of the channel."""
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
-        """Have a channel's signals taken; ``take`` runs in the thread that delivers, one signal after the other."""
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
+        """Register ``take`` for a channel; the delivering thread calls ``take`` for one signal after the other."""
 
     def deliver(self, timeout_s: float) -> int:
-        """Hand out what has come, waiting for something at most that long; return how many signals."""
+        """Deliver pending signals, waiting at most ``timeout_s`` for the first; return the number delivered."""
 
     def close(self) -> None:
-        """Leave."""
+        """Disconnect from the transport."""

@@ -1,4 +1,4 @@
-"""Worker processes: how many this machine should run, and how they end with the one that started them."""
+"""Worker processes: their default number, and their termination together with the parent process."""
 
 import ctypes
 import os
@@ -10,20 +10,21 @@ from multiprocessing import parent_process
 from typing import Any
 
 PR_SET_PDEATHSIG = 1
+"""Option number of Linux ``prctl``: signal to the child at the death of its parent."""
 
 
 def default_workers() -> int:
-    """Return the number of cores this process may use."""
+    """Return the number of cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
 def end_with_parent() -> None:
-    """Let this worker end as soon as its parent has: one that is killed outright cannot end its processes."""
+    """End this worker as soon as its parent ends; a parent killed outright cannot end its workers."""
     threading.Thread(target=_wait_and_end, daemon=True).start()
 
 
 def killed_with_starter() -> Callable[[], None] | None:
-    """Return what a new process must call before its program begins, to be killed with the thread that started it; on Linux."""
+    """Return a ``preexec_fn`` for a new process: SIGKILL at the end of the thread that started it; Linux only."""
     if not sys.platform.startswith("linux"):
         return None
     prctl = ctypes.CDLL(None).prctl

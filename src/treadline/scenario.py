@@ -1,4 +1,4 @@
-"""What a scenario file says, typed and checked. The simulator and the experiments read it; the mission never does."""
+"""Scenario files: typed and checked settings of one run. Simulator and experiments read the scenario; the mission never does."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,7 +23,7 @@ __all__ = [
 
 SHIPPED = Path(__file__).parent / "data" / "scenarios"
 SEAT_SHIFT_M = (-0.3, 0.3)
-"""How far the seat may be moved along the chair."""
+"""Range of the seat position along the chair [m]."""
 
 
 Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
@@ -32,32 +32,32 @@ Sway = Annotated[float, Field(ge=0.0, le=0.15)]
 
 
 class Chair(Settings):
-    """Which chair, and what sits in it."""
+    """Chair model and payload."""
 
     model: str = "wheelchair"
-    """The name of a shipped chair, or the path of a chair's TOML file."""
+    """Name of a shipped chair, or path of a chair's TOML file."""
     payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
-    """What the passenger weighs."""
+    """Mass of the passenger."""
     payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
-    """Of the passenger's centre of mass from its place in the seat: forward, left, up."""
+    """Offset of the passenger's centre of mass from the nominal position in the seat: forward, left, up."""
     lean_m: tuple[Lean, Lean] = (0.0, 0.0)
-    """Lean of the passenger: the centre of mass is so much further forward and left during the run. No operator enters it."""
+    """Constant lean of the passenger during the run: offset of the centre of mass forward and left. Unknown to the operator."""
     sway_m: tuple[Sway, Sway] = (0.0, 0.0)
-    """Amplitude by which the passenger sways about that, forward and left; MuJoCo only."""
+    """Amplitude of the passenger's sway about the lean, forward and left; MuJoCo only."""
     sway_period_s: Annotated[float, Field(ge=1.0, le=20.0)] = 3.0
-    """Period of the sway."""
+    """Period of the passenger's sway."""
     entered_payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
-    """Weight of the passenger as the operator entered it: check and mission go by it. Unset: the true one."""
+    """Mass of the passenger entered by the operator, used by check and mission. Unset: the true mass."""
     entered_payload_offset_m: tuple[Offset, Offset, Offset] | None = None
-    """Offset of the passenger as the operator entered it, for check. Unset: the true one."""
+    """Offset of the passenger entered by the operator, used by check. Unset: the true offset."""
     seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
-    """Of the seat along the chair, uphill positive; ``treadline check`` proposes one."""
+    """Position of the seat along the chair, uphill positive; ``treadline check`` proposes a value."""
     belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
-    """By which share the right belt is faster than asked."""
+    """Relative speed excess of the right belt over its command."""
 
     @property
     def entered(self) -> "Chair":
-        """The chair as the operator entered it: what check and mission know."""
+        """Chair with the payload entered by the operator, as used by check and mission."""
         kg, offset_m = self.entered_payload_kg, self.entered_payload_offset_m
         known = {
             "payload_kg": self.payload_kg if kg is None else kg,
@@ -71,7 +71,7 @@ class Chair(Settings):
         return any(self.sway_m)
 
     def leaning(self, sway: float = 0.0) -> "Chair":
-        """Return the chair with its passenger's centre of mass where the lean puts it, plus a share of the sway, from -1 to 1."""
+        """Return the chair with lean and a fraction of the sway (-1 to 1) added to the passenger's offset."""
         x, y, z = self.payload_offset_m
         moved = (x + self.lean_m[0] + sway * self.sway_m[0], y + self.lean_m[1] + sway * self.sway_m[1], z)
         return self.model_copy(update={"payload_offset_m": moved})
@@ -83,30 +83,30 @@ LUGS_MM: Mapping[str, tuple[float, float, float, float]] = {
     "15/80": (15.0, 80.0, 24.0, 14.0),
     "20/80": (20.0, 80.0, 24.0, 14.0),
 }
-"""Height, pitch, tip and flank of the named lugs [mm]."""
+"""Height, pitch, tip width and flank length of each named lug profile [mm]."""
 STIFFNESS_S = (0.004, 0.05)
-"""Bounds of the contact's time constant: two physics steps of 2 ms, which is the least that integrates, and a soft tyre."""
+"""Bounds of the contact time constant [s]: two physics steps of 2 ms (integration stability), and a soft tyre."""
 
 
 class Belts(Settings):
-    """Surface and rubber of the belts. Each explicit measure replaces the one of the named lug."""
+    """Lug profile and contact stiffness of the belts. Each explicit dimension overrides the named profile."""
 
     lug: Literal["none", "8/60", "15/80", "20/80"] = "none"
-    """Height and pitch of the lugs [mm]; none is a smooth belt."""
+    """Named lug profile, height/pitch [mm]; none is a smooth belt."""
     height_m: Annotated[float, Field(ge=0.0, le=0.05)] | None = None
-    """Depth of the belt between lugs below their tips."""
+    """Height of the lug tips above the belt surface."""
     pitch_m: Annotated[float, Field(ge=0.01, le=0.3)] | None = None
-    """Distance from lug to lug along the belt."""
+    """Distance between adjacent lugs along the belt."""
     tip_m: Annotated[float, Field(ge=0.0, le=0.3)] | None = None
-    """Width of a lug's tip along the belt."""
+    """Width of the lug tip along the belt."""
     flank_m: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
-    """Length of each flank along the belt, a half-cosine."""
+    """Length of each lug flank along the belt (half-cosine profile)."""
     stiffness_s: float | None = None
-    """Time constant of the belts' contact [s]; rubber of 0.005 to 0.02 s brackets the peaks of force. Unset: 0.01 s."""
+    """Time constant of the belt contact; 0.005 to 0.02 s covers rubber and brackets the force peaks. Unset: 0.01 s."""
 
     @property
     def measures_m(self) -> tuple[float, float, float, float]:
-        """Height, pitch, tip and flank."""
+        """Height, pitch, tip width and flank length of the lugs [m]."""
         named = LUGS_MM[self.lug]
         given = (self.height_m, self.pitch_m, self.tip_m, self.flank_m)
         height, pitch, tip, flank = (1e-3 * mm if own is None else own for mm, own in zip(named, given, strict=True))
@@ -129,60 +129,60 @@ class Belts(Settings):
 
 
 class Start(Settings):
-    """Where the chair stands at t = 0."""
+    """Pose of the chair at t = 0."""
 
     place: Literal["floor", "flight", "landing"] = "floor"
     step: Annotated[int, Field(ge=0)] = 4
-    """Nosing under the front pulley, when on the flight."""
+    """Index of the nosing under the front pulley for a start on the flight."""
     heading_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
-    """Zero square to the nosings, facing up; positive anticlockwise, seen from above."""
+    """Initial heading, zero square to the nosings and facing up, positive anticlockwise seen from above."""
     lateral_m: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
-    """Left of the flight's middle."""
+    """Initial lateral position, left of the middle of the flight."""
     seat: Literal["level", "chassis"] = "level"
-    """The seat at t = 0: level, or parallel to the chassis (Fig. 11)."""
+    """Initial seat attitude: level, or parallel to the chassis (Fig. 11)."""
 
 
 class DriveSettings(Settings):
-    """Direction, speed and a limit on time."""
+    """Direction, speed and time limit of the run."""
 
     direction: Literal["up", "down"] = "up"
     check: bool = True
-    """Whether ``treadline check`` is asked before anything moves; without it the chair finds out by itself what it can."""
+    """Whether ``treadline check`` must pass before the chair moves. Without the check, only the mission's own tests apply."""
     speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
-    """Of the belts on the flight."""
+    """Belt speed on the flight."""
     duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
-    """A limit; a traversal also ends on arrival."""
+    """Time limit of the run; a traversal also ends on arrival."""
 
 
 class Control(Settings):
-    """How the loop is closed."""
+    """Structure of the control loop."""
 
     loop: Literal["closed", "open"] = "closed"
-    """Open drives both belts alike, whatever the heading."""
+    """Closed loop, or open loop: both belts run at the same speed at any heading."""
     vision: Literal["robust", "paper", "truth"] = "robust"
-    """What tells the heading: the estimator that drives, Algorithm 1 as printed, or the simulator's truth of what is in view."""
+    """Source of the heading: the robust detector, Algorithm 1 as printed, or simulator ground truth for the stair in view."""
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
-    """How a turn is shared between the belts: so that the chair does not slide down meanwhile, or as printed."""
+    """Distribution of a turn between the belts: without roll-back of the chair (climb-safe), or as printed (paper)."""
     reconstruct: Reconstruct | None = None
-    """How the model's state is told from readings; unset leaves it to the controller's file, which says observer unless it was
-    tuned otherwise."""
+    """Method of state reconstruction. Unset: as stored in the controller file (observer by default)."""
 
 
 class Sensors(Settings):
-    """Which error models the sensors follow."""
+    """Error models of the sensors."""
 
     camera: Literal["kinect1", "kinect2", "ideal", "statistical"] = "kinect1"
-    """Rendered with that noise, or statistical: heading and map with fitted errors, without images."""
+    """Camera model: rendered images with the noise of the named sensor, or statistical: headings and maps with fitted errors,
+    without images."""
     image_height_px: Literal[240, 480] = 240
-    """320×240 or 640×480."""
+    """Image height: 320×240 or 640×480 pixels."""
     imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
-    """Whose noise and bias it has."""
+    """IMU model: noise and bias of the named sensor."""
     gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Tilt error of a level chair's attitude by the bias of the accelerometer, in a direction drawn from the seed."""
+    """Attitude error of a chair at rest due to accelerometer bias, in a random direction."""
 
 
 class Scenario(Settings):
-    """One run, whole."""
+    """Complete settings of one run."""
 
     stair: Stair = Stair()
     chair: Chair = Chair()
@@ -214,32 +214,32 @@ class Scenario(Settings):
 
 
 def read_scenario(name: str | Path) -> Scenario:
-    """Return the scenario in a file, or the shipped one of that name.
+    """Return the scenario in a file, or the shipped scenario of that name.
 
     Raises:
-        SettingsError: If there is none, or it says something it must not.
+        SettingsError: If no such scenario exists, or the file is invalid.
     """
     path, shipped = Path(name), shipped_scenarios()
     if not path.is_file() and str(name) in shipped:
-        path = shipped[str(name)]  # even beside a run folder of that name
+        path = shipped[str(name)]  # a run folder of the same name may exist next to it
     elif not str(name):
         raise SettingsError(f"no scenario is named; give a file, or a shipped one: {', '.join(sorted(shipped))}")
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         if (SHIPPED / f"{name}.toml").is_file():
-            raise SettingsError(f"{name}: a shipped sweep, not one scenario; fly it with treadline sweep {name}")
+            raise SettingsError(f"{name}: a shipped sweep, not one scenario; run it with treadline sweep {name}")
         known = ", ".join(sorted(shipped))
         raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
     tables = parse_toml(path)
     if "draw" in tables:
-        raise SettingsError(f"{path}: a sweep, not one scenario; fly it with treadline sweep {name}")
+        raise SettingsError(f"{path}: a sweep, not one scenario; run it with treadline sweep {name}")
     return scenario_of(tables, path, where=str(path))
 
 
 def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scenario:
-    """Return the scenario that tables of a file describe; a chair's file is sought beside that file first.
+    """Return the scenario given by parsed tables; a chair file is looked up next to ``path`` first.
 
     Raises:
-        SettingsError: With ``where``, if they say something they must not, or there is no such chair.
+        SettingsError: With ``where``, if the tables are invalid or the chair file does not exist.
     """
     scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
     try:
@@ -252,10 +252,10 @@ def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scen
 
 
 def shipped_scenarios() -> dict[str, Path]:
-    """Return the scenarios that come with the package; sweeps beside them are not among them."""
+    """Return name and path of each scenario shipped with the package, sweeps excluded."""
     return {found.stem: found for found in sorted(SHIPPED.glob("*.toml")) if not is_sweep(found)}
 
 
 def is_sweep(path: Path) -> bool:
-    """Say whether a shipped file draws scenarios and is none."""
+    """Return whether a shipped file is a sweep (with ``[[draw]]`` tables) instead of a scenario."""
     return "\n[[draw]]" in path.read_text(encoding="utf-8")

@@ -1,7 +1,7 @@
-"""Strict settings from TOML: unknown keys, wrong types and values out of range are errors with file, line, key and remedy.
+"""Strict settings from TOML: unknown keys, wrong types and out-of-range values are errors with file, line, key and remedy.
 
-Strict means that nothing is guessed: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not a count. A whole number may
-stand for a real one, and TOML's lists for tuples.
+Values are not coerced: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not an integer. Exceptions: an integer is accepted as a
+real number, and a TOML list as a tuple.
 """
 
 import difflib
@@ -37,23 +37,26 @@ class Settings(BaseModel):
 
 S = TypeVar("S", bound=Settings)
 Place = tuple[int | str, ...]
-"""Keys and list indices from the file's root down to a value."""
+"""Path from the root of a file to a value: keys and list indices."""
 JsonSchema = dict[str, Any]
 
 ONE_OF = {"number": "a number", "integer": "a whole number", "boolean": "true or false", "string": "text"}
+"""Names of scalar types in error messages."""
 MANY_OF = {"number": "numbers", "integer": "whole numbers"}
+"""Names of list item types in error messages."""
 COUNTS = ("no", "one", "two", "three", "four")
+"""Numerals of tuple lengths in error messages."""
 LONGEST_SHOWN = 60
-"""Characters of a wrong value that a message repeats."""
+"""Largest number of characters of a wrong value repeated in an error message."""
 _TABLE = re.compile(r"\s*(\[{1,2})\s*([\w.-]+)\s*\]{1,2}\s*(#.*)?$")
 _KEY = re.compile(r"\s*([\w-]+(?:\.[\w-]+)*)\s*=")
 
 
 def read_toml(path: Path, model: type[S]) -> S:
-    """Return the settings in a TOML file, checked.
+    """Return the checked settings in a TOML file.
 
     Raises:
-        SettingsError: If the file cannot be read or says something it must not; one line with file, line, key, value.
+        SettingsError: If the file cannot be read or is invalid; one line with file, line, key and value.
     """
     return settings_of(parse_toml(path), model, where=str(path), file=path)
 
@@ -62,27 +65,27 @@ def parse_toml(path: Path) -> dict[str, object]:
     """Return the tables of a TOML file.
 
     Raises:
-        SettingsError: If it is missing, a folder, not UTF-8 or not TOML.
+        SettingsError: If the file is missing, a folder, not UTF-8 or not TOML.
     """
     text = text_of(path, "a settings file")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        # ValueError: tomllib's own error is one, and so is Python's refusal of an integer of thousands of digits.
+        # ValueError: base class of tomllib's error, and Python's own for an integer of thousands of digits.
         raise SettingsError(f"{path}: not TOML: {error}") from None
 
 
 def text_of(path: Path, kind: str) -> str:
-    """Return the text in a file.
+    """Return the text of a file.
 
     Args:
-        kind: What the file should be, for the message.
+        kind: Expected kind of file, for the error message.
 
     Raises:
-        SettingsError: If it is missing, a folder or not UTF-8.
+        SettingsError: If the file is missing, a folder or not UTF-8.
     """
     try:
-        return path.read_bytes().decode("utf-8-sig")  # some editors begin a file with a mark
+        return path.read_bytes().decode("utf-8-sig")  # some editors write a byte order mark
     except FileNotFoundError:
         raise SettingsError(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -94,13 +97,13 @@ def text_of(path: Path, kind: str) -> str:
 
 
 def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, file: Path | None = None) -> S:
-    """Return checked settings from tables already parsed.
+    """Return checked settings from parsed tables.
 
     Args:
-        file: Which the tables were read from as they stand: a message then names the line as well.
+        file: Source file of the unmodified tables; adds the line number to error messages.
 
     Raises:
-        SettingsError: With ``where``, the key, its value and what is allowed.
+        SettingsError: With ``where``, the key, its value and the allowed values.
     """
     try:
         return model.model_validate(tables)
@@ -110,7 +113,7 @@ def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, fil
 
 
 def line_of(text: str, place: Place) -> int | None:
-    """Return the line of a TOML text in which a value stands, or its table begins; None where that is not plain to see."""
+    """Return the line of a value in a TOML text, or of its table's header; None if the location is ambiguous."""
     here: Place = ()
     begun: Counter[str] = Counter()
     table_line = None
@@ -129,7 +132,7 @@ def line_of(text: str, place: Place) -> int | None:
 
 
 def allowed_at(model: type[Settings], place: Place) -> str:
-    """Return what a key may be, in words: ``a number from 0.05 to 0.3``."""
+    """Return the allowed values of a key in words: ``a number from 0.05 to 0.3``."""
     return _wanted(_schema_at(model, place), ".".join(str(part) for part in place))
 
 
@@ -138,7 +141,7 @@ def _as_tuple(value: object) -> object:
 
 
 def _first_problem(error: ValidationError, model: type[Settings]) -> str:
-    """Return the key of the first thing wrong, and what is; how many more there are is told as well."""
+    """Return the first error with its key, and the number of further errors."""
     problems = error.errors(include_url=False)
     first, place = problems[0], _place(problems[0])
     others = {_place(problem) for problem in problems} - {place}
@@ -167,13 +170,13 @@ def _what_is_wrong(problem: ErrorDetails, key: str, model: type[Settings]) -> st
 
 
 def _instead(key: str, known: list[str]) -> str:
-    """Return the key that was meant, or all there are: ``rise`` is rise_m without its unit."""
+    """Return a suggestion for an unknown key, or the list of known keys: ``rise`` means rise_m."""
     meant = [name for name in known if name.startswith(f"{key}_")][:1] or difflib.get_close_matches(key, known, 1)
     return f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
 
 
 def _schema_at(model: type[Settings], place: Place) -> JsonSchema:
-    """Return the JSON schema of the value at a place."""
+    """Return the JSON schema of the value at a path."""
     root = model.model_json_schema()
     here: JsonSchema = root
     for part in place:
@@ -189,7 +192,7 @@ def _schema_at(model: type[Settings], place: Place) -> JsonSchema:
 
 
 def _wanted(schema: JsonSchema, key: str) -> str:
-    """Return what a schema allows, in words: ``a number from 0.05 to 0.3``."""
+    """Return the allowed values of a schema in words: ``a number from 0.05 to 0.3``."""
     if "enum" in schema:
         *rest, last = (_shown(choice) for choice in schema["enum"])
         return f"{', '.join(rest)} or {last}"
@@ -214,7 +217,7 @@ def _range(schema: JsonSchema) -> str:
 
 
 def _shown(value: object) -> str:
-    """Return a value as TOML would write it, on one line and not too long."""
+    """Return a value in TOML notation, on one line and truncated."""
     if isinstance(value, bool):
         text = str(value).lower()
     elif isinstance(value, tuple):

@@ -1,14 +1,14 @@
-"""The values that travel between blocks each tick.
+"""Signals exchanged between blocks at each tick.
 
-All are frozen, in SI units with the unit in the name, and carry ``t_s``, the time on the mission clock at which the
-value was true (sensors) or computed (commands). "No measurement" is ``None``, never NaN and never zero.
+All are frozen dataclasses in SI units, with the unit in the name. ``t_s`` is the mission-clock time of a measurement (sensors) or
+of a computation (commands). A missing measurement is ``None``, never NaN or zero.
 
-Frames (see docs/frames.md): W world, z up, x up the flight, origin on the floor below the first nosing, mid-width;
-S stair, x up the flight in the plane of the nosings, y left along them, z its normal, origin on the first nosing;
-B chair, x forward, y left, z up, origin mid-track on the belts' lower line; C camera, x right, y down, z forward.
+Frames (see docs/frames.md): W world, z up, x up the flight, origin on the floor below the first nosing, mid-width; S stair, x up
+the flight in the plane of the nosings, y left along the nosings, z normal to the plane, origin on the first nosing; B chair, x
+forward, y left, z up, origin mid-track on the lower line of the belts; C camera, x right, y down, z forward.
 
-Heading: rotation of the chair about the nosing plane's normal, zero when square to the nosings and facing up the
-flight, positive anticlockwise seen from above.
+Heading: rotation of the chair about the normal of the nosing plane, zero when square to the nosings and facing up the flight,
+positive anticlockwise seen from above.
 """
 
 import math
@@ -25,21 +25,22 @@ from treadline.angles import rotation_x, rotation_y, rotation_z, tilt_of
 from treadline.arrays import shaped
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
-"""Base period of mission and plant: the IMU's."""
+"""Base period of mission and plant [s]: the sample period of the IMU."""
 PERIOD_ROUNDING_S = 1e-9
-"""By which two periods that are meant to be one may differ."""
+"""Largest difference between two equal periods after rounding [s]."""
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Rotation of C in B for a camera that looks straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
+"""Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
 CAMERA_AXES_IN_CHAIR.setflags(write=False)
 
 IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
+"""Names of the array fields of ``ImuSample``."""
 IMU_SHAPES = ((4,), (3,), (3,))
-"""Of an IMU's sample: a quaternion and two vectors."""
+"""Shapes of the array fields of ``ImuSample``: a quaternion and two vectors."""
 
 
 def on_the_tick(period_s: float) -> bool:
-    """Say whether a period is some whole number of ticks."""
+    """Return whether a period is an integer multiple of the tick."""
     return (
         isinstance(period_s, Real)
         and 0.5 * TICK_S < period_s < math.inf
@@ -49,7 +50,7 @@ def on_the_tick(period_s: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PinholeCamera:
-    """A camera's calibration and its mount on the chair. Pixel centres are integers."""
+    """Calibration of a pinhole camera and its mount on the chair. Pixel centres have integer coordinates."""
 
     width_px: int
     height_px: int
@@ -58,50 +59,51 @@ class PinholeCamera:
     cx_px: float
     cy_px: float
     mount_pitch_rad: float = 0.0
-    """Down from the chair's forward axis."""
+    """Pitch of the mount [rad], positive downwards from the chair's forward axis."""
     mount_roll_rad: float = 0.0
+    """Roll of the mount about the optical axis [rad]."""
     mount_yaw_rad: float = 0.0
-    """The mount turns yaw, then pitch, then roll."""
+    """Yaw of the mount [rad]. The rotation order is yaw, pitch, roll."""
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of C in B."""
+    """Position of C in B [m]."""
 
     @property
     def R_BC(self) -> Float[np.ndarray, "3 3"]:
-        """Rotation of the camera in the chair's frame."""
+        """Rotation of the camera in the chair frame B."""
         return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
 
 
 @lru_cache(maxsize=64)
 def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation of a mount, which every frame of a camera asks for."""
+    """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""
     return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RgbdFrame:
-    """Colour and depth of one instant, registered to each other."""
+    """Registered colour and depth images of one exposure."""
 
     t_s: float
     rgb: UInt8[np.ndarray, "h w 3"]
     depth_m: Float32[np.ndarray, "h w"]
-    """Distance along the optical axis; NaN where there was no return."""
+    """Distance along the optical axis [m]; NaN at pixels without a return."""
     camera: PinholeCamera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImuSample:
-    """One reading of the chair's IMU, in the chair's frame."""
+    """One sample of the chair's IMU, expressed in the chair frame B."""
 
     t_s: float
     orientation: Float[np.ndarray, " 4"]
-    """Unit quaternion (w, x, y, z) of B in a level frame whose yaw has an arbitrary zero and drifts."""
+    """Unit quaternion (w, x, y, z) of B in a horizontal frame whose yaw has an arbitrary zero and drifts."""
     angular_velocity_rad_s: Float[np.ndarray, " 3"]
     linear_acceleration_m_s2: Float[np.ndarray, " 3"]
-    """Specific force: +g along z when at rest and level."""
+    """Specific force [m/s²]: +g along z at rest on horizontal ground."""
 
     @property
     def pitch_rad(self) -> float:
-        """Of the chair against the level, front up positive."""
+        """Pitch of the chair from horizontal [rad], front up positive."""
         return tilt_of(self.orientation.tolist())[0]
 
     def __post_init__(self) -> None:
@@ -116,7 +118,7 @@ class ImuSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatReading:
-    """The seat's own IMU and its actuator. Pitch is positive when the seat leans back (front up)."""
+    """Pitch of the seat's own IMU and stroke of the seat actuator. Pitch is positive when the seat leans back (front up)."""
 
     t_s: float
     pitch_rad: float
@@ -125,7 +127,7 @@ class SeatReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackReading:
-    """Belt speeds as the drives report them."""
+    """Belt speeds reported by the motor drives."""
 
     t_s: float
     left_m_s: float
@@ -135,20 +137,20 @@ class TrackReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlipperReading:
-    """The front track section as its drive reports it: a flipper on the front pulley's axis.
+    """Angle and motor torque of the flipper, the front track section on the front pulley's axis.
 
-    The angle is zero in line with the flat run and positive above it; a positive torque raises the flipper.
+    The angle is zero in line with the flat run of the belt and positive above it; a positive torque raises the flipper.
     """
 
     t_s: float
     angle_rad: float
     torque_n_m: float
-    """Of the motor, both sides together, after its gear."""
+    """Motor torque after the gear, both sides together [N m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorInput:
-    """What the person in charge holds or presses."""
+    """State of the operator's handset: dead-man switch, stop button, re-arm button."""
 
     t_s: float
     dead_man: bool = True
@@ -158,7 +160,7 @@ class OperatorInput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadingMeasurement:
-    """Heading seen in one frame."""
+    """Heading measured from one camera frame."""
 
     t_s: float
     heading_rad: float
@@ -168,69 +170,70 @@ class HeadingMeasurement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StairAxes:
-    """The stair's directions as one frame shows them, in C: what is believed of the mount has no part in them."""
+    """Directions of the stair measured from one frame, in C; independent of the camera mount calibration."""
 
     t_s: float
     edge_C: Float[np.ndarray, " 3"]
     """Unit vector along the nosings, pointing right."""
     down_C: Float[np.ndarray, " 3"]
-    """Unit vector square to the treads and to ``edge_C``: where gravity points on a stair that is level."""
+    """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
     normal_C: Float[np.ndarray, " 3"]
-    """Unit vector square to the plane through the nosings, pointing away from the stair."""
+    """Unit vector normal to the nosing plane, pointing away from the stair."""
     edge_sigma_rad: float
-    """Of the edge's direction about ``normal_C``."""
+    """Standard deviation of the edge direction about ``normal_C`` [rad]."""
     down_sigma_rad: float
-    """Of ``down_C`` about the edge."""
+    """Standard deviation of ``down_C`` about the edge [rad]."""
     normal_sigma_rad: float
-    """Of ``normal_C`` about the edge."""
+    """Standard deviation of ``normal_C`` about the edge [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StairMap:
-    """The stair ahead as one frame shows it, in the chair's frame B."""
+    """Map of the stair ahead measured from one frame, in the chair frame B."""
 
     t_s: float
     direction: Literal["up", "down"]
-    """Whether the flight ahead rises or falls."""
+    """Direction of the flight ahead: rising or falling."""
     nosings_B: Float[np.ndarray, "n 3"]
-    """Where each nosing seen meets the chair's middle plane (y = 0), the nearest first [m]."""
+    """Intersections of the visible nosings with the chair's middle plane (y = 0), nearest first [m]."""
     rise_m: float
     run_m: float
     slope_rad: float
     ends: bool
-    """Whether the last of ``nosings_B`` is the flight's last: beyond it lies a landing or a floor."""
+    """Whether the last of ``nosings_B`` is the last nosing of the flight: a landing or a floor follows."""
     left_wall_m: float | None
-    """Free width from the chair's middle to the wall or rail at the left, square to it; None if none is seen."""
+    """Free width from the chair's middle plane to the wall or rail on the left [m]; None if none is visible."""
     right_wall_m: float | None
+    """Free width from the chair's middle plane to the wall or rail on the right [m]; None if none is visible."""
     obstacle_m: float | None
-    """Along x, to the side that the camera looks to, from B to the nearest thing that stands in the volume the chair will sweep;
-    None if that is free."""
+    """Distance along x in the camera's viewing direction from B to the nearest obstacle in the volume swept by the chair [m]; None
+    if free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameQuality:
-    """What tells a frame worth looking at from one that is dark, frozen or empty."""
+    """Quality measures of one frame, for the detection of dark, frozen and empty images."""
 
     t_s: float
     fingerprint: int
-    """Equal for frames whose depths are equal, and for no others that a camera makes."""
+    """Hash of the depth image: equal for equal images, different for all other images of a camera."""
     brightness: float
-    """Mean of the colour image, 0 to 1; one half where depth alone is enough and nobody looked."""
+    """Mean of the colour image, 0 to 1; 0.5 if the colour image was not evaluated."""
     contrast: float
-    """Standard deviation of the colour image, 0 to 0.5; a quarter where nobody looked."""
+    """Standard deviation of the colour image, 0 to 0.5; 0.25 if the colour image was not evaluated."""
     valid_share: float
-    """Of the depth image that has a depth, 0 to 1."""
+    """Fraction of depth pixels with a return, 0 to 1."""
     obstacle_m: float | None = None
-    """How far ahead of mid-track something stands on the ground where the camera looks; None if nothing, or not asked."""
+    """Distance from mid-track to the nearest obstacle on the ground ahead of the camera [m]; None if free or not evaluated."""
 
 
 Source = Literal["vision", "gyro"]
-"""What a heading rests on: the gyro while it coasts."""
+"""Sensor behind a heading estimate: vision, or the gyro between accepted vision measurements."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadingEstimate:
-    """Heading carried between frames."""
+    """Output of the heading filter at one tick."""
 
     t_s: float
     heading_rad: float
@@ -241,9 +244,9 @@ class HeadingEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackCommand:
-    """Belt speeds asked of the two tracks.
+    """Commanded speeds of the two belts.
 
-    Positive drives the chair up the stair. Turning left (heading grows) needs ``right_m_s > left_m_s``.
+    Positive drives the chair up the stair. Turning left (heading increases) needs ``right_m_s > left_m_s``.
     """
 
     t_s: float
@@ -259,7 +262,7 @@ class TrackCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeatCommand:
-    """Rate asked of the seat's actuator; positive lengthens the stroke."""
+    """Commanded rate of the seat actuator; positive lengthens the stroke."""
 
     t_s: float
     rate_m_s: float
@@ -267,7 +270,7 @@ class SeatCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlipperCommand:
-    """Rate asked of the front track section; positive raises it."""
+    """Commanded rate of the flipper; positive raises the flipper."""
 
     t_s: float
     rate_rad_s: float
@@ -277,46 +280,46 @@ Phase = Literal[
     "search", "align", "approach", "mount", "traction", "climb", "crest", "land",
     "edge", "descend", "leave", "back_off", "drive", "arrived", "refused",
 ]  # fmt: skip
-"""Where a traversal is. ``drive`` is the flight alone, for experiments; the last two are ends."""
+"""State of the traversal state machine. ``drive`` is a flight without mount and crest (experiments); the last two are terminal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionPlan:
-    """What a traversal is about now, and what it asks of belts and flipper."""
+    """Phase of the traversal and the motion requested of belts and flipper."""
 
     t_s: float
     phase: Phase
     speed_m_s: float
-    """Mean of the belts; negative backs down."""
+    """Mean belt speed [m/s]; negative drives backwards."""
     turn_m_s: float | None = None
-    """Half the belts' difference, right less left; None leaves steering to the heading controller."""
+    """Half the difference of the belt speeds, right minus left [m/s]; None: the heading controller steers."""
     heading_rad: float = 0.0
-    """What the heading controller steers to."""
+    """Heading set point of the heading controller [rad]."""
     min_inner_speed_ratio: float | None = None
-    """Of the speed, kept by the slower belt of a chair that climbs and turns: less turns faster and slides further. None leaves it
-    to the heading controller."""
+    """Smallest ratio of inner-belt speed to climb speed during a turn; a smaller ratio turns faster and rolls back further. None:
+    the heading controller's own limit."""
     pitch_feedforward_m_s: float = 0.0
-    """Added to both belts at each tick, whoever steers: they go with a chair that falls over a nosing."""
+    """Speed added to both belts at each tick [m/s], in every steering mode, to follow a chair that tips over a nosing."""
     flipper: FlipperCommand | None = None
+    """Flipper command of this tick; None stops the flipper."""
     needs_stair: bool = True
-    """Whether a stair should be in view: not over the crest, on a landing or on the last steps."""
+    """Whether a stair must be in view: false over the crest, on landings and on the last steps."""
     cause: str = ""
-    """Why this phase began: what was seen, with its number."""
+    """Reason for the transition to this phase: the observation with its value."""
     hold: str | None = None
-    """Why the chair must stop for good, where the plan knows no further; the guard latches it."""
+    """Reason for a permanent stop if the planner has no further action; the guard latches it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something worth telling a person: a refusal, a hold, a limit reached."""
+    """Event for the operator: a refusal, a hold, a limit reached."""
 
     t_s: float
     name: str
-    """``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, or the phase that begins; ``dropped`` and ``ended`` in a recording; others on the same topic say
-    what they like."""
+    """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
+    ``refused``, or the phase entered; ``dropped`` and ``ended`` in a recording. Other publishers on the topic use other names."""
     cause: str
-    """What was seen, with its number."""
+    """Observation behind the event, with its value."""
 
 
 Reading = (
@@ -330,4 +333,4 @@ Reading = (
     | FrameQuality
     | OperatorInput
 )
-"""What a plant can hand over; a camera that looks for itself gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""
+"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""

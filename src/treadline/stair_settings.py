@@ -13,9 +13,17 @@ RUN_DEFAULT_M = 0.30
 TURNING_FLIGHTS = 4
 """Most flights where they turn: after four quarters one would lie above the first."""
 STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
-"""Rise and run of a single step: from a lip to a mounting block, and from a winder's middle to a podium."""
+"""Rise and run of a single step: from a lip to a mounting block, and from a narrow tread to a podium."""
 STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
-"""Largest turn of a nosing (three winders turn a quarter) and largest slope of a tread."""
+"""Largest turn of a single nosing and largest slope of a tread."""
+WINDER_TURN_DEG = (10.0, 180.0)
+"""Turn of a flight by its winders; beyond 180° the flight above would lie over the flight below."""
+WINDER_DEG = 45.0
+"""Largest turn by one winder: two winders to a quarter are the least in use."""
+NEWEL_M = (0.05, 0.5)
+"""Radius of a newel; walls of the two flights, 0.10 m thick, fit between them after half a turn."""
+LEAST_SIDE_DEPTH_M = 0.02
+"""Least depth of a tread at its narrow side: nosings that meet leave no tread between them."""
 OVERHANG_M = 0.10
 """Largest overhang: three times that of usual timber treads, 30 to 40 mm."""
 FrictionCoefficient = Annotated[float, Field(gt=0.0, le=2.0)]
@@ -42,6 +50,16 @@ class Stair(Settings):
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
     turn: Literal["none", "left", "right"] = "none"
     """Way each next flight goes: straight on, or a quarter to one side (quarter landings)."""
+    winders: Annotated[int, Field(ge=0, le=12)] = 0
+    """Number of winders: wedge-shaped steps around a newel, which turn the flight. They are among ``steps``."""
+    winder_first: Annotated[int, Field(ge=0)] | None = None
+    """Index of the first winder, counted from the floor, from 0; unset: the winders lead up to the landing."""
+    winder_to: Literal["left", "right"] = "left"
+    """Way the winders turn the flight."""
+    winder_turn_deg: Annotated[float, Field(ge=WINDER_TURN_DEG[0], le=WINDER_TURN_DEG[1])] = 90.0
+    """Turn of the flight by all winders together."""
+    newel_m: Annotated[float, Field(ge=NEWEL_M[0], le=NEWEL_M[1])] = 0.1
+    """Radius of the newel around which the winders turn."""
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
     """Depth of the landing above the last flight."""
@@ -123,6 +141,56 @@ class Stair(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _winders_fit(self) -> "Stair":
+        problem = self._winder_problem() if self.winders else None
+        if problem is not None:
+            raise ValueError(problem)
+        return self
+
+    def _winder_problem(self) -> str | None:
+        """Return why the winders cannot be built, or None."""
+        step_deg = self.winder_turn_deg / self.winders
+        inner_m = 2.0 * self.newel_m * math.sin(0.5 * math.radians(step_deg))
+        if self.flights > 1:
+            return f"winders is {self.winders} with {self.flights} flights; a stair has winders or landings: give flights = 1"
+        if self.open_risers:
+            return (
+                f"winders is {self.winders} with open_risers; the box of a winder reaches under the next steps, which open risers "
+                "would show: leave one of the two out"
+            )
+        if self.winders > self.steps - 2:
+            return (
+                f"winders is {self.winders} of {self.steps} steps; at least two must be straight, the landing among them: give at "
+                f"most {self.steps - 2} winders or more steps"
+            )
+        if self.first_winder > self.steps - 1 - self.winders:
+            return (
+                f"winder_first is {self.winder_first} with {self.winders} winders of {self.steps} steps; the step above the last "
+                f"winder must exist: give one from 0 to {self.steps - 1 - self.winders}"
+            )
+        if step_deg > WINDER_DEG:
+            least = math.ceil(self.winder_turn_deg / WINDER_DEG)
+            return (
+                f"winder_turn_deg is {self.winder_turn_deg:g} with {self.winders} winders, {step_deg:g}° each; a winder turns by "
+                f"at most {WINDER_DEG:g}°: give at least {least} winders"
+            )
+        if inner_m < LEAST_SIDE_DEPTH_M:
+            return (
+                f"newel_m is {self.newel_m:g}, so each winder is {inner_m:.3f} m deep at the newel; it must be at least "
+                f"{LEAST_SIDE_DEPTH_M:g} m: give a larger newel_m or fewer winders"
+            )
+        return None
+
+    @property
+    def first_winder(self) -> int:
+        """Index of the first winder, where there are winders."""
+        return self.steps - 1 - self.winders if self.winder_first is None else self.winder_first
+
+    def is_winder(self, index: int) -> bool:
+        """Return whether a step is a winder."""
+        return bool(self.winders) and self.first_winder <= index < self.first_winder + self.winders
+
     @property
     def slope_rad(self) -> float:
         """Angle of the nosing plane."""
@@ -163,7 +231,7 @@ class StepOverride(Settings):
     run_m: Annotated[float, Field(ge=STEP_RUN_M[0], le=STEP_RUN_M[1])] | None = None
     """Depth from its nosing to the next one."""
     yaw_deg: Annotated[float, Field(ge=-STEP_YAW_DEG, le=STEP_YAW_DEG)] | None = None
-    """Turn of its nosing about the vertical, positive anticlockwise seen from above: a winder."""
+    """Turn of its nosing about the vertical, positive anticlockwise seen from above."""
     friction: Friction | None = None
     """Friction along the belt and across it, on the whole step."""
     friction_left: Friction | None = None

@@ -7,15 +7,12 @@ import math
 from collections.abc import Sequence
 
 from treadline.angles import DEG
-from treadline.stair_settings import Stair, StepOverride
-
-LEAST_SIDE_DEPTH_M = 0.02
-"""Least depth of a winder at its narrow side: nosings that meet leave no tread between them."""
+from treadline.stair_settings import LEAST_SIDE_DEPTH_M, Stair, StepOverride
 
 
 def step_problem(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
     """Return why a staircase cannot be built, or None."""
-    for check in (_outside, _given_twice, _landing_depth, _overhang, _steep_tread, _crossing_nosings):
+    for check in (_outside, _given_twice, _landing_depth, _shape_of_winder, _overhang, _steep_tread, _crossing_nosings):
         problem = check(stair, overrides)
         if problem is not None:
             return problem
@@ -76,6 +73,22 @@ def _landing_depth(stair: Stair, overrides: Sequence[StepOverride]) -> str | Non
         if override.run_m is not None and stair.is_landing(index):
             name = "landing_m" if index == stair.count - 1 else "between_m"
             return f"step.{number}: run_m is {override.run_m:g}, but step {index} is a landing; its depth is stair.{name}"
+    return None
+
+
+def _shape_of_winder(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
+    """Return which override would change the plan of a winder."""
+    for number, override in enumerate(overrides):
+        index = place_of(stair, override)
+        ends_one = index > 0 and stair.is_winder(index - 1)
+        for key in ("run_m", "yaw_deg", "tread_slope_deg"):
+            value = getattr(override, key)
+            if value is None:
+                continue
+            if stair.is_winder(index):
+                return f"step.{number}: {key} is {value:g}, but step {index} is a winder: stair.winders shapes it; remove it"
+            if ends_one and key == "yaw_deg":
+                return f"step.{number}: yaw_deg is {value:g}, but the nosing of step {index} ends the last winder; remove it"
     return None
 
 

@@ -1,4 +1,4 @@
-"""Units in names: what the ending of a channel's, a key's or a score's name stands for."""
+"""Unit suffixes in the names of channels, keys and scores."""
 
 UNITS = {
     "m_s2": "m/s²",
@@ -19,9 +19,9 @@ UNITS = {
     "px": "px",
     "percent": "%",
 }
-"""Endings of names, the longer before those they end in. Single letters other than m and s end too many plain words."""
+"""Unit by name suffix, longer suffixes first. Single letters other than m and s are excluded: many ordinary words end in them."""
 
 
 def unit_ending(name: str) -> str | None:
-    """Return the ending of a name that is a unit, None where it has none."""
+    """Return the unit suffix of a name, or None."""
     return next((end for end in UNITS if name.lower().endswith("_" + end) and len(name) > len(end) + 1), None)

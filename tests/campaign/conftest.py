@@ -1,4 +1,4 @@
-"""What campaign tests share: a small sweep and somebody who flies it."""
+"""Fixtures of the campaign tests: a small sweep and functions that stand in for the simulator."""
 
 import sys
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))  # spawned processes find what flies by its module's name
+sys.path.insert(0, str(Path(__file__).parent))  # spawned processes import the episode functions by module name
 
 SMALL = """
 [drive]

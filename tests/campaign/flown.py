@@ -1,4 +1,4 @@
-"""Flights that cost nothing, for what is tested here is who flies and what is kept. Workers import them by name."""
+"""Episode functions without a simulator, for tests of executors and journals. Worker processes import them by name."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ BAD_KG, DEADLY_KG = 80.0, 92.0
 
 
 def quick(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
-    """A smooth margin with a known minimum, noise from the seed, and a verdict that follows."""
+    """Return a smooth margin with a known minimum, noise from the seed, and a consistent verdict."""
     chance = np.random.default_rng(seed)
     margin = 12.0 - 0.05 * scenario.chair.payload_kg - 0.2 * abs(scenario.start.heading_deg) + 0.01 * chance.normal()
     return {
@@ -35,13 +35,13 @@ def quick(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
 
 
 def slow(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
-    """The same, in a while."""
+    """Return the same as ``quick`` after a delay."""
     time.sleep(0.05)
     return quick(scenario, seed, watched_s)
 
 
 def unlucky(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
-    """Some runs raise, one kind kills its process each time, another only the first time."""
+    """Raise in some runs; one kind of run kills its process each time, another only the first time."""
     if scenario.chair.payload_kg > DEADLY_KG:
         os.kill(os.getpid(), signal.SIGKILL)
     if scenario.chair.payload_kg > BAD_KG:

@@ -1,4 +1,4 @@
-"""The command line, with flights that take a while and cost nothing; its processes find them by this folder."""
+"""Command line with slow episodes without a simulator; worker processes find them through this folder."""
 
 import sys
 from pathlib import Path
@@ -10,5 +10,5 @@ if __name__ == "__main__":
 
     from treadline.cli import main, sweep
 
-    sweep.fly = flown.slow
+    sweep.RunScenario = lambda **_: flown.slow
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""A cluster whose workers come back late or never: no run is lost and no sweep hangs. The cluster itself is played here."""
+"""Cluster with late or missing workers: no run is lost and no sweep hangs. The cluster itself is a fake."""
 
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
@@ -12,7 +12,7 @@ import pytest
 
 from treadline.campaign import cluster
 from treadline.campaign.cluster import LOCAL, Cluster
-from treadline.campaign.run import Flight, Fly, Row
+from treadline.campaign.run import Episode, EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan
 from treadline.errors import SettingsError
@@ -22,17 +22,17 @@ distributed = pytest.importorskip("distributed", reason="Dask is an extra")
 
 @dataclass(eq=False)
 class Promise:
-    """A run that was handed in."""
+    """Future of a submitted run."""
 
     run: Any
-    fly: Fly
-    flight: Flight
+    run_episode: EpisodeRunner
+    episode: Episode
     lost: bool = False
 
     def result(self) -> Row:
         if self.lost:
             raise CancelledError
-        row: Row = self.run(self.fly, self.flight)
+        row: Row = self.run(self.run_episode, self.episode)
         return row
 
     def release(self) -> None:
@@ -41,11 +41,11 @@ class Promise:
 
 @dataclass(eq=False)
 class Scheduler:
-    """Stands for a Dask client: each life flies so many runs, and then all its workers are gone."""
+    """Fake Dask client: each life completes a number of runs, then all workers are gone."""
 
     lives: list[int]
     deadly: frozenset[int] = frozenset()
-    """Runs of which no worker comes back."""
+    """Indices of runs whose worker never returns."""
     loop: None = None
     left: int = 0
     handed: list[list[int]] = field(default_factory=list)
@@ -54,14 +54,14 @@ class Scheduler:
         self.left = self.lives.pop(0) if self.lives else 0
         self.handed.append([])
 
-    def submit(self, run: Any, fly: Fly, flight: Flight, *, pure: bool) -> Promise:
+    def submit(self, run: Any, run_episode: EpisodeRunner, episode: Episode, *, pure: bool) -> Promise:
         assert not pure
-        self.handed[-1].append(flight.index)
-        return Promise(run, fly, flight)
+        self.handed[-1].append(episode.index)
+        return Promise(run, run_episode, episode)
 
     def batches(self, promises: list[Promise]) -> Iterator[list[Promise]]:
         for promise in promises:
-            if promise.flight.index in self.deadly or self.left == 0:
+            if promise.episode.index in self.deadly or self.left == 0:
                 self.left = 0
                 break
             self.left -= 1
@@ -78,7 +78,7 @@ class Scheduler:
 
 
 @pytest.fixture
-def flies(monkeypatch: pytest.MonkeyPatch) -> Any:
+def cluster_of(monkeypatch: pytest.MonkeyPatch) -> Any:
     def make(scheduler: Scheduler, address: str = LOCAL) -> Cluster:
         class AsCompleted:
             def __init__(self, promises: list[Promise], loop: None) -> None:
@@ -94,40 +94,40 @@ def flies(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(cluster, "POLL_S", 0.001)
         made = Cluster(flown.quick, address, 2)
         made._client = scheduler
-        monkeypatch.setattr(made, "_hire_again", scheduler.hire)
+        monkeypatch.setattr(made, "_restart_workers", scheduler.hire)
         scheduler.hire()
         return made
 
     return make
 
 
-def flights(small: Path, count: int) -> list[Flight]:
+def episodes(small: Path, count: int) -> list[Episode]:
     plan = SweepPlan(spec=read_spec(small), runs=count, seed=1)
     point = np.full(plan.spec.dimension, 0.5)
-    return [plan.flight(index, point) for index in range(count)]
+    return [plan.episode(index, point) for index in range(count)]
 
 
-def test_workers_that_nobody_brings_back_are_hired_again_and_no_run_is_lost(small: Path, flies: Any) -> None:
+def test_lost_workers_are_restarted_and_no_run_is_lost(small: Path, cluster_of: Any) -> None:
     scheduler = Scheduler(lives=[3, 0, 2, 9])
-    rows = list(flies(scheduler).results(flights(small, 8)))
+    rows = list(cluster_of(scheduler).results(episodes(small, 8)))
     assert [row["index"] for row in rows] == list(range(8))
     assert {row["verdict"] for row in rows} <= {"arrived", "held"}
     assert scheduler.handed == [[*range(8)], [*range(3, 8)], [*range(3, 8)], [*range(5, 8)]]
 
 
-def test_a_run_of_which_no_worker_ever_comes_back_is_flown_alone_and_told(small: Path, flies: Any) -> None:
+def test_a_run_that_kills_every_worker_is_run_alone_and_reported(small: Path, cluster_of: Any) -> None:
     scheduler = Scheduler(lives=[99] * 20, deadly=frozenset({2}))
-    rows = {row["index"]: row for row in flies(scheduler).results(flights(small, 5))}
+    rows = {row["index"]: row for row in cluster_of(scheduler).results(episodes(small, 5))}
     assert rows.keys() == set(range(5))
     assert [index for index, row in rows.items() if row["verdict"] == "crashed"] == [2]
     assert rows[2]["cause"] == "its process died, 2 times"
-    # Three times among the others, of which the first two runs were flown, and twice alone.
+    # Three times among the others, of which the first two runs were executed, and twice alone.
     assert scheduler.handed[:4] == [[0, 1, 2, 3, 4], [2, 3, 4], [2, 3, 4], [2]]
     assert sum(2 in handed for handed in scheduler.handed) == 5
 
 
-def test_a_scheduler_that_is_gone_is_told(small: Path, flies: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_scheduler_is_reported(small: Path, cluster_of: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scheduler = Scheduler(lives=[9])
-    monkeypatch.setattr(scheduler, "submit", lambda run, fly, flight, pure: Promise(run, fly, flight, lost=not pure))
+    monkeypatch.setattr(scheduler, "submit", lambda run, fly, episode, pure: Promise(run, fly, episode, lost=not pure))
     with pytest.raises(SettingsError, match=r"--cluster tcp://a:1: its scheduler is gone; start it, and go on with --resume"):
-        list(flies(scheduler, "tcp://a:1").results(flights(small, 2)))
+        list(cluster_of(scheduler, "tcp://a:1").results(episodes(small, 2)))

@@ -1,4 +1,4 @@
-"""The campaign's page: what its chart has across."""
+"""Chart of the campaign page."""
 
 import re
 from pathlib import Path
@@ -31,7 +31,7 @@ def page_of(folder: Path, *runs: dict[str, Any], score: str = "margin") -> str:
         ("stair.friction.0", (0.5, 0.9), "stair.friction.0", "0.7"),
     ],
 )
-def test_what_varies_goes_across_with_its_unit_and_round_ticks(
+def test_a_varying_key_is_the_horizontal_axis_with_unit_and_round_ticks(
     tmp_path: Path, key: str, values: tuple[float, float], title: str, tick: str
 ) -> None:
     others = {"stair.texture": "wood", "stair.open_risers": True}
@@ -39,11 +39,11 @@ def test_what_varies_goes_across_with_its_unit_and_round_ticks(
     assert f"<h2>Margin by {key}</h2>" in page
     assert f">{title}</text>" in page
     assert f">{tick}</text>" in page
-    # Where a value is missing there is no dot.
+    # A missing value has no dot.
     assert len(re.findall("<circle", page)) == (3 if key == "stair.slope_deg" else 2)
 
 
-def test_no_dot_lies_on_the_frame(tmp_path: Path) -> None:
+def test_all_dots_are_inside_the_frame(tmp_path: Path) -> None:
     page = page_of(tmp_path, {"stair.slope_deg": 20.0}, {"stair.slope_deg": 30.0}, {"stair.slope_deg": 25.0})
     frame = {name: float(value) for name, value in re.findall(r'(x|y|width|height)="([\d.]+)"', page[page.index("<rect") :])[:4]}
     for x, y, r in re.findall(r'cx="([\d.]+)" cy="([\d.]+)" r="([\d.]+)"', page):
@@ -60,20 +60,20 @@ def test_a_fall_has_a_colour_of_its_own_and_is_drawn_over_the_others(tmp_path: P
     assert f'<span style="color: {COLOURS["fell"]}">●</span> fell' in page
 
 
-def test_a_score_is_called_by_words_and_its_unit(tmp_path: Path) -> None:
+def test_a_score_is_shown_with_display_name_and_unit(tmp_path: Path) -> None:
     rows = [{"min_stability_margin_deg": 8.0 + k, "rms_heading_deg": 1.0, "stair.slope_deg": 20.0 + k} for k in range(3)]
     page = page_of(tmp_path, *rows, score="min_stability_margin_deg")
     assert "<h2>Smallest tip-over margin that lasts 0.1 s by stair.slope_deg</h2>" in page
     assert ">smallest tip-over margin that lasts 0.1 s [°]</text>" in page
-    # A root mean square of margins means nothing, one of root mean squares does.
+    # The RMS of margins has no meaning, the RMS of RMS values does.
     cells = dict(re.findall(r'<code class="key">(\w+)</code></td>(.*?)</tr>', page))
     assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]
 
 
-def test_the_slope_goes_across_wherever_it_varies(tmp_path: Path) -> None:
+def test_a_varying_slope_is_the_horizontal_axis(tmp_path: Path) -> None:
     page = page_of(tmp_path, {"chair.payload_kg": 0.0}, {"chair.payload_kg": 80.0, "stair.slope_deg": 30.0})
     assert "<h2>Margin by stair.slope_deg</h2>" in page
 
 
-def test_where_no_number_varies_there_is_no_chart(tmp_path: Path) -> None:
+def test_without_a_varying_number_there_is_no_chart(tmp_path: Path) -> None:
     assert "<svg" not in page_of(tmp_path, {"stair.open_risers": True}, {"stair.open_risers": False})

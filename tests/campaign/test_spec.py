@@ -1,4 +1,4 @@
-"""What a sweep's file may say, and that its draws keep to it."""
+"""Contents of a sweep file, and draws within its ranges."""
 
 import math
 import re
@@ -41,7 +41,7 @@ def refusal(path: Path) -> str:
 
 @given(shares)
 @settings(max_examples=60)
-def test_no_draw_leaves_the_envelope_that_is_claimed(point: list[float]) -> None:
+def test_every_draw_is_within_the_claimed_envelope(point: list[float]) -> None:
     scenario = ENVELOPE.at(point, "a run").scenario
     stair, chair, start = scenario.stair, scenario.chair, scenario.start
     slope_deg = math.degrees(stair.slope_rad)
@@ -73,7 +73,7 @@ def test_a_thousand_draws_fill_the_envelope() -> None:
     assert max(run.chair.payload_kg for run in runs) > 108.0
 
 
-def test_outside_means_one_thing_at_a_time() -> None:
+def test_outside_scenarios_violate_one_limit_each() -> None:
     runs = drawn(OUTSIDE, 200)
     assert Counter(run.values["label"] for run in runs).keys() == {"low friction", "steep", "overloaded", "missing steps"}
     for run in runs:
@@ -87,13 +87,13 @@ def test_outside_means_one_thing_at_a_time() -> None:
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
 @given(fewer=st.integers(1, 40), more=st.integers(0, 100), seed=st.integers(0, 2**40))
 @settings(max_examples=25)
-def test_run_k_is_the_same_however_many_there_are(sampling: Any, fewer: int, more: int, seed: int) -> None:
+def test_run_k_does_not_depend_on_the_number_of_runs(sampling: Any, fewer: int, more: int, seed: int) -> None:
     short, long = (points(sampling, 7, seed, count) for count in (fewer, fewer + more))
     np.testing.assert_array_equal(short, long[:fewer])
     assert ((long >= 0.0) & (long < 1.0)).all()
 
 
-def test_seeds_and_runs_have_points_and_seeds_of_their_own() -> None:
+def test_every_seed_and_run_has_a_different_point_and_seed() -> None:
     for sampling in ("random", "sobol"):
         one, other = points(sampling, 3, 1, 64), points(sampling, 3, 2, 64)
         assert not np.isin(one, other).any()
@@ -116,14 +116,14 @@ def test_a_drawn_scenario_reads_back_to_the_last_bit(tmp_path: Path) -> None:
         assert read_scenario(path) == scenario
 
 
-def test_layout_is_no_part_of_a_sweep_but_every_number_is(spec_file: Write) -> None:
+def test_the_digest_ignores_layout_but_depends_on_every_number(spec_file: Write) -> None:
     text = '[[draw]]\nkey = "start.heading_deg"\nuniform = [-30, 30]\n'
     first = read_spec(spec_file(text)).digest
     assert read_spec(spec_file("# a remark\n\n" + text)).digest == first
     assert read_spec(spec_file(text.replace("-30", "-29"))).digest != first
 
 
-def test_weights_and_cut_normals_are_what_they_say(spec_file: Write) -> None:
+def test_weights_and_truncated_normals_have_the_stated_distribution(spec_file: Write) -> None:
     spec = read_spec(
         spec_file(
             '[[draw]]\nkey = "stair.texture"\nchoice = ["wood", "dark"]\nweights = [3, 1]\n'
@@ -134,7 +134,7 @@ def test_weights_and_cut_normals_are_what_they_say(spec_file: Write) -> None:
     assert sum(run.stair.texture == "wood" for run in runs) == pytest.approx(768, abs=2)
     headings = np.array([run.start.heading_deg for run in runs])
     assert (headings.min() >= -5.0, headings.max() <= 15.0) == (True, True)
-    # A normal cut at one sigma on both sides: mean kept, deviation 0.540 of sigma.
+    # Normal distribution truncated at one sigma on both sides: same mean, standard deviation 0.540 sigma.
     assert (headings.mean(), headings.std()) == (pytest.approx(5.0, abs=0.1), pytest.approx(5.40, abs=0.1))
 
 
@@ -195,16 +195,16 @@ def test_faults_may_be_drawn(spec_file: Write) -> None:
         ),
     ],
 )
-def test_what_a_sweep_must_not_say_is_refused_in_one_line(spec_file: Write, text: str, words: str) -> None:
+def test_an_invalid_sweep_file_is_rejected_in_one_line(spec_file: Write, text: str, words: str) -> None:
     message = refusal(spec_file(text))
     assert re.search(words, message), message
 
 
-def test_a_sweep_is_not_listed_as_a_scenario_and_not_flown_as_one() -> None:
+def test_a_sweep_is_not_listed_or_run_as_a_scenario() -> None:
     with pytest.raises(SettingsError, match="shipped: default, down-28, flight-20, paper-28, straight-25, up-28"):
         read_scenario("paper-29")
     with pytest.raises(SettingsError, match=r"\(shipped: envelope, outside\)"):
         read_spec("envelop")
-    with pytest.raises(SettingsError, match="a sweep, not one scenario; fly it with treadline sweep"):
+    with pytest.raises(SettingsError, match="a sweep, not one scenario; run it with treadline sweep"):
         read_scenario(ENVELOPE.path)
     assert isinstance(Scenario.model_validate(ENVELOPE.base), Scenario)

@@ -1,4 +1,4 @@
-"""What a campaign came to."""
+"""Summary of a campaign."""
 
 from dataclasses import fields
 
@@ -13,7 +13,7 @@ from treadline.experiments.scores import Scores
 @pytest.mark.parametrize(
     ("count", "total", "bounds"),
     [
-        # Clopper and Pearson's own closed forms at the ends: 1 - 0.025^(1/n).
+        # Closed form of Clopper and Pearson at the ends: 1 - 0.025^(1/n).
         (0, 10, (0.0, 1.0 - 0.025**0.1)),
         (10, 10, (0.025**0.1, 1.0)),
         (0, 1000, (0.0, 1.0 - 0.025**0.001)),
@@ -24,12 +24,12 @@ from treadline.experiments.scores import Scores
         (0, 0, (0.0, 1.0)),
     ],
 )
-def test_bounds_are_those_of_the_tables(count: int, total: int, bounds: tuple[float, float]) -> None:
+def test_bounds_equal_published_tables(count: int, total: int, bounds: tuple[float, float]) -> None:
     assert clopper_pearson(count, total) == pytest.approx(bounds, abs=5e-5)
 
 
 @given(st.integers(1, 2000), st.data())
-def test_bounds_hold_the_share_and_mirror(total: int, data: st.DataObject) -> None:
+def test_bounds_contain_the_share_and_are_symmetric(total: int, data: st.DataObject) -> None:
     count = data.draw(st.integers(0, total))
     low, high = clopper_pearson(count, total)
     assert 0.0 <= low <= count / total <= high <= 1.0
@@ -45,7 +45,7 @@ ROWS = [
 ]
 
 
-def test_the_worst_are_who_fell_then_who_failed_then_the_lowest_margins() -> None:
+def test_the_worst_are_falls_then_failures_then_the_lowest_margins() -> None:
     assert [row["index"] for row in worst(ROWS, "min_margin")] == [2, 4, 3, 1, 0]
     assert [row["index"] for row in worst(ROWS, "rate", 3)] == [2, 4, 0]
 
@@ -64,7 +64,7 @@ def test_scores_are_those_of_the_runs_that_have_them() -> None:
     assert any("fell" in line for line in lines(summary))
 
 
-def test_people_are_told_a_root_mean_square_only_of_what_is_one() -> None:
+def test_the_summary_shows_an_rms_only_for_rms_scores() -> None:
     rows = [
         {"index": k, "seed": 0, "verdict": "arrived", "cause": None, "duration_s": 40.0 + k, "rms_heading_deg": 3.0}
         | {"min_stability_margin_deg": 9.0 - k}
@@ -76,17 +76,17 @@ def test_people_are_told_a_root_mean_square_only_of_what_is_one() -> None:
     assert "  rms_heading_deg: RMS 3°, median 3°, worst 3° (run 0000)" in said
 
 
-def test_what_is_shown_is_what_a_traversal_scores() -> None:
+def test_shown_scores_are_scores_of_a_traversal() -> None:
     assert set(SHOWN) <= {field.name for field in fields(Scores)}
 
 
-def test_what_never_happened_has_bounds_too() -> None:
+def test_a_verdict_that_never_occurred_has_bounds() -> None:
     fell = summarise(ROWS[:1] * 300, [], [], "min_margin")["verdicts"]["fell"]
     assert (fell["count"], fell["bounds"]) == (0, [0.0, pytest.approx(0.01222, abs=1e-5)])
 
 
 @pytest.mark.parametrize("ways", [(5.0, 0.2, 3.0), (-5.0, -0.2, -3.0)])
-def test_the_shortest_way_is_the_worst_up_and_down(ways: tuple[float, ...]) -> None:
+def test_the_shortest_distance_is_the_worst_up_and_down(ways: tuple[float, ...]) -> None:
     rows = [{"index": i, "seed": 0, "verdict": "held", "cause": "-", "climbed_m": way} for i, way in enumerate(ways)]
     summary = summarise(rows, (), (), "climbed_m")
     assert summary["scores"]["climbed_m"]["worst_run"] == 1

@@ -1,4 +1,4 @@
-"""A sweep, whole: the same whoever flies it, and nothing lost whatever happens."""
+"""Whole sweeps: identical results for any executor, and no run lost after any interruption."""
 
 import csv
 import json
@@ -17,26 +17,27 @@ import pytest
 
 from treadline.campaign.journal import NAME, Journal
 from treadline.campaign.pool import Pool, Runners
-from treadline.campaign.run import Fly, Row
+from treadline.campaign.run import EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
-from treadline.campaign.sweep import SweepPlan, fly_sweep, replay_command
-from treadline.errors import SettingsError, TreadlineError
+from treadline.campaign.sweep import SweepPlan, replay_command, run_sweep
+from treadline.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.scenario import read_scenario
 
 HERE = Path(__file__).parent
+ROW: Row = {"index": 0, "seed": 7, "verdict": "arrived", "cause": "the landing"}
 
 
-def fly(
-    plan: SweepPlan, folder: Path, flies: Fly = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
+def sweep(
+    plan: SweepPlan, folder: Path, run_episode: EpisodeRunner = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
 ) -> dict[str, Any]:
-    runners: Runners = given.get("runners") or Pool(flies, workers)
-    return fly_sweep(
+    runners: Runners = given.get("runners") or Pool(run_episode, workers)
+    return run_sweep(
         plan, folder, runners, resume=resume, begin=lambda _left: None, done=given.get("done", lambda _row, _left: None)
     )
 
 
 def results(folder: Path) -> dict[str, bytes]:
-    """What must be the same: all but times and the folder's own name."""
+    """Return the files that must be identical: all but times, with the folder's name replaced."""
     summary = (folder / "summary.json").read_text().replace(str(folder), "OUT")
     names = ["runs.csv", "runs.parquet", "spec.toml", *(f"scenarios/{path.name}" for path in folder.glob("scenarios/*"))]
     return {"summary": summary.encode()} | {name: (folder / name).read_bytes() for name in names if (folder / name).exists()}
@@ -50,7 +51,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
 def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) -> None:
     plan = SweepPlan(spec=read_spec(small), runs=24, seed=5)
     for workers in (1, 4):
-        fly(plan, tmp_path / str(workers), workers=workers)
+        sweep(plan, tmp_path / str(workers), workers=workers)
     assert results(tmp_path / "1") == results(tmp_path / "4")
     table = rows(tmp_path / "1")
     assert [int(row["index"]) for row in table] == list(range(24))
@@ -58,15 +59,15 @@ def test_one_process_or_four_give_the_same_bytes(small: Path, tmp_path: Path) ->
     assert {"stair.slope_deg", "stair.friction.0", "verdict", "min_stability_margin_deg"} <= set(table[0])
 
 
-def test_one_held_chair_of_ten_is_watched_for_a_minute(small: Path, tmp_path: Path) -> None:
-    fly(SweepPlan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
+def test_every_tenth_held_chair_is_observed_for_a_minute(small: Path, tmp_path: Path) -> None:
+    sweep(SweepPlan(spec=read_spec(small), runs=24, seed=5), tmp_path, workers=1)
     assert [int(row["index"]) for row in rows(tmp_path) if float(row["watched_s"]) == 60.0] == [0, 10, 20]
     assert {float(row["watched_s"]) for row in rows(tmp_path)} == {3.0, 60.0}
 
 
 def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is an extra")
-    fly(SweepPlan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
+    sweep(SweepPlan(spec=read_spec(small), runs=6), tmp_path / "out", workers=1)
     table = parquet.read_table(tmp_path / "out" / "runs.parquet").to_pylist()
     for as_text, typed in zip(rows(tmp_path / "out"), table, strict=True):
         assert {key: "" if value is None else str(value) for key, value in typed.items()} == as_text
@@ -77,15 +78,15 @@ def test_dask_gives_the_same_bytes(small: Path, tmp_path: Path) -> None:
     from treadline.campaign.cluster import LOCAL, Cluster
 
     plan = SweepPlan(spec=read_spec(small), runs=40, seed=1)
-    fly(plan, tmp_path / "pool")
-    fly(plan, tmp_path / "dask", runners=Cluster(flown.quick, LOCAL, 2))
+    sweep(plan, tmp_path / "pool")
+    sweep(plan, tmp_path / "dask", runners=Cluster(flown.quick, LOCAL, 2))
     assert results(tmp_path / "pool") == results(tmp_path / "dask")
 
 
-def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_run_is_a_row_and_affects_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     once = tmp_path / "died"
     monkeypatch.setenv("DIES_ONCE", str(once))
-    fly(SweepPlan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
+    sweep(SweepPlan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
     table = rows(tmp_path / "out")
     assert len(table) == 40
     seen = {"crashed": 0, "diverged": 0, "error": 0}
@@ -103,55 +104,94 @@ def test_a_run_that_fails_is_a_row_and_costs_no_other_run(small: Path, tmp_path:
         assert (row["verdict"], row["cause"]) == (expected, cause)
         seen[expected] += 1
     assert all(seen.values()), seen
-    assert once.exists()  # a process ended with exit code 3, and its run was done again
+    assert once.exists()  # a process ended with exit code 3, and its run was repeated
 
 
 def test_a_longer_sweep_begins_with_the_shorter_one(small: Path, tmp_path: Path) -> None:
     done: list[int] = []
     for sampling in ("random", "sobol"):
         spec, out = read_spec(small), tmp_path / sampling
-        fly(SweepPlan(spec=spec, runs=5, sampling=sampling), out)
-        fly(SweepPlan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
-        fly(SweepPlan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling}-at-once")
+        sweep(SweepPlan(spec=spec, runs=5, sampling=sampling), out)
+        sweep(SweepPlan(spec=spec, runs=12, sampling=sampling), out, resume=True, done=lambda row, _: done.append(row["index"]))
+        sweep(SweepPlan(spec=spec, runs=12, sampling=sampling), tmp_path / f"{sampling}-at-once")
         assert results(out) == results(tmp_path / f"{sampling}-at-once")
     assert sorted(done) == sorted([*range(5, 12)] * 2)
 
 
 @pytest.mark.parametrize("change", [{"seed": 1}, {"sampling": "sobol"}, {"adversarial": True}])
-def test_another_sweep_is_not_added_to(small: Path, tmp_path: Path, change: dict[str, Any]) -> None:
+def test_a_different_sweep_is_not_continued(small: Path, tmp_path: Path, change: dict[str, Any]) -> None:
     spec, out = read_spec(small), tmp_path / "out"
-    fly(SweepPlan(spec=spec, runs=8), out, workers=1)
+    sweep(SweepPlan(spec=spec, runs=8), out, workers=1)
     before = (out / NAME).read_bytes()
     with pytest.raises(SettingsError, match="a sweep is there already; go on with --resume, or give another --out"):
-        fly(SweepPlan(spec=spec, runs=8), out, workers=1)
+        sweep(SweepPlan(spec=spec, runs=8), out, workers=1)
     with pytest.raises(SettingsError, match=r"the sweep there has .*; resume with what it was started with"):
-        fly(SweepPlan(spec=spec, runs=8, **change), out, workers=1, resume=True)
+        sweep(SweepPlan(spec=spec, runs=8, **change), out, workers=1, resume=True)
     small.write_text(small.read_text().replace("[20, 30]", "[21, 30]"))
     with pytest.raises(SettingsError, match="the sweep there has spec"):
-        fly(SweepPlan(spec=read_spec(small), runs=8), out, workers=1, resume=True)
+        sweep(SweepPlan(spec=read_spec(small), runs=8), out, workers=1, resume=True)
     assert (out / NAME).read_bytes() == before
 
 
-def test_a_line_cut_short_is_flown_again_and_a_broken_one_is_told(small: Path, tmp_path: Path) -> None:
+def test_an_incomplete_last_line_is_run_again_and_a_damaged_line_is_rejected(small: Path, tmp_path: Path) -> None:
     plan, out = SweepPlan(spec=read_spec(small), runs=6), tmp_path / "out"
-    fly(plan, out, workers=1)
+    sweep(plan, out, workers=1)
     whole, journal = results(out), out / NAME
     journal.write_bytes(journal.read_bytes()[:-40])
     done: list[int] = []
-    fly(plan, out, workers=1, resume=True, done=lambda row, _: done.append(row["index"]))
+    sweep(plan, out, workers=1, resume=True, done=lambda row, _: done.append(row["index"]))
     assert (done, results(out)) == ([5], whole)
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join([*lines[:2], b'{"index": 1, "ver\n', *lines[3:]]))
-    with pytest.raises(SettingsError, match=r"journal.jsonl:3: no line of a sweep's journal"):
-        fly(plan, out, workers=1, resume=True)
+    with pytest.raises(LogFormatError, match=r"journal.jsonl:3: the line has no checksum; remove the line"):
+        sweep(plan, out, workers=1, resume=True)
 
 
-def test_two_sweeps_do_not_write_one_journal(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda line: line.replace(b'"arrived"', b'"held"'), "the checksum does not match"),
+        (lambda line: line.replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
+        (lambda _: b"[1, 2]\n", "the line has no checksum"),
+    ],
+)
+def test_a_journal_line_with_a_wrong_checksum_is_rejected(tmp_path: Path, damage: Callable[[bytes], bytes], message: str) -> None:
+    with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
+        journal.add(ROW)
+    header, line = (tmp_path / NAME).read_bytes().splitlines(keepends=True)
+    (tmp_path / NAME).write_bytes(header + damage(line))
+    with pytest.raises(LogFormatError, match=rf"journal.jsonl:2: {message}"):
+        Journal(tmp_path, {"seed": 1}, resume=True)
+
+
+@pytest.mark.parametrize("missing", ["index", "seed", "verdict", "cause"])
+def test_a_journal_line_without_a_required_key_is_rejected_in_one_line(tmp_path: Path, missing: str) -> None:
+    line = {key: value for key, value in ROW.items() if key != missing}
+    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(line) + "\n")
+    with pytest.raises(LogFormatError, match=rf"journal.jsonl:2: the run has no '{missing}'; .*--out$"):
+        Journal(tmp_path, {"seed": 1}, resume=True)
+
+
+def test_a_journal_line_with_an_index_that_is_no_integer_is_rejected(tmp_path: Path) -> None:
+    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(ROW | {"index": "0"}) + "\n")
+    with pytest.raises(LogFormatError, match=r"journal\.jsonl:2: index is '0'"):
+        Journal(tmp_path, {"seed": 1}, resume=True)
+
+
+def test_a_journal_without_checksums_can_be_resumed(tmp_path: Path) -> None:
+    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(ROW) + "\n")
+    with Journal(tmp_path, {"seed": 1}, resume=True) as journal:
+        journal.add(ROW | {"index": 1})
+    with Journal(tmp_path, {"seed": 1}, resume=True) as journal:
+        assert journal.rows == {0: ROW, 1: ROW | {"index": 1}}
+
+
+def test_a_journal_is_locked_against_a_second_sweep(tmp_path: Path) -> None:
     with Journal(tmp_path, {"seed": 1}, resume=False), pytest.raises(SettingsError, match="another sweep is writing it"):
         Journal(tmp_path, {"seed": 1}, resume=True)
 
 
-def test_ctrl_c_between_a_line_and_its_note_loses_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_between_write_and_update_loses_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
@@ -159,14 +199,14 @@ def test_ctrl_c_between_a_line_and_its_note_loses_no_run(tmp_path: Path, monkeyp
         with monkeypatch.context() as patch:
             patch.setattr("treadline.campaign.journal.os.fsync", interrupted)
             with pytest.raises(KeyboardInterrupt):
-                journal.add({"index": 3, "verdict": "arrived"})
+                journal.add(ROW | {"index": 3})
         assert journal.rows == {}
-        journal.look_again()
+        journal.reload()
         assert list(journal.rows) == [3]
 
 
-def test_a_disk_that_fills_keeps_what_is_done(tmp_path: Path) -> None:
-    row: Row = {"index": 0, "verdict": "arrived", "note": "x" * 60}
+def test_a_full_disk_keeps_the_finished_runs(tmp_path: Path) -> None:
+    row: Row = ROW | {"note": "x" * 60}
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
@@ -192,7 +232,7 @@ def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        start_new_session=True,  # so that a signal can go to all of its processes, as a terminal's Ctrl-C does
+        start_new_session=True,  # so that a signal can be sent to all processes, as Ctrl-C in a terminal
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509 - no threads are started here
     )
 
@@ -204,7 +244,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
     assert condition()
 
 
-def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_tables_and_a_killed_sweep_can_be_resumed(small: Path, tmp_path: Path) -> None:
     out, journal = tmp_path / "out", tmp_path / "out" / NAME
     kept = lambda: journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0  # noqa: E731
 
@@ -213,7 +253,7 @@ def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp
     workers = children(killed.pid)
     killed.kill()
     killed.communicate(timeout=30.0)
-    wait_for(lambda: not any(alive(worker) for worker in workers))  # whoever is orphaned ends by itself
+    wait_for(lambda: not any(alive(worker) for worker in workers))  # orphaned workers end by themselves
     first = kept()
     assert 4 <= first < 60
 
@@ -232,7 +272,7 @@ def test_ctrl_c_leaves_tables_and_kill_9_a_journal_that_goes_on(small: Path, tmp
     said, progress = done.communicate(timeout=60.0)
     assert json.loads(said)["runs"] == 60, progress
     at_once = tmp_path / "at-once"
-    fly(SweepPlan(spec=read_spec(small), runs=60), at_once)
+    sweep(SweepPlan(spec=read_spec(small), runs=60), at_once)
     assert results(out) == results(at_once)
 
 
@@ -245,9 +285,9 @@ def alive(pid: int) -> bool:
     return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
-def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: Path) -> None:
+def test_every_run_that_did_not_arrive_can_be_repeated(small: Path, tmp_path: Path) -> None:
     plan, out = SweepPlan(spec=read_spec(small), runs=20, seed=2), tmp_path / "out"
-    summary = fly(plan, out)
+    summary = sweep(plan, out)
     table = rows(out)
     missed = {f"{int(row['index']):04d}" for row in table if row["verdict"] != "arrived"}
     assert missed
@@ -261,25 +301,25 @@ def test_each_run_that_did_not_arrive_can_be_flown_again(small: Path, tmp_path: 
     assert again["min_stability_margin_deg"] == worst["min_stability_margin_deg"]
 
 
-def test_the_adversary_finds_worse_than_chance_and_goes_on_after_a_kill(small: Path, tmp_path: Path) -> None:
+def test_the_adversarial_search_beats_sampling_and_can_be_resumed(small: Path, tmp_path: Path) -> None:
     spec = read_spec(small)
     plan = SweepPlan(spec=spec, runs=96, seed=3, adversarial=True)
-    found = fly(plan, tmp_path / "whole")
-    chance = fly(SweepPlan(spec=spec, runs=96, seed=3), tmp_path / "chance")
+    found = sweep(plan, tmp_path / "whole")
+    chance = sweep(SweepPlan(spec=spec, runs=96, seed=3), tmp_path / "chance")
     lowest = found["worst"][0]["min_stability_margin_deg"]
-    # 110 kg at ±30° is the worst there is: 12 - 5.5 - 6 = 0.5°, and noise of 0.01.
+    # 110 kg at ±30° is the worst case: 12 - 5.5 - 6 = 0.5°, and noise of 0.01.
     assert lowest == pytest.approx(0.5, abs=0.15)
     assert lowest < chance["worst"][0]["min_stability_margin_deg"]
     lines = (tmp_path / "whole" / NAME).read_bytes().splitlines(keepends=True)
     (tmp_path / "cut").mkdir()
     (tmp_path / "cut" / NAME).write_bytes(b"".join(lines[:50]))
-    fly(plan, tmp_path / "cut", resume=True)
+    sweep(plan, tmp_path / "cut", resume=True)
     assert results(tmp_path / "cut") == results(tmp_path / "whole")
 
 
 def test_the_manifest_says_how_to_repeat_it(small: Path, tmp_path: Path) -> None:
     plan, out = SweepPlan(spec=read_spec(small), runs=2, seed=9, sampling="sobol"), tmp_path / "out"
-    fly(plan, out, workers=1)
+    sweep(plan, out, workers=1)
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["seed"] == 9
     assert {"spec": plan.spec.digest, "sampling": "sobol", "runs": 2}.items() <= manifest["settings"].items()
@@ -290,6 +330,6 @@ def test_the_manifest_says_how_to_repeat_it(small: Path, tmp_path: Path) -> None
     assert "<script" not in page
 
 
-def test_the_command_that_flies_a_run_again_is_for_a_shell() -> None:
+def test_the_replay_command_is_quoted_for_a_shell() -> None:
     said = replay_command(Path("my sweep"), {"index": 7, "seed": 3})
-    assert said == "treadline climb 'my sweep/scenarios/0007.toml' --seed 3 --out 'my sweep/flown/0007'"
+    assert said == "treadline climb 'my sweep/scenarios/0007.toml' --seed 3 --out 'my sweep/reruns/0007'"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from treadline.cli import doctor
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 
 
 def test_help_lists_every_verb_and_loads_nothing_heavy() -> None:

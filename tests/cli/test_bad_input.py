@@ -8,7 +8,7 @@ import pytest
 
 from treadline import paper
 from treadline.chair_files import CHAIRS
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.io.mcap_log import RunLog
 
 SCENARIOS = {
@@ -76,8 +76,8 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("doctor", ["--bogus"], "--bogus"),
         ("fly", [], 'Unknown command "fly"; see treadline --help'),
         ("sea", [], 'Did you mean "seat"? See treadline --help'),
-        ("check", ["envelope"], "fly it with treadline sweep envelope"),
-        ("sweep", ["paper-28", "--runs", "3"], "fly it once with treadline climb paper-28"),
+        ("check", ["envelope"], "run it with treadline sweep envelope"),
+        ("sweep", ["paper-28", "--runs", "3"], "run it once with treadline climb paper-28"),
         ("check", [""], "no scenario is named"),
         ("climb", ["paper-28", "--out", "run", "--seed", "1.5"], "--seed: '1.5' is not a whole number"),
         ("sweep", ["envelope", "--out", "run", "--runs", "1.5"], "--runs: '1.5'"),
@@ -337,7 +337,9 @@ def test_sums_that_are_none_are_said_to_be_none(run, tmp_path: Path) -> None:
     path, other = tmp_path / "record.csv", tmp_path / "other.npz"
     path.write_text("\n".join(record_text()) + "\n")
     np.savez(other, a=1.0)
-    assert_refused(run("identify", path, "--update", other, "--out", tmp_path / "model.json"), "takes what identify --sums wrote")
+    assert_refused(
+        run("identify", path, "--update", other, "--out", tmp_path / "model.json"), "takes a file written by identify --gram"
+    )
 
 
 def test_debug_shows_the_traceback(run, tmp_path: Path) -> None:

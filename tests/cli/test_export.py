@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from treadline.experiments.literal import paper_model
-from treadline.experiments.shipped import SHIPPED
+from treadline.controller_files import SHIPPED
+from treadline.experiments.as_printed import paper_model
 
 CONTROLLER = SHIPPED / "wheelchair.json"
 

@@ -134,8 +134,8 @@ def test_a_stream_gives_what_the_whole_gives(run, tmp_path: Path) -> None:
 def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
     new, worn = write_log(tmp_path / "new.csv"), write_log(tmp_path / "worn.csv", seed=1, poles=(0.7, 0.9))
     sums, common = tmp_path / "sums.npz", ("--order", "2", "--no-page", "--out", tmp_path / "m.json", "--json")
-    first = run("identify", new, *CHANNELS, *common, "--method", "pbsid", "--sums", sums)
-    assert first.values["sums"] == str(sums)
+    first = run("identify", new, *CHANNELS, *common, "--method", "pbsid", "--gram", sums)
+    assert first.values["gram"] == str(sums)
     found = {
         factor: real_poles(run("identify", worn, *CHANNELS, *common, "--update", sums, "--forgetting", factor).values)[0]
         for factor in ("1.0", "0.99")
@@ -148,7 +148,7 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
 def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: Path) -> None:
     log, sums = write_log(tmp_path / "log.csv"), tmp_path / "sums.npz"
     common = ("--no-page", "--out", tmp_path / "m.json")
-    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--sums", sums).code == 0
+    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--sums", sums).code == 0  # the former name of --gram
     swapped = ["--inputs", "right_m_s,left_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
     outcome = run("identify", log, *swapped, *common, "--update", sums)
     assert outcome.code == 2

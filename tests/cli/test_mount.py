@@ -14,7 +14,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 from treadline.perception.camera_file import read_camera
 from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
-from treadline.sim.camera import RecordedDrive, Recipe
+from treadline.sim.camera import Recipe, RecordedDrive
 
 SECONDS = 26
 """Eight stretches of three seconds, and two for the tail: the least that the calibrator answers to."""

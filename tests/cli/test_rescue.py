@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.io.runs import read_series
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.tracks import minimum_track_length

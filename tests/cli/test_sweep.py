@@ -36,7 +36,7 @@ def spec(tmp_path: Path) -> Path:
 
 
 def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "fly", flown.quick)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.quick)
     done = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--json")
     assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
     assert {"verdicts", "scores", "worst", "traversals_per_cpu_hour", "report"} <= done.values.keys()
@@ -52,7 +52,7 @@ def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Pa
 
 
 def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "fly", flown.unlucky)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.unlucky)
     monkeypatch.setenv("DIES_ONCE", os.devnull)
     spec.write_text(SPEC.replace("[0, 80]", "[85, 90]"))
     done = run("sweep", spec, "--runs", 2, "--workers", 1, "--out", tmp_path / "out", "--json")
@@ -135,7 +135,7 @@ def test_an_interrupted_sweep_names_what_goes_on_with_it(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("treadline.campaign.sweep.fly_sweep", interrupted)
+    monkeypatch.setattr("treadline.campaign.sweep.run_sweep", interrupted)
     done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
     assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
     assert "the same command with --resume goes on with it" in done.err

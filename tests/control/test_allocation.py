@@ -1,4 +1,4 @@
-"""What the belts are given of what the controller asks."""
+"""Allocation of the controller's demand to the belts."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def limits(climb: float) -> BeltLimits:
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
-def test_the_slower_belt_never_lets_the_chair_slide_nor_the_faster_pass_its_limit(left: float, right: float, climb: float) -> None:
+def test_the_inner_belt_keeps_its_minimum_and_the_outer_its_limit(left: float, right: float, climb: float) -> None:
     given_m_s = climb_safe(np.array([left, right]), limits(climb))
     assert given_m_s.min() >= 0.25 * climb - ROUNDING
     assert given_m_s.max() <= 1.0 + ROUNDING
@@ -33,7 +33,7 @@ def test_the_slower_belt_never_lets_the_chair_slide_nor_the_faster_pass_its_limi
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s, error=st.floats(min_value=-1.0, max_value=1.0))
-def test_the_inner_belt_keeps_the_share_of_its_heading_error_and_the_outer_one_its_limit(
+def test_the_inner_belt_keeps_the_ratio_of_its_heading_error_and_the_outer_its_limit(
     left: float, right: float, climb: float, error: float
 ) -> None:
     share = inner_speed_ratio(error)
@@ -46,30 +46,30 @@ def test_the_inner_belt_keeps_the_share_of_its_heading_error_and_the_outer_one_i
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_near_straight_the_inner_belt_carries_the_chair_uphill(sign: float) -> None:
-    # Ten degrees: where the inner belt sticks on 28° with Table I's friction. Half to a quarter of the climb speed is asked there.
+    # Ten degrees: the inner belt sticks on 28° with Table I's friction. The demand is half to a quarter of the climb speed.
     assert 0.25 <= inner_speed_ratio(sign * 9.9 * DEG) <= 0.5
     assert inner_speed_ratio(sign * 10.1 * DEG) < 0.25
 
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
-def test_the_mean_stays_below_what_the_guard_lets_pass(left: float, right: float, climb: float) -> None:
+def test_the_mean_speed_stays_below_the_guard_limit(left: float, right: float, climb: float) -> None:
     given_m_s = climb_safe(np.array([left, right]), limits(climb))
     assert given_m_s.mean() <= 0.55 + ROUNDING
 
 
 @settings(deadline=None, derandomize=True)
 @given(mean=asked_m_s, half=st.floats(min_value=-0.4, max_value=0.4), climb=climb_m_s)
-def test_steering_is_kept_whatever_the_common_speed_asked_for(mean: float, half: float, climb: float) -> None:
-    # A half difference of 0.4 m/s is what is left between half the fastest climb speed and the mean's limit of 0.55 m/s.
+def test_steering_does_not_depend_on_the_demanded_common_speed(mean: float, half: float, climb: float) -> None:
+    # A half difference of 0.4 m/s remains between half the fastest climb speed and the mean's limit of 0.55 m/s.
     given_m_s = climb_safe(np.array([mean - half, mean + half]), limits(climb))
-    # The sum of two floats of 1e3 m/s rounds at 1e-13.
+    # The sum of two floats of 1e3 m/s has a rounding error of 1e-13.
     assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < 1e-9
 
 
 @settings(deadline=None, derandomize=True)
 @given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
-def test_saturation_never_turns_the_other_way(half: float, climb: float) -> None:
+def test_saturation_keeps_the_direction_of_turn(half: float, climb: float) -> None:
     given_m_s = climb_safe(np.array([-half, half]), limits(climb))
     assert (given_m_s[1] - given_m_s[0]) * half >= 0.0
 
@@ -82,26 +82,24 @@ def test_a_square_chair_climbs_at_the_operators_speed(climb: float) -> None:
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s)
-def test_the_papers_allocation_only_clips(left: float, right: float) -> None:
+def test_the_papers_allocation_only_limits_each_belt(left: float, right: float) -> None:
     given_m_s = clipped(np.array([left, right]), limits(0.2))
     np.testing.assert_array_equal(given_m_s, [max(-1.0, min(1.0, left)), max(-1.0, min(1.0, right))])
 
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
-def test_backing_down_no_belt_runs_uphill_and_none_lets_down_faster_than_half_as_much_again(
-    left: float, right: float, climb: float
-) -> None:
+def test_backing_down_every_belt_runs_at_half_to_one_and_a_half_times_the_speed(left: float, right: float, climb: float) -> None:
     given_m_s = back_safe(np.array([left, right]), limits(climb))
     assert given_m_s.max() <= -0.5 * climb + ROUNDING
     assert given_m_s.min() >= -1.5 * climb - ROUNDING
-    # Within the belts' limit, for no pace is above 0.3 m/s.
+    # Within the belts' limit, because no commanded speed exceeds 0.3 m/s.
     assert given_m_s.min() >= -1.0
 
 
 @settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
-def test_backing_down_the_pace_is_kept_whatever_is_asked(left: float, right: float, climb: float) -> None:
+def test_backing_down_the_mean_speed_does_not_depend_on_the_demand(left: float, right: float, climb: float) -> None:
     assert abs(back_safe(np.array([left, right]), limits(climb)).mean() + climb) < ROUNDING
 
 
@@ -110,12 +108,12 @@ def test_backing_down_the_pace_is_kept_whatever_is_asked(left: float, right: flo
 def test_backing_down_steering_is_kept_up_to_half_the_pace_and_turns_the_same_way(share: float, climb: float) -> None:
     half = share * climb
     given_m_s = back_safe(np.array([-half, half]), limits(climb))
-    # Right less left turns left, whichever way the belts run.
+    # Right minus left turns left, in both directions of travel.
     assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < ROUNDING
 
 
 @settings(deadline=None, derandomize=True)
 @given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
-def test_backing_down_saturation_never_turns_the_other_way(half: float, climb: float) -> None:
+def test_backing_down_saturation_keeps_the_direction_of_turn(half: float, climb: float) -> None:
     given_m_s = back_safe(np.array([-half, half]), limits(climb))
     assert (given_m_s[1] - given_m_s[0]) * half >= 0.0

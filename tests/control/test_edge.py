@@ -1,4 +1,4 @@
-"""The sequencer of the way down over the edge, on readings made by hand: no plant, no truth."""
+"""State machine of the edge on synthetic readings, without a plant."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.control.flipper import OVER_BELTS_RAD, FlipperGeometry
+from treadline.control.flipper import FlipperGeometry
 from treadline.errors import MechanicsError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.loading import plumb
@@ -16,14 +16,14 @@ from treadline.signals import FlipperReading, ImuSample, TrackReading
 CHAIR = read_chair("wheelchair")
 CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)
 SLOPE = 28.0 * DEG
-GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, arm_m=0.45)
+GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, length_m=0.45)
 LIFTED_DEG = (SLOPE + CONFIG.steeper_rad) / DEG
 NEAR_M = 0.30
-"""Of the nosing behind mid-track: 5 cm before the tip is pressed down."""
+"""Distance of the nosing behind mid-track [m]: 5 cm before the tip is pressed down."""
 
 
 class Chassis:
-    """A chair that does what it is told, on a landing that is not there; its flipper follows its pitch where the tip stands."""
+    """Chair that follows its commands exactly, without a simulated landing; its flipper follows the pitch with the tip down."""
 
     def __init__(self, behind_m: float = NEAR_M) -> None:
         self.edge = Edge(CONFIG, behind_m, SLOPE)
@@ -31,7 +31,7 @@ class Chassis:
         self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
 
     def run(self, duration_s: float, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
-        """Go on under one load of the tip and return the last command."""
+        """Continue under a constant tip load and return the last command."""
         for _ in range(round(duration_s / 0.01)):
             self.t_s += 0.01
             self.pitch_deg += pitch_deg_s * 0.01
@@ -56,7 +56,7 @@ class Chassis:
         return command
 
     def until(self, stage: str, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
-        """Go on until a stage begins."""
+        """Continue until a stage begins."""
         for _ in range(3000):
             command = self.run(0.01, tip_n, pitch_deg_s)
             if command.stage == stage:
@@ -64,25 +64,25 @@ class Chassis:
         raise AssertionError(f"still in stage {command.stage!r} after 30 s")
 
     def balanced_n(self, before_m: float) -> float:
-        """Return the tip's load when the plumb line is so far before the nosing, along the belts."""
+        """Return the tip load for a distance of the plumb line before the nosing, along the belts."""
         pitch = self.pitch_deg * DEG
         return CONFIG.weight_n * before_m * math.cos(pitch) / GEOMETRY.reach(pitch, 0.475 + self.behind_m)
 
     def pressed(self) -> "Chassis":
-        """Bring it to where it is lifted."""
+        """Bring the chair to the start of the lift."""
         self.until("press")
         self.until("lift", tip_n=130.0)
         return self
 
     def lifted(self) -> "Chassis":
-        """Lift it all the way, its centre of mass where it is believed to be."""
+        """Lift the chair completely, with its centre of mass at the assumed position."""
         self.pressed()
         while self.run(0.01, self.balanced_n(plumb(CONFIG, self.pitch_deg * DEG) + self.behind_m), 8.0).stage == "lift":
             assert self.pitch_deg < 40.0
         return self
 
 
-def test_a_chair_with_a_fixed_flipper_planner_is_refused() -> None:
+def test_a_chair_with_a_fixed_flipper_planner_is_rejected() -> None:
     with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven flipper"):
         Edge(EdgeConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), NEAR_M, SLOPE)
 
@@ -91,15 +91,15 @@ def test_it_backs_to_the_edge_slows_down_and_lays_the_flipper() -> None:
     chair = Chassis(1.2)
     assert chair.run(0.5).speed_m_s == -CONFIG.cruise_m_s
     assert chair.until("press").speed_m_s == 0.0
-    assert chair.angle_rad == pytest.approx(OVER_BELTS_RAD, abs=0.5 * DEG)
+    assert chair.angle_rad == pytest.approx(2.0 * DEG, abs=0.5 * DEG)
 
 
 @pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])
 @pytest.mark.parametrize("payload_kg", [0.0, 50.0, 110.0])
-def test_it_presses_where_15_cm_and_10_cm_of_error_leave_it_on_the_landing(slope_deg: float, payload_kg: float) -> None:
+def test_the_pressing_position_allows_for_15_cm_and_10_cm_of_error(slope_deg: float, payload_kg: float) -> None:
     config = EdgeConfig(chair=CHAIR, payload_kg=payload_kg)
     pressed_m = config.early_m - plumb(config, slope_deg * DEG)
-    # Level, the plumb line meets the belts at plumb(0): still before the nosing when both errors add up.
+    # Horizontal, the plumb line meets the belts at plumb(0): still before the nosing when both errors add up.
     assert pressed_m - 0.15 - 0.10 + plumb(config, 0.0) > 0.02
     # And 10 cm early the rear pulley is at the nosing, not on the landing behind it.
     assert pressed_m + 0.10 < GEOMETRY.pivot_m + 0.05
@@ -112,26 +112,26 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     command = chair.run(CONFIG.patience_s - 0.1)
     assert (command.stage, command.speed_m_s) == ("press", 0.0)
     assert chair.run(0.3).stage == "barred"
-    assert chair.behind_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stand
+    assert chair.behind_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stop
 
 
-def test_a_light_chair_that_rises_before_its_tip_carries_much_is_led_from_there() -> None:
+def test_a_light_chair_that_rises_early_is_led_from_its_pitch() -> None:
     chair = Chassis()
     chair.until("press")
     assert chair.run(0.3, tip_n=20.0, pitch_deg_s=4.0).stage == "lift"
 
 
-def test_the_lift_presses_the_flipper_down_faster_than_the_front_rises() -> None:
+def test_the_flipper_moves_down_faster_than_the_front_rises() -> None:
     chair = Chassis().pressed()
     command = chair.run(1.0, tip_n=250.0, pitch_deg_s=7.0)
-    # The flipper turns against a chassis that rises: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
+    # The flipper turns against a rising chassis: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
     assert -30.0 * DEG <= command.flipper.rate_rad_s < -2.0 * 7.0 * DEG
 
 
 @pytest.mark.parametrize(("before_m", "sign"), [(0.60, -1.0), (0.0, 1.0)])
 def test_the_belts_keep_the_centre_of_mass_before_the_edge(before_m: float, sign: float) -> None:
     chair = Chassis().pressed()
-    chair.run(0.5, tip_n=chair.balanced_n(0.60))  # back a little, so that there is room ahead
+    chair.run(0.5, tip_n=chair.balanced_n(0.60))  # back slightly, so that there is room ahead
     command = chair.run(0.5, tip_n=max(chair.balanced_n(before_m), 1.0))
     assert math.copysign(1.0, command.speed_m_s) == sign
 
@@ -143,7 +143,7 @@ def test_it_never_drives_further_ahead_than_where_it_pressed() -> None:
     assert chair.behind_m <= pressed + 0.005
 
 
-def test_it_lifts_no_further_than_the_flipper_reaches() -> None:
+def test_the_lift_ends_at_the_flippers_range() -> None:
     chair = Chassis().pressed()
     chair.pitch_deg, far = 27.0, GEOMETRY.past(27.0 * DEG, -73.0 * DEG)
     chair.behind_m = far - 0.475
@@ -152,8 +152,8 @@ def test_it_lifts_no_further_than_the_flipper_reaches() -> None:
 
 
 def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
-    """Test: 1° below the slope the tip carries as if the centre of mass were 25 cm further from the nosing. Expected result: lifted
-    no further than along the flight, within 0.3 s; 4° below the same load is that of a chair not yet backed far enough."""
+    """Test: 1° below the slope the tip load corresponds to a centre of mass 25 cm further from the nosing. Expected result: lifted
+    only to the slope of the flight, within 0.3 s; 4° below, the same load is that of a chair not yet backed far enough."""
     chair = Chassis().pressed()
     while chair.pitch_deg < SLOPE / DEG - 4.0:
         chair.run(0.01, chair.balanced_n(0.05), 8.0)
@@ -168,9 +168,9 @@ def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
     assert chair.run(0.2, chair.balanced_n(0.02)).flipper.rate_rad_s > rising.flipper.rate_rad_s
 
 
-def test_a_tip_that_carries_much_gives_way_to_the_chair_as_it_settles() -> None:
-    """Test: settling, 60 N on the tip and then 300. Expected result: the flipper goes up the faster the more it bears; 15 N·m of
-    it are the chair's own way back."""
+def test_a_heavily_loaded_tip_yields_while_the_chair_settles() -> None:
+    """Test: settling, with 60 N on the tip and then 300. Expected result: the flipper rises faster with the load; 15 N·m correspond
+    to the chair's own motion."""
     rates = []
     for tip_n in (60.0, 300.0):
         chair = Chassis().lifted()
@@ -183,7 +183,7 @@ def test_lifted_it_backs_on_until_the_front_pulley_is_about_to_leave_the_landing
     assert chair.run(0.05, tip_n=40.0).speed_m_s == -CONFIG.settle_m_s
     chair.until("leave", tip_n=40.0)
     assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(CONFIG.leave_m, abs=0.01)
-    # The centre of mass is past the nosing for good, 10 cm of error included.
+    # The centre of mass is past the nosing, including 10 cm of error.
     assert plumb(CONFIG, SLOPE) + chair.behind_m < -0.2
 
 
@@ -192,7 +192,7 @@ def test_then_it_stows_the_flipper_and_ends_when_the_front_has_left_the_landing(
     chair.until("leave", tip_n=40.0)
     chair.until("done")
     assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(0.0, abs=0.01)
-    # Stowed clear of the landing it leaves behind: above the belts' line.
+    # Stowed clear of the landing behind it: above the belts' line.
     assert chair.angle_rad > 0.0
 
 
@@ -214,7 +214,7 @@ def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:
     assert command.speed_m_s > 0.0
 
 
-def test_a_flipper_that_gets_no_further_lets_the_chair_down_and_says_so() -> None:
+def test_a_flipper_without_progress_lowers_the_chair_and_reports_it() -> None:
     chair = Chassis().pressed()
     chair.until("lower", tip_n=130.0)
     command = chair.run(0.1, tip_n=130.0)
@@ -233,9 +233,9 @@ def test_a_flipper_that_stops_half_way_lowers_the_front_again() -> None:
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 
 
-def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
-    """Test: the order comes while the front is lifted, just after, and once the centre of mass is past the nosing. Expected result:
-    lowered, then barred; the third time it is too late, and the chair backs on."""
+def test_a_chair_that_turns_back_is_lowered_onto_the_landing() -> None:
+    """Test: the request comes during the lift, just after, and with the centre of mass past the nosing. Expected result: lowered,
+    then barred; in the third case too late, and the chair continues."""
     chair = Chassis().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     assert chair.edge.turn_back()
@@ -253,12 +253,12 @@ def test_a_chair_that_is_told_to_turn_back_is_let_down_on_the_landing() -> None:
     late.until("leave", tip_n=40.0)
 
 
-def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_a_flipper_that_was_raised() -> None:
-    """Test: told to turn back, its centre of mass further back than believed: nothing on the tip for 1.5 s, then a load. Expected
-    result: it drives towards the landing, the tip after the ground and never up from it; then it is let down."""
+def test_a_chair_on_the_flight_does_not_fall_onto_a_raised_flipper() -> None:
+    """Test: turning back, with the centre of mass further back than assumed: no tip load for 1.5 s, then a load. Expected result:
+    the chair drives towards the landing with the tip following the ground, never rising; then it is lowered."""
     chair = Chassis().lifted()
     assert chair.edge.turn_back()
-    chair.run(0.3)  # the tip's load is smoothed
+    chair.run(0.3)  # delay of the tip load filter
     for _ in range(120):
         command = chair.run(0.01)
         assert (command.stage, command.speed_m_s > 0.0) == ("lower", True)
@@ -268,7 +268,7 @@ def test_a_chair_that_lies_on_the_flight_is_not_let_fall_onto_a_flipper_that_was
 
 
 @pytest.mark.parametrize("stage", ["approach", "press"])
-def test_a_chair_that_is_told_to_turn_back_before_it_is_lifted_is_not(stage: str) -> None:
+def test_turning_back_before_the_lift_has_no_effect(stage: str) -> None:
     chair = Chassis()
     chair.until(stage)
     assert chair.edge.turn_back() == (stage == "press")
@@ -290,7 +290,7 @@ def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
     assert chair.run(0.3, tip_n=200.0).stage == "barred"
 
 
-def test_a_better_place_of_the_nosing_is_taken_until_contact() -> None:
+def test_the_nosing_position_is_updated_until_contact() -> None:
     chair = Chassis()
     chair.edge.nosing_seen(0.20)
     assert chair.run(0.01).stage == "press"
@@ -298,6 +298,6 @@ def test_a_better_place_of_the_nosing_is_taken_until_contact() -> None:
     assert chair.run(0.1).stage == "press"
 
 
-def test_the_same_readings_get_the_same_answers() -> None:
+def test_the_same_readings_give_the_same_commands() -> None:
     first, again = (Chassis(0.4) for _ in range(2))
     assert [first.run(0.05, tip_n=90.0) for _ in range(60)] == [again.run(0.05, tip_n=90.0) for _ in range(60)]

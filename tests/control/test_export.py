@@ -1,4 +1,4 @@
-"""The exported controller answers as ours does: compiled, and fed with what a run's controller was told."""
+"""The exported controller gives the same responses: compiled, and fed with the inputs of a recorded run."""
 
 import json
 import math
@@ -12,7 +12,7 @@ import pytest
 
 from treadline.control import ControllerConfig, HeadingController, tune
 from treadline.control.export import SOURCES, Exchange, exported, rehearsal
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.models import ControllerDesign, LinearModel
 from treadline.scenario import Control, DriveSettings, Scenario, Stair, Start
@@ -30,7 +30,7 @@ def write(folder: Path, files: dict[str, str]) -> None:
 
 
 def verdict_of(folder: Path) -> tuple[int, str]:
-    """Compile as strictly as C99 allows, with no library but C's own, and run the test that comes with the code."""
+    """Compile with strict C99 flags and only the C library, and run the test that comes with the code."""
     assert COMPILER is not None
     program = folder / "heading_selftest"
     built = subprocess.run(
@@ -46,7 +46,7 @@ def verdict_of(folder: Path) -> tuple[int, str]:
 
 
 def three_states() -> ControllerDesign:
-    """Return a design with more states than outputs, and a D of its own."""
+    """Return a design with more states than outputs, and nonzero D."""
     A = np.array([[0.97, 0.1, 0.0], [0.0, 0.5, 0.1], [0.0, 0.0, 0.2]])
     B = np.array([[-0.1, 0.1], [-0.3, 0.35], [-0.2, 0.1]])
     C = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.5]])
@@ -71,7 +71,7 @@ DESIGNS = {
 
 @needs_a_compiler
 @pytest.mark.parametrize("case", DESIGNS)
-def test_the_c_code_answers_a_rehearsal_as_ours_does(tmp_path: Path, case: str) -> None:
+def test_the_c_code_gives_the_same_commands_in_a_rehearsal(tmp_path: Path, case: str) -> None:
     make, config = DESIGNS[case]
     write(tmp_path, exported("c", make(), config))
     code, out = verdict_of(tmp_path)
@@ -80,7 +80,9 @@ def test_the_c_code_answers_a_rehearsal_as_ours_does(tmp_path: Path, case: str) 
 
 
 class Listener:
-    """The heading controller, and all that it is told and answers."""
+    """Heading controller that records its inputs and responses."""
+
+    follows_plan = False
 
     def __init__(self, design: ControllerDesign) -> None:
         self._driver = HeadingController(design, CONFIG)
@@ -98,7 +100,7 @@ class Listener:
 
 
 @needs_a_compiler
-def test_the_c_code_answers_a_runs_log_within_a_millionth(tmp_path: Path) -> None:
+def test_the_c_code_replays_a_run_within_a_millionth(tmp_path: Path) -> None:
     design = shipped_controller("wheelchair")
     listener = Listener(design)
     flight = Scenario(
@@ -128,15 +130,15 @@ def test_the_self_test_finds_a_gain_that_was_mistyped(tmp_path: Path) -> None:
     assert "wanted" in out
 
 
-def test_the_c_code_takes_nothing_from_outside() -> None:
+def test_the_c_code_has_no_dependencies() -> None:
     code = "".join((SOURCES / name).read_text() for name in ("heading_controller.c", "heading_controller.h"))
     for word in ("malloc", "free(", "math.h", "stdlib", "extern", "float "):
         assert word not in code
-    # What lives outside functions never changes.
+    # Variables outside functions are constant.
     assert all(line.startswith("static const") for line in code.splitlines() if line.startswith("static") and line.endswith(";"))
 
 
-def test_the_rehearsal_passes_every_state_that_a_drive_can_be_in() -> None:
+def test_the_rehearsal_covers_every_state_of_a_drive() -> None:
     log = rehearsal(shipped_controller("wheelchair"), CONFIG)
     speeds = {exchange.plan.speed_m_s for exchange in log}
     assert min(speeds) < 0.0 < max(speeds)
@@ -144,7 +146,7 @@ def test_the_rehearsal_passes_every_state_that_a_drive_can_be_in() -> None:
     assert any(exchange.plan.heading_rad != 0.0 for exchange in log)
     assert any(exchange.estimate is None for exchange in log)
     assert any(exchange.estimate is not None and math.isnan(exchange.estimate.heading_rad) for exchange in log)
-    # From 30° the steering is at its limit at first, and free later.
+    # From 30° the steering is saturated at first, and unsaturated later.
     belts = [exchange.answer.right_m_s - exchange.answer.left_m_s for exchange in log]
     assert abs(belts[0]) > 0.5
     assert 0.0 < abs(belts[50]) < 0.2
@@ -158,11 +160,11 @@ def test_the_ros_parameters_are_yaml_of_flat_lists() -> None:
     assert told["vehicle"] == "wheelchair"
     assert told["topics"]["tracks"] == "/tracks/cmd"
     np.testing.assert_array_equal(np.reshape(told["gains"]["K"], design.K.shape), design.K)
-    # ROS 2 knows a list's type by its first number; an integer among floats is refused there.
+    # ROS 2 infers a list's type from its first number; an integer among floats is rejected.
     assert all(isinstance(x, float) for name, row in told["gains"].items() if name != "states" for x in row)
 
 
-def test_json_holds_what_a_copy_needs_and_a_log_to_test_it_with() -> None:
+def test_json_contains_the_controller_and_a_test_log() -> None:
     design = shipped_controller("wheelchair")
     told = json.loads(exported("json", design, CONFIG)["heading_controller.json"])
     np.testing.assert_array_equal(told["matrices"]["A"], design.model.A)

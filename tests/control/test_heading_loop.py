@@ -1,4 +1,4 @@
-"""The heading controller around a chair that answers its belts like a first-order lag."""
+"""Heading controller in closed loop with a chair modelled as a first-order lag."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -18,9 +18,9 @@ from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 PERIOD_S = 0.25
 YAW_GAIN = 0.8
-"""Yaw rate per belt difference [1/m]: half of 1/gauge goes into slip, as tracked vehicles do."""
+"""Yaw rate per belt speed difference [1/m]: half of 1/gauge, the rest is slip, as for tracked vehicles."""
 HEADING_TAU_S, RATE_TAU_S = 8.0, 0.3
-"""Gravity turns a heading back slowly; the belts' drives and the yaw inertia lag."""
+"""Time constants [s]: gravity returns a heading slowly; the belts' drives and the yaw inertia lag."""
 
 
 def chair_model() -> LinearModel:
@@ -45,7 +45,7 @@ def chair_model() -> LinearModel:
 
 @dataclass
 class Chair:
-    """The same equations, with belts that do not quite do what they are told."""
+    """Chair with the same equations, with belts that deviate from their commands."""
 
     state: Float[np.ndarray, " 2"]
     right_scale: float = 1.0
@@ -95,26 +95,26 @@ def literal(reconstruct: Literal["observer", "static"] = "static") -> Controller
 
 
 @pytest.mark.parametrize("start_deg", [30.0, -30.0, 10.0])
-def test_the_loop_turns_the_chair_square(start_deg: float) -> None:
+def test_the_loop_brings_the_heading_to_zero(start_deg: float) -> None:
     headings = run(controller(), Chair(np.array([start_deg * DEG, 0.0])), 30.0)
-    # Nothing disturbs this chair, so the heading decays to nothing; 0.01° is five closed-loop time constants and more.
+    # No disturbance acts, so the heading decays to zero; 0.01° corresponds to more than five closed-loop time constants.
     assert abs(headings[-1]) < 0.01
-    # The belts' difference is bounded, not its sign: the heading must not swing to the other side by more than a degree.
+    # The belt speed difference is bounded: the heading must not overshoot by more than a degree.
     assert np.min(np.sign(start_deg) * headings) > -1.0
 
 
 @pytest.mark.parametrize("right_scale", [1.02, 0.98])
 def test_a_belt_that_runs_two_percent_off_leaves_no_heading_error(right_scale: float) -> None:
     headings = run(controller(), Chair(np.array([5.0 * DEG, 0.0]), right_scale), 60.0)
-    # Asked for: less than 0.1°. This plant is the model itself, so only what is not yet learned may be left: the mismatch
-    # moves the heading by 0.05°, of which 1 % remains after 50 s of a pole at 0.96.
+    # Requirement: less than 0.1°. The plant equals the model, so only the part not yet learned remains: the mismatch
+    # moves the heading by 0.05°, of which 1 % remains after 50 s with a pole at 0.96.
     assert np.abs(headings[-40:]).max() < 0.005
 
 
 def test_without_the_disturbance_the_same_belt_leaves_an_error() -> None:
     proportional = replace(tune(chair_model()), disturbance_gain=None)
     headings = run(controller(proportional), Chair(np.array([0.0, 0.0]), 1.02), 60.0)
-    # The counterpart of the test above: had this no error either, that one would prove nothing.
+    # Control for the test above: without an error here, that test would prove nothing.
     assert abs(headings[-1]) > 0.04
 
 
@@ -129,7 +129,7 @@ def test_observer_finds_the_state_from_a_wrong_start() -> None:
         u = 0.2 + 0.1 * rng.normal(size=2)
         observer.update(u, model.C @ x, learn=True)
         x = model.A @ x + model.B @ (u - model.input_offset)
-    # The slowest error, that of the disturbance, has a pole at 0.965: 0.965^600 = 5e-10 of 30° is left.
+    # The slowest error, of the disturbance, has a pole at 0.965: 0.965^600 = 5e-10 of 30° remains.
     np.testing.assert_allclose(observer.state, x, atol=1e-6)
     assert abs(observer.disturbance) < 1e-6
 
@@ -142,38 +142,38 @@ def test_observer_learns_a_constant_belt_difference() -> None:
     for _ in range(600):
         observer.update(u, model.C @ x, learn=True)
         x = model.A @ x + model.B @ (u + 0.02 * BELT_DIFFERENCE - model.input_offset)
-    # As above: the rest of the start has died out.
+    # As above: the initial error has decayed.
     assert observer.disturbance == pytest.approx(0.02, abs=1e-6)
 
 
 @pytest.mark.parametrize("start_deg", [40.0, -40.0])
-def test_twenty_seconds_at_the_limit_wind_nothing_up(start_deg: float) -> None:
+def test_twenty_seconds_of_saturation_cause_no_windup(start_deg: float) -> None:
     driver, chair = controller(), Chair(np.array([start_deg * DEG, 0.0]))
-    # The stair holds the chair at 40°: the belts are at their limit and the innovation never goes away.
+    # The stair holds the chair at 40°: the belts are saturated and the innovation persists.
     held = chair.state.copy()
     for k in range(round(20.0 / PERIOD_S)):
         driver.step(estimate(float(held[0]), 0.0, k * PERIOD_S), k * PERIOD_S)
     headings = run(driver, chair, 20.0)
-    # Asked for: recovery without an overshoot of more than 2°.
+    # Requirement: recovery with an overshoot below 2°.
     assert np.min(np.sign(start_deg) * headings) > -2.0
     assert abs(headings[-1]) < 0.1
 
 
 @pytest.mark.parametrize("held_deg", [1.0, 3.0, -6.0, 10.0])
-def test_a_chair_that_is_held_below_saturation_teaches_no_more_than_a_mismatch_can_be(held_deg: float) -> None:
+def test_a_chair_held_below_saturation_does_not_exceed_the_disturbance_limit(held_deg: float) -> None:
     driver = controller()
     for k in range(round(20.0 / PERIOD_S)):
         driver.step(estimate(held_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
     headings = run(driver, Chair(np.array([held_deg * DEG, 0.0])), 30.0)
-    # The limit of 0.2 m/s is 2.6° of heading in this loop (its gain from disturbance to heading); unlimited it was 7.5°.
+    # The limit of 0.2 m/s is 2.6° of heading in this loop (its gain from disturbance to heading); without the limit it was 7.5°.
     assert np.min(np.sign(held_deg) * headings) > -2.8
     assert abs(headings[-1]) < 0.1
 
 
 @pytest.mark.parametrize("held_deg", [3.0, -6.0])
-def test_what_a_chair_that_does_not_turn_has_taught_is_void_once_it_is_let_alone(held_deg: float) -> None:
-    """Test: its belts skid, so that it does not turn; the plan lets it alone, and steers again. Expected result: the way back of a
-    controller that is new.
+def test_suspended_steering_resets_the_disturbance(held_deg: float) -> None:
+    """Test: the belts skid and the chair does not turn; the plan suspends steering, then resumes. Expected result: the response of
+    a new controller.
     """
     driver = controller()
     for k in range(round(20.0 / PERIOD_S)):
@@ -184,7 +184,7 @@ def test_what_a_chair_that_does_not_turn_has_taught_is_void_once_it_is_let_alone
     np.testing.assert_array_equal(after, new)
 
 
-def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> None:
+def test_a_single_nan_estimate_keeps_the_disturbance() -> None:
     driver, chair = controller(), Chair(np.array([0.0, 0.0]), right_scale=1.05)
     run(driver, chair, 60.0)
     before = driver._observer.disturbance
@@ -192,7 +192,7 @@ def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> N
     assert command.brake
     chair.state = np.zeros(2)
     headings = run(driver, chair, 5.0)
-    # 5 % of 0.2 m/s is 0.01 m/s of difference; learned anew it took 0.2° of heading to find.
+    # 5 % of 0.2 m/s is 0.01 m/s of difference; learning it again took 0.2° of heading.
     assert before == pytest.approx(0.01, rel=0.1)
     assert np.abs(headings).max() < 0.05
 
@@ -208,7 +208,7 @@ def test_one_estimate_that_is_not_a_number_does_not_cost_what_was_learned() -> N
         {"min_inner_speed_ratio": 2.0},
     ],
 )
-def test_one_plan_that_is_not_a_number_stops_and_does_not_cost_what_was_learned(spoilt: dict[str, float]) -> None:
+def test_a_single_nan_plan_stops_and_keeps_the_disturbance(spoilt: dict[str, float]) -> None:
     driver = controller()
     run(driver, Chair(np.array([0.0, 0.0]), right_scale=1.05), 60.0)
     before = driver._observer.disturbance
@@ -236,22 +236,22 @@ def test_without_an_estimate_the_chair_stands() -> None:
     assert controller().step(None, 1.0) == TrackCommand.stop(1.0)
 
 
-def test_another_period_is_refused() -> None:
+def test_another_period_is_rejected() -> None:
     with pytest.raises(PeriodMismatch, match=r"--period 0\.1"):
         controller(period_s=0.1)
 
 
-def test_a_model_of_another_period_is_refused() -> None:
+def test_a_model_of_another_period_is_rejected() -> None:
     design = replace(tune(chair_model()), period_s=0.5)
     with pytest.raises(PeriodMismatch):
         controller(design, period_s=0.5)
 
 
 @pytest.mark.parametrize("factor", [0.0, -1.0, 20.0])
-def test_a_gain_that_does_not_belong_to_the_model_is_refused(factor: float) -> None:
+def test_a_gain_that_does_not_match_the_model_is_rejected(factor: float) -> None:
     design = tune(chair_model())
     wrong = replace(design, K=factor * design.K)
-    # 0 is the open loop (0.97 at 8 s and 0.25 s: below the limit), so make the chair's own return slow as well.
+    # 0 is the open loop (0.97 at 8 s and 0.25 s: below the limit), so the chair's own return is made slow as well.
     if factor == 0.0:
         wrong = replace(wrong, model=replace(design.model, A=design.model.A + np.diag([0.02, 0.0])))
     assert np.abs(closed_loop_poles(wrong)).max() >= 0.98
@@ -259,13 +259,13 @@ def test_a_gain_that_does_not_belong_to_the_model_is_refused(factor: float) -> N
         controller(wrong)
 
 
-def test_an_observer_that_does_not_converge_is_refused() -> None:
+def test_an_observer_that_does_not_converge_is_rejected() -> None:
     design = tune(chair_model())
     with pytest.raises(NotDetectable, match="observer"):
         controller(replace(design, observer_gain=-design.observer_gain))
 
 
-def test_a_model_with_other_inputs_than_two_belts_is_refused() -> None:
+def test_a_model_with_other_inputs_than_two_belts_is_rejected() -> None:
     model = chair_model()
     one = replace(model, B=model.B[:, 1:], D=model.D[:, 1:], input_offset=model.input_offset[1:])
     with pytest.raises(ShapeMismatch, match="1 inputs"):
@@ -275,7 +275,7 @@ def test_a_model_with_other_inputs_than_two_belts_is_refused() -> None:
 def test_a_mismatch_that_no_output_shows_is_not_learned() -> None:
     model = chair_model()
     design = tune(replace(model, B=np.abs(model.B)), input_weight=[0.02])
-    # Both belts turn this one the same way: their difference has no effect, so no output can teach it.
+    # Both belts turn this chair the same way: their difference has no effect and is not observable.
     assert design.disturbance_gain is None
 
 
@@ -287,7 +287,7 @@ def test_the_papers_own_controller_can_be_built_and_drives_static() -> None:
     asked = 0.2 - paper.K @ np.linalg.solve(paper.C - paper.D @ paper.K, y)
     for k in range(3):
         command = driver.step(estimate(2.0 * DEG), float(k))
-        # Static: no memory, the same every time; equality up to rounding of the two inversions.
+        # Static: no memory, the same command every time, up to rounding of the two inversions.
         np.testing.assert_allclose([command.left_m_s, command.right_m_s], asked, atol=1e-12)
 
 
@@ -297,7 +297,7 @@ def test_configuration_overrides_the_designs_reconstruction() -> None:
     forced = HeadingController(design, ControllerConfig(reconstruct="observer"))
     first = [driver.step(estimate(0.1), 0.0) for driver in (static, forced)]
     second = [driver.step(estimate(0.1), 0.25) for driver in (static, forced)]
-    # A static law answers the same output with the same command; an observer has learned that the turn did not come.
+    # A static law gives the same command for the same output; an observer has learned that the chair did not turn.
     assert first[0].left_m_s == second[0].left_m_s
     assert first[1].left_m_s != second[1].left_m_s
 
@@ -306,12 +306,12 @@ def test_configuration_overrides_the_designs_reconstruction() -> None:
 def test_a_design_for_another_period_closes_a_stable_loop(period_s: float) -> None:
     design = tune(chair_model(), period_s=period_s)
     controller(design, period_s=period_s)
-    # resampled: poles are exp(λ T), so they scale as powers of each other.
+    # Resampled poles are exp(λ T), so they scale as powers of each other.
     expected = np.sort(np.linalg.eigvals(chair_model().A) ** (period_s / PERIOD_S))
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(design.model.A)), expected, rtol=1e-6)
 
 
-def test_every_refusal_is_a_model_error_that_one_line_explains() -> None:
+def test_every_rejection_is_a_model_error_in_one_line() -> None:
     design = tune(chair_model())
     with pytest.raises(ModelError) as raised:
         controller(replace(design, K=-design.K))
@@ -319,8 +319,8 @@ def test_every_refusal_is_a_model_error_that_one_line_explains() -> None:
     assert "tune it again" in str(raised.value)
 
 
-def test_square_is_zero_whatever_the_mean_heading_of_the_identification_was() -> None:
+def test_the_target_heading_is_zero_for_any_mean_heading_of_the_identification() -> None:
     model = replace(chair_model(), output_offset=np.array([4.0 * DEG, 0.02]))
     headings = run(controller(tune(model)), Chair(np.array([10.0 * DEG, 0.0])), 60.0)
-    # As with a belt mismatch: only what is not yet learned may be left, and here there is nothing to learn.
+    # As with a belt mismatch, only the part not yet learned may remain; here nothing has to be learned.
     assert abs(headings[-1]) < 0.005

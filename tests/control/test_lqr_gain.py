@@ -1,4 +1,4 @@
-"""Eq. (10) to (14): the gain, and the static reconstruction."""
+"""Eq. (10) to (14): the LQR gain and the static reconstruction."""
 
 import jaxtyping
 import numpy as np
@@ -21,12 +21,12 @@ def test_static_reconstruction_inverts_eq_11b() -> None:
     np.testing.assert_allclose(inverse @ (paper.C - paper.D @ paper.K), np.eye(2), atol=1e-12)
 
 
-def test_a_model_whose_growing_state_no_belt_moves_is_refused() -> None:
+def test_an_uncontrollable_unstable_model_is_rejected() -> None:
     with pytest.raises(NotStabilisable):
         lqr_gain(np.diag([1.2, 0.5]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
 
 
-def test_a_free_input_is_refused() -> None:
+def test_a_free_input_is_rejected() -> None:
     with pytest.raises(NotDefinite):
         lqr_gain(paper.A, paper.B, paper.Q, np.zeros((2, 2)))
 
@@ -49,7 +49,7 @@ def test_lists_are_matrices_too(monkeypatch: pytest.MonkeyPatch) -> None:
         (np.ones((2, 3)), paper.B, r"matrix A is \(2, 3\), A and B ask for \(2, 2\)"),
     ],
 )
-def test_what_is_no_system_is_told(A: object, B: object, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_invalid_system_is_rejected(A: object, B: object, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     with pytest.raises(ShapeMismatch, match=message):
         lqr_gain(A, B, paper.Q, paper.R)

@@ -1,4 +1,4 @@
-"""What every simulator promises as a plant: determinism, sensors at their rates and in order, truth apart, orders obeyed.
+"""Contract of every simulated plant: determinism, sensors at their rates and in order, ground truth apart, commands obeyed.
 
 Gazebo's half needs its environment: ``make test-gazebo`` runs it.
 """
@@ -137,7 +137,7 @@ def test_the_right_belt_ahead_turns_the_chair_left(started: Opened) -> None:
     assert last.heading_rate_rad_s > 0.0
 
 
-def test_the_flipper_follows_its_order_within_its_limits(started: Opened) -> None:
+def test_the_flipper_follows_its_command_within_its_limits(started: Opened) -> None:
     plant = started()
     stop, seat = TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0)
     plant.write(stop, seat, FlipperCommand(t_s=0.0, rate_rad_s=0.2))

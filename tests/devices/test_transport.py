@@ -1,4 +1,4 @@
-"""Camera readings arrive late and in order, some never; encoders count."""
+"""Camera readings are delayed and in order, some dropped; encoders quantise."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_a_latency_is_rounded_up_to_the_tick_and_none_is_none() -> None:
 
 def test_jitter_spreads_the_latency_and_never_changes_the_order() -> None:
     late = delays_s(Realism(camera_latency_s=0.06, camera_jitter_s=0.01), 4000)
-    # Rounding up adds half a tick to the mean and TICK/√12 = 0.003 s to the spread; 4000 frames tell both to 2 %.
+    # Rounding up adds half a tick to the mean and TICK/√12 = 0.003 s to the spread; 4000 frames give both to 2 %.
     assert late.mean() == pytest.approx(0.065, abs=0.001)
     assert late.std() == pytest.approx(np.hypot(0.01, 0.0029), rel=0.05)
     link = CameraLink(Realism(camera_latency_s=0.1, camera_jitter_s=0.2), np.random.default_rng(1))

@@ -1,4 +1,4 @@
-"""The heading filter on synthetic truth, and with sensors that fail."""
+"""Heading filter on synthetic data with known truth, and with failing sensors."""
 
 import math
 from collections.abc import Callable
@@ -23,7 +23,7 @@ SEEDS = range(1000, 1003)
 GAP_FROM_S = 90.0
 
 Frame = tuple[float, float]
-"""Stamp [s] and heading [rad] of a frame as the vision delivers it."""
+"""Stamp [s] and heading [rad] of a frame as delivered by vision."""
 
 
 def gyro(t_s: float, rate_rad_s: float) -> ImuSample:
@@ -41,14 +41,14 @@ def seen(t_s: float, heading_rad: float, sigma_rad: float = VISION_SIGMA_RAD) ->
 
 @dataclass
 class Climb:
-    """A chair that starts 30° off, turns square and keeps swaying, and what its sensors say about it."""
+    """Chair that starts at 30°, turns square and continues to sway, with its sensor readings."""
 
     seed: int
     seconds: float = 120.0
     shaken: bool = False
-    """Whether the gyro is the simulator's MPU-6050 on a shaking chassis, instead of one with 0.35 °/s of white noise."""
+    """Whether the gyro is the simulator's MPU-6050 on a vibrating chassis, instead of one with 0.35 °/s of white noise."""
     belts: bool = False
-    """Whether the belts are told: alike in speed, but for what turns the chair."""
+    """Whether belt readings are supplied: equal speeds except for the difference that turns the chair."""
     bias_rad_s: float = 0.03 * DEG
     frames: Callable[[float, float], Frame | None] = lambda t_s, heading: (t_s, heading)
     imu: Callable[[float, float], float | None] = lambda _t_s, rate: rate
@@ -56,14 +56,14 @@ class Climb:
     estimates: list[HeadingEstimate | None] = field(init=False)
     filter: HeadingFilter = field(default_factory=HeadingFilter)
     faults: list[tuple[float, str]] = field(default_factory=list)
-    """When each fault was told first, and which."""
+    """Time and kind of each fault when first reported."""
 
     def __post_init__(self) -> None:
         rng = np.random.default_rng(self.seed)
         ticks = round(self.seconds / IMU_S)
         t = IMU_S * np.arange(ticks)
         phase = rng.uniform(0.0, 2.0 * np.pi, size=2)
-        # 30° turned off with a time constant of 2 s (up to 15 °/s), nosings every second, a slow drift across the stair.
+        # 30° decaying with a time constant of 2 s (up to 15 °/s), nosings every second, a slow drift across the stair.
         self.truth = DEG * (30.0 * np.exp(-t / 2.0) + 0.5 * np.sin(2 * np.pi * t + phase[0]) + np.sin(t / 5 + phase[1]))
         rate = np.gradient(self.truth, IMU_S)
         walk = np.cumsum(BIAS_SIGMA_RAD_S * np.sqrt(2.0 * IMU_S / BIAS_TAU_S) * rng.normal(size=ticks))
@@ -92,7 +92,7 @@ class Climb:
                 self.faults.append(told)
 
     def _shaken(self, rate: Float[np.ndarray, " n"], rng: np.random.Generator) -> Float[np.ndarray, " n"]:
-        """Return what an MPU-6050 feels: 0.035 °/s of noise, bias, 1 % of scale, and 0.3 °/s that is an angle's."""
+        """Return the reading of an MPU-6050: 0.035 °/s of noise, bias, 1 % of scale, and 0.3 °/s of vibration."""
         turn = 2.0 * np.pi * 8.0 * IMU_S
         keep = np.exp(-0.15 * turn)
         driven = 0.0049 * DEG * np.sqrt(1.0 - keep**2) * rng.normal(size=(rate.size, 2)) @ np.array([1.0, 1.0j])
@@ -104,7 +104,7 @@ class Climb:
         return scale * rate + 0.02 * DEG * rng.normal() + np.diff(angle) / IMU_S + 0.035 * DEG * rng.normal(size=rate.size)
 
     def found_s(self, since_s: float) -> float:
-        """Return when the filter told the first fault after a time, or infinity."""
+        """Return the time of the first fault reported after a time, or infinity."""
         return min((t_s for t_s, _ in self.faults if t_s >= since_s), default=math.inf)
 
     def errors_deg(self, since_s: float = 0.0, until_s: float = np.inf) -> Float[np.ndarray, " n"]:
@@ -124,54 +124,54 @@ def within(t_s: float, start_s: float, seconds: float) -> bool:
 
 @pytest.fixture(scope="module")
 def climbs() -> list[Climb]:
-    """Return three climbs of two minutes with white gyro noise whose last 30 s show no stair."""
+    """Return three climbs of two minutes with white gyro noise and no stair in the last 30 s."""
     return [Climb(seed, frames=lambda t, h: (t, h) if t < GAP_FROM_S else None) for seed in SEEDS]
 
 
 @pytest.fixture(scope="module")
 def shaken() -> list[Climb]:
-    """Return the same with the simulator's gyro on a shaking chassis."""
+    """Return the same with the simulator's gyro on a vibrating chassis."""
     return [Climb(seed, shaken=True, frames=lambda t, h: (t, h) if t < GAP_FROM_S else None) for seed in SEEDS]
 
 
 def test_noise_and_bias_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
     errors = [rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in climbs]
-    # The target of the design, for each seed; 2 s are what averaging 0.3° frames takes.
+    # The design target, for each seed; the first 2 s are needed to average frames of 0.3°.
     assert max(errors) <= 0.15
 
 
 def test_two_minutes_with_their_last_quarter_unseen_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
     errors = np.array([rms(climb.errors_deg(since_s=2.0)) for climb in climbs])
-    # The target of the design, over all seeds; what a single seed's gap may do is the next test's question.
+    # The design target, over all seeds; a single seed's gap is the subject of the next test.
     assert rms(errors) <= 0.15
 
 
-def test_on_a_shaking_chassis_thirty_seconds_without_vision_stay_within_half_a_degree(shaken: list[Climb]) -> None:
-    # The target, at worst. Sigma at the end is 0.12°: 0.09 from the bias, 0.07 from its wandering, 0.03 from where it began.
+def test_on_a_vibrating_chassis_thirty_seconds_without_vision_stay_within_half_a_degree(shaken: list[Climb]) -> None:
+    # The target for the worst case. Sigma at the end is 0.12°: 0.09 from the bias, 0.07 from its drift, 0.03 from the start.
     assert max(np.abs(climb.errors_deg(since_s=2.0)).max() for climb in shaken) <= 0.5
     assert max(rms(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S)) for climb in shaken) <= 0.10
 
 
 def test_with_white_noise_thirty_seconds_without_vision_stay_as_near_as_the_gyro_allows(climbs: list[Climb]) -> None:
     worst = np.array([np.abs(climb.errors_deg(since_s=2.0)).max() for climb in climbs])
-    # 0.35 °/s per sample walk to 0.19° in 30 s, the bias known to 0.005 °/s makes 0.17° and the heading at the start 0.07°:
-    # sigma is 0.28° for the best of all filters, so half a degree is 1.8 sigma at the very end: 93 % of seeds:
-    # all but one of three, and nothing beyond three sigma.
+    # 0.35 °/s per sample give 0.19° in 30 s, the bias known to 0.005 °/s gives 0.17° and the initial heading 0.07°:
+    # sigma is 0.28° for an optimal filter, so half a degree is 1.8 sigma at the very end: 93 % of seeds:
+    # all but one of three, and none beyond three sigma.
     assert np.count_nonzero(worst <= 0.5) >= 2
     assert worst.max() <= 0.85
 
 
 def test_as_long_as_the_guard_lets_the_gyro_drive_alone_half_a_degree_is_kept(climbs: list[Climb]) -> None:
     worst = [np.abs(climb.errors_deg(since_s=2.0, until_s=GAP_FROM_S + 12.0)).max() for climb in climbs]
-    # 12 s after the last stair the guard holds. Sigma is 0.16° there (as above), three of it just under the 0.5° asked for.
+    # The guard holds 12 s after the last stair. Sigma is 0.16° there (as above); three sigma are just under the required 0.5°.
     assert max(worst) <= 0.5
 
 
 def deviations(climb: Climb) -> list[float]:
-    """Return a climb's errors each second, in declared deviations; what lasts in real frames these do not have."""
-    lasting_rad = FilterConfig().lasting_rad
+    """Return a climb's errors each second, in declared standard deviations; systematic errors of real frames are absent."""
+    systematic_sigma_rad = FilterConfig().systematic_sigma_rad
     return [
-        (estimate.heading_rad - truth) / math.sqrt(estimate.sigma_rad**2 - lasting_rad**2)
+        (estimate.heading_rad - truth) / math.sqrt(estimate.sigma_rad**2 - systematic_sigma_rad**2)
         for estimate, truth in zip(climb.estimates[200::100], climb.truth[200::100].tolist(), strict=True)
         if estimate is not None
     ]
@@ -179,36 +179,36 @@ def deviations(climb: Climb) -> list[float]:
 
 def test_the_declared_sigma_covers_the_error(climbs: list[Climb]) -> None:
     ratios = [ratio for climb in climbs for ratio in deviations(climb)]
-    # 95 % of a normal law lie within 1.96 sigma. Errors a second apart are hardly independent, and no frame is trusted
-    # below its floor: from 90 % to all but one in a hundred.
+    # 95 % of a normal distribution lie within 1.96 sigma. Errors a second apart are correlated, and no frame has less than
+    # its smallest sigma: from 90 % to all but one in a hundred.
     assert 0.90 <= np.mean(np.abs(ratios) < 1.96) <= 0.99
 
 
-def test_sigma_is_true_whether_the_noise_walks_or_shakes(climbs: list[Climb], shaken: list[Climb]) -> None:
+def test_sigma_is_consistent_for_random_walk_and_for_vibration(climbs: list[Climb], shaken: list[Climb]) -> None:
     for group in (climbs, shaken):
         squares = [ratio**2 for climb in group for ratio in deviations(climb)]
-        # Errors stay for ten seconds or so: some 50 independent ones, a deviation of 0.2; benchmarks/fusion.py asks many
-        # more. Which of the two noises it is takes a minute to learn, and until then sigma lies between.
+        # Errors persist for about ten seconds: some 50 independent ones, a standard deviation of 0.2; benchmarks/fusion.py has many
+        # more. The kind of noise takes a minute to learn, and until then sigma lies between.
         assert 0.4 <= np.mean(squares) <= 1.6
 
 
-def test_what_vision_says_tells_how_much_the_gyro_walks(climbs: list[Climb], shaken: list[Climb]) -> None:
+def test_vision_determines_the_gyros_angle_random_walk(climbs: list[Climb], shaken: list[Climb]) -> None:
     walks = [np.mean([climb.filter.health.walk_rad_rts for climb in group if climb.filter.health]) for group in (climbs, shaken)]
-    # 0.35 °/s a sample walk 0.035° in a second, the sensor alone 0.0035°.
+    # 0.35 °/s per sample walk 0.035° in a second, the sensor alone 0.0035°.
     assert walks[0] > 0.025 * DEG
     assert walks[1] < 0.018 * DEG
 
 
-def test_a_turn_that_vision_sees_tells_the_gyros_scale() -> None:
+def test_a_turn_seen_by_vision_determines_the_gyro_scale() -> None:
     told = [Climb(9, seconds=20.0, shaken=True, imu=lambda _t, rate, by=by: by * rate).filter.health for by in (1.0, 1.02)]
     scales = [health.scale for health in told if health is not None]
-    # 2 % of the turn's 30° are 0.6°, three sigma of what was expected, half of it before the heading is known well.
+    # 2 % of the 30° turn are 0.6°, three prior sigma, half of it before the heading is known accurately.
     assert 0.005 < scales[1] - scales[0] < 0.025
 
 
 @dataclass
 class Shared:
-    """Errors that neighbouring frames share: 0.25° with a memory of some seconds, and 0.1° of each frame's own."""
+    """Errors shared by neighbouring frames: 0.25° with a correlation time of some seconds, and 0.1° independent per frame."""
 
     seed: int
     memory_s: float
@@ -220,13 +220,13 @@ class Shared:
         self._error = 0.25 * DEG * self._rng.normal()
 
     def frame(self, t_s: float, heading: float) -> Frame:
-        """Return the heading as seen."""
+        """Return the heading as measured by vision."""
         keep = np.exp(-FRAME_S / self.memory_s)
         self._error = keep * self._error + 0.25 * DEG * np.sqrt(1.0 - keep**2) * self._rng.normal()
         return t_s, heading + self._error + 0.1 * DEG * self._rng.normal()
 
 
-def test_errors_that_frames_share_are_not_averaged_away_in_sigma() -> None:
+def test_sigma_does_not_average_errors_shared_by_frames() -> None:
     squares, sigmas = [], []
     for seed in range(3):
         for memory_s in (8.0, 1e9):
@@ -238,57 +238,57 @@ def test_errors_that_frames_share_are_not_averaged_away_in_sigma() -> None:
                 heading = 0.1 * math.sin(t_s / 3.0)
                 estimate = held.step(gyro(t_s, 0.1 / 3.0 * math.cos(t_s / 3.0) + 0.035 * DEG * rng.normal()))
                 if k % TICKS_PER_FRAME == 0:
-                    # Declared: all that a frame errs by.
+                    # Declared: the total error of a frame.
                     estimate = held.step(seen(*shared.frame(t_s, heading), sigma_rad=0.27 * DEG))
                 if k % 100 == 99 and estimate is not None:
                     squares.append(((estimate.heading_rad - heading) / estimate.sigma_rad) ** 2)
                     sigmas.append(estimate.sigma_rad)
-    # Six drives with a few independent errors each; taken for white, sigma would be 0.06° and this mean above ten.
+    # Six drives with a few independent errors each; taken as white, sigma would be 0.06° and this mean above ten.
     assert np.mean(squares) < 2.5
     assert np.median(sigmas) > 0.12 * DEG
 
 
 def in_burst(t_s: float) -> bool:
-    """Say whether a frame is one of the first twenty of a ten-second stretch, the first stretch excepted."""
+    """Whether a frame is one of the first twenty of a ten-second stretch, except the first stretch."""
     frame = round(t_s / FRAME_S)
     return frame >= 100 and frame % 100 < 20
 
 
 @pytest.mark.parametrize("seed", SEEDS[:3])
-def test_bursts_of_two_seconds_with_twelve_degrees_of_bias_are_not_believed(seed: int) -> None:
+def test_bursts_of_two_seconds_with_twelve_degrees_of_bias_are_rejected(seed: int) -> None:
     climb = Climb(seed, seconds=60.0, frames=lambda t, h: (t, h + (12.0 * DEG if in_burst(t) else 0.0)))
-    # A fifth of the frames is wrong: the gyro's walk over 2 s is 0.07°, so nothing worse than 0.5° may be seen.
+    # A fifth of the frames is wrong: the gyro's drift over 2 s is 0.07°, so the error must stay below 0.5°.
     assert np.abs(climb.errors_deg(since_s=2.0)).max() < 0.5
-    # Five bursts of 20 frames, and the occasional honest frame beyond three sigma (0.3 %).
+    # Five bursts of 20 frames, and occasional correct frames beyond three sigma (0.3 %).
     assert 100 <= climb.filter.rejected_count <= 110
 
 
 @pytest.mark.parametrize(("jump_deg", "over_s"), [(6.0, 0.1), (19.0, 0.1), (30.0, 0.3)])
-def test_a_gyro_that_jumps_while_vision_goes_on_is_found_out_and_overruled(jump_deg: float, over_s: float) -> None:
+def test_a_gyro_jump_under_continuous_vision_is_detected_and_corrected(jump_deg: float, over_s: float) -> None:
     rate = jump_deg * DEG / over_s
     climb = Climb(1, seconds=20.0, belts=True, imu=lambda t, felt: felt + (rate if within(t, 10.03, over_s) else 0.0))
     jumped = np.abs(climb.errors_deg())
-    # The belts cannot have turned the chair so fast: it is left out, and hazard 7 allows 5°.
+    # The belts cannot turn the chair so fast: the sample is rejected, and hazard 7 allows 5°.
     assert jumped.max() < 5.0
-    # Three frames make a disagreement; hazard 7 asks for 0.5 s.
+    # Three frames constitute a disagreement; hazard 7 requires 0.5 s.
     assert climb.found_s(10.0) <= 10.03 + over_s + 0.4
-    # A second of frames that agree, after a jump of up to 0.3 s and with one frame of tolerance: one of 0.3°, four sigma of it.
+    # A second of consistent frames, after a jump of up to 0.3 s and with one frame of tolerance: one of 0.3°, four sigma of it.
     assert jumped[1200:].max() < 1.2
 
 
 @pytest.mark.parametrize("rate_deg_s", [1900.0, -300.0])
-def test_a_rate_that_no_chair_reaches_was_never_measured_and_is_told(rate_deg_s: float) -> None:
+def test_an_implausible_rate_is_rejected_and_reported(rate_deg_s: float) -> None:
     clean = Climb(1, seconds=12.0)
     odd = Climb(1, seconds=12.0, imu=lambda t, rate: rate + (rate_deg_s * DEG if abs(t - 10.0) < 1e-9 else 0.0))
-    # One sample less: what was turned in 10 ms is interpolated.
+    # One sample less: the turn during 10 ms is interpolated.
     assert [kind for _, kind in odd.faults] == ["jump"]
     assert odd.found_s(10.0) == pytest.approx(10.0, abs=0.02)
     assert np.abs(odd.errors_deg(since_s=9.9)).max() < np.abs(clean.errors_deg(since_s=9.9)).max() + 0.05
 
 
-def test_a_gyro_that_spits_hides_no_camera_that_errs() -> None:
-    """Test: vision 10° off for a second and a half, one impossible sample of the gyro every 0.4 s. Expected result: the
-    disagreement is told all the time, since it began, for the guard to hold for (hazard 7)."""
+def test_implausible_gyro_samples_do_not_hide_a_vision_error() -> None:
+    """Test: vision 10° off for 1.5 s, one implausible gyro sample every 0.4 s. Expected result: the disagreement is reported
+    throughout, since its beginning, so that the guard holds (hazard 7)."""
     spits = [10.2, 10.6, 11.0, 11.4]
     climb = Climb(
         1,
@@ -305,32 +305,32 @@ def test_a_gyro_that_spits_hides_no_camera_that_errs() -> None:
 
 @pytest.mark.parametrize("step_deg_s", [1.0, -2.0, 5.0])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_gyro_that_starts_to_drift_is_found_out_within_a_second_and_understood(seed: int, step_deg_s: float) -> None:
+def test_a_gyro_drift_is_detected_within_a_second_and_corrected(seed: int, step_deg_s: float) -> None:
     climb = Climb(seed, seconds=35.0, belts=True, imu=lambda t, rate: rate + (step_deg_s * DEG if t > 20.03 else 0.0))
-    # 1 °/s and frames of 0.3°: their ramp stands out by 4.5 sigma after 0.8 s, a little sooner with what the belts say. The half
-    # second of hazard 7 is reached from 2 °/s on.
+    # 1 °/s and frames of 0.3°: their ramp reaches 4.5 sigma after 0.8 s, a little sooner with belt readings. The half second of
+    # hazard 7 is met from 2 °/s.
     assert climb.found_s(20.03) - 20.03 <= (0.95 if abs(step_deg_s) < 2.0 else 0.5)
     assert climb.faults[0][1] == "drift"
-    # The drift runs for as long as it takes to find, and is known to a third then.
+    # The drift acts until it is detected, and is then known to a third.
     assert np.abs(climb.errors_deg(since_s=20.0)).max() < 0.8 + abs(step_deg_s)
-    # After that the bias is known, and the heading as good as before: four sigma of 0.1°.
+    # After that the bias is known, and the heading is as accurate as before: four sigma of 0.1°.
     assert np.abs(climb.errors_deg(since_s=27.0)).max() < 0.4
 
 
-def test_honest_sensors_raise_no_alarm(shaken: list[Climb]) -> None:
+def test_correct_sensors_raise_no_fault(shaken: list[Climb]) -> None:
     # Six minutes, with and without a stair in view.
     assert [climb.faults for climb in shaken] == [[]] * len(shaken)
 
 
 @pytest.mark.parametrize(("seed", "askew_deg", "unseen_s"), [(1, -20.0, 0.0), (2, 3.0, 0.0), (3, -12.0, 1.0), (4, 2.5, 1.0)])
-def test_a_landings_wall_does_not_capture_the_heading(seed: int, askew_deg: float, unseen_s: float) -> None:
+def test_the_wall_of_a_landing_is_not_accepted_as_heading(seed: int, askew_deg: float, unseen_s: float) -> None:
     climb = Climb(
         seed,
         seconds=34.0,
         shaken=True,
         frames=lambda t, h: (t, h) if t < 20.0 else None if t < 20.0 + unseen_s else (t, h + askew_deg * DEG),
     )
-    # The wall is in view for 14 s, as at the top of a flight; the gyro alone makes 0.2° in that time.
+    # The wall is in view for 14 s, as at the top of a flight; the gyro alone drifts by 0.2° in that time.
     assert np.abs(climb.errors_deg(since_s=2.0)).max() < 0.8
     assert climb.faults[-1][1] == "disagreement"
     health = climb.filter.health
@@ -340,9 +340,9 @@ def test_a_landings_wall_does_not_capture_the_heading(seed: int, askew_deg: floa
     assert health.unseen_s > 12.0
 
 
-def test_a_first_frame_that_was_wrong_is_overruled_after_four_seconds() -> None:
+def test_a_wrong_first_frame_is_replaced_after_four_seconds() -> None:
     climb = Climb(1, seconds=10.0, frames=lambda t, h: (t, h + (15.0 * DEG if t == 0.0 else 0.0)))
-    # Nothing speaks for it but itself.
+    # No earlier measurement supports it.
     assert np.abs(climb.errors_deg(since_s=5.0)).max() < 1.2
 
 
@@ -353,12 +353,12 @@ def test_a_gyro_that_repeats_itself_while_the_belts_run_is_stuck() -> None:
     assert health is not None
     assert health.cause is not None
     assert "0.172 °/s" in health.cause
-    # As with a gyro that is silent: vision carries the heading for a second, then the stamp stands still.
+    # As with a silent gyro: vision carries the heading for a second, then the stamp stops.
     assert climb.estimates[-10] is not None
     assert climb.estimates[-10].t_s <= 11.3
 
 
-def test_a_gyro_that_repeats_itself_under_a_chair_that_stands_is_believed() -> None:
+def test_a_repeating_gyro_on_a_standing_chair_is_accepted() -> None:
     heading = HeadingFilter()
     heading.step(gyro(0.0, 0.0))
     heading.step(seen(0.0, 0.1))
@@ -372,7 +372,7 @@ def test_a_gyro_that_repeats_itself_under_a_chair_that_stands_is_believed() -> N
 
 
 def standing(heading: HeadingFilter, from_s: float, to_s: float, rate: float, belts_m_s: float) -> list[str | None]:
-    """Run a filter under steady belts and a gyro that repeats itself; return what it says of the gyro, tick by tick."""
+    """Run a filter under steady belts and a repeating gyro; return the reported gyro fault, tick by tick."""
     said = []
     for k in range(round(from_s / IMU_S), round(to_s / IMU_S)):
         heading.step(TrackReading(t_s=k * IMU_S, left_m_s=belts_m_s, right_m_s=belts_m_s, brake_on=belts_m_s == 0.0))
@@ -382,7 +382,7 @@ def standing(heading: HeadingFilter, from_s: float, to_s: float, rate: float, be
 
 
 def test_a_stuck_gyro_stays_stuck_under_a_chair_that_stops_for_it() -> None:
-    """Test: the gyro sticks while the belts run, and they stop for it. Expected result: stuck until it says something else."""
+    """Test: the gyro sticks while the belts run, and they then stop. Expected result: stuck until the reading changes."""
     heading = HeadingFilter()
     heading.step(gyro(0.0, 0.01))
     heading.step(seen(0.0, 0.1))
@@ -393,8 +393,8 @@ def test_a_stuck_gyro_stays_stuck_under_a_chair_that_stops_for_it() -> None:
     assert heading.health.fault != "stuck"
 
 
-def test_a_gyro_that_repeats_itself_from_where_the_belts_stop_is_believed() -> None:
-    """Test: a gyro of coarse steps, at rest from the moment that the belts stop. Expected result: no alarm."""
+def test_a_gyro_that_repeats_after_the_belts_stop_is_accepted() -> None:
+    """Test: a gyro with coarse resolution, at rest from the moment the belts stop. Expected result: no fault."""
     heading = HeadingFilter()
     heading.step(seen(0.0, 0.1))
     for k in range(1, 100):
@@ -419,15 +419,15 @@ def test_a_frozen_picture_does_not_hold_the_heading(turn_deg_s: float) -> None:
         if k % TICKS_PER_FRAME == 0:
             estimate = held.step(seen(t_s, 0.1))
     assert estimate is not None
-    # From 2 s to the last frame at 3.9 s, and not one of those frames said otherwise to any effect; a tenth of a degree is what a
-    # chair may turn before a heading that is repeated is refused, and that is taken for the gyro's bias meanwhile.
+    # From 2 s to the last frame at 3.9 s no frame may have a significant effect; a tenth of a degree is the turn after which a
+    # repeated heading is rejected, and is attributed to the gyro's bias in the meantime.
     assert estimate.heading_rad == pytest.approx(0.1 + 1.9 * turn_deg_s * DEG, abs=0.2 * DEG)
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 5.0, -10.0])
 @pytest.mark.parametrize("over_s", [0.5, 2.0])
-def test_the_heading_of_the_stair_arrives_on_the_landing(heading_deg: float, over_s: float) -> None:
-    """On the stair it turns about the nosings' normal, on the landing about gravity; in between the chair tips about the nosing."""
+def test_the_heading_is_preserved_from_stair_to_landing(heading_deg: float, over_s: float) -> None:
+    """The heading is about the nosing plane's normal on the stair and about gravity on the landing; between them the chair tips."""
     climb_s, slope = 10.0, 28.0 * DEG
     rng, held, estimate, R_WB = np.random.default_rng(6), HeadingFilter(), None, np.eye(3)
     for k in range(round((climb_s + over_s + 1.0) / IMU_S)):
@@ -436,31 +436,31 @@ def test_the_heading_of_the_stair_arrives_on_the_landing(heading_deg: float, ove
         heading = heading_deg * DEG + 1.0 * DEG * math.sin(t_s)
         before, R_WB = R_WB, rotation_y(-slope * (1.0 - down)) @ rotation_z(heading)
         turn = before.T @ R_WB
-        # What turns one attitude into the next, about z_B, from the skew part.
+        # Rotation from one attitude to the next, about z_B, from the skew-symmetric part.
         felt = (turn[1, 0] - turn[0, 1]) / (2.0 * IMU_S) if k > 0 else 0.0
         estimate = held.step(gyro(t_s, felt + 0.035 * DEG * rng.normal())) or estimate
         if k % TICKS_PER_FRAME == 0 and t_s < climb_s - 2.0:
             estimate = held.step(seen(t_s, heading + VISION_SIGMA_RAD * rng.normal()))
     assert estimate is not None
-    # On the landing, heading is what is left about the vertical. The target is 1.5°; eight seconds of frames tell it to 0.1°, four
-    # sigma. The IMU's yaw, which is about gravity, would have turned from 11.3° to 10° on the way.
+    # On the landing, heading is the rotation about the vertical. The target is 1.5°; eight seconds of frames determine it to 0.1°,
+    # four sigma. The IMU's yaw, which is about gravity, would have changed from 11.3° to 10° on the way.
     assert abs(wrap(estimate.heading_rad - math.atan2(R_WB[1, 0], R_WB[0, 0]))) < 0.4 * DEG
 
 
-def test_few_frames_do_not_overrule_the_gyro_however_long_they_last() -> None:
+def test_sparse_frames_do_not_override_the_gyro() -> None:
     sparse = Climb(
         2,
         seconds=20.0,
         frames=lambda t, h: (t, h) if t < 10.0 else ((t, h + 12.0 * DEG) if round(t / FRAME_S) % 5 == 0 else None),
     )
-    # 2 Hz: nine frames in 4 s, 20 in 9.5 s: within those it is the gyro's 0.2° that counts.
+    # 2 Hz: nine frames in 4 s, 20 in 9.5 s: within that time the error is the gyro's 0.2°.
     assert np.abs(sparse.errors_deg(since_s=2.0)[: round(17.0 / IMU_S)]).max() < 0.5
     broken = Climb(
         2,
         seconds=40.0,
         frames=lambda t, h: (t, h) if t < 10.0 else ((t, h + 12.0 * DEG) if round(t / FRAME_S) % 12 == 0 else None),
     )
-    # 1.2 s between frames: 25 of them in 30 s, and never believed. Three sigma of 30 s on the gyro alone are 0.85°.
+    # 1.2 s between frames: 25 of them in 30 s, never accepted. Three sigma of 30 s on the gyro alone are 0.85°.
     assert np.abs(broken.errors_deg(since_s=2.0)).max() < 1.0
 
 
@@ -468,7 +468,7 @@ def test_a_gyro_sample_that_is_not_a_number_changes_nothing() -> None:
     clean = Climb(3, seconds=20.0, imu=lambda t, rate: None if within(t, 10.0, 0.03) else rate)
     for bad in (np.nan, np.inf, 1e300):
         poisoned = Climb(3, seconds=20.0, imu=lambda t, rate, bad=bad: bad if within(t, 10.0, 0.03) else rate)
-        # The same bits as if they had never come.
+        # The same bits as without these samples.
         assert poisoned.estimates[-1] == clean.estimates[-1]
 
 
@@ -532,23 +532,23 @@ def test_late_frames_are_paired_with_the_heading_of_their_time(late_s: float) ->
         if k % TICKS_PER_FRAME == 0 and t_s >= late_s:
             estimate = heading.step(seen(t_s - late_s, wrap(rate * (t_s - late_s))))
     assert estimate is not None
-    # Taken for present, a frame 0.1 s late would pull by 1.5°. One tick at 15 °/s is 0.15°, the bias learns 1/10 of it.
+    # Taken as current, a frame 0.1 s late would be wrong by 1.5°. One tick at 15 °/s is 0.15°, of which the bias learns 1/10.
     assert abs(wrap(estimate.heading_rad - rate * estimate.t_s)) < 0.2 * DEG
 
 
 @pytest.mark.parametrize("gap_s", [0.06, 0.2, 0.5])
-def test_motion_that_no_gyro_saw_widens_the_uncertainty(gap_s: float) -> None:
+def test_unobserved_motion_increases_the_uncertainty(gap_s: float) -> None:
     climb = Climb(
         4, seconds=20.0, frames=lambda t, h: (t, h) if t < 9.0 else None, imu=lambda t, r: None if within(t, 10.0, gap_s) else r
     )
     before, after = climb.estimates[990], climb.estimates[1100]
     assert before is not None
     assert after is not None
-    # 10 °/s unseen is the declared sigma of turning, so what one gap adds is 10°·gap; the rest is small beside it.
+    # 10 °/s is the declared sigma of an unobserved turn, so one gap adds 10°·gap; other contributions are small.
     assert after.sigma_rad == pytest.approx(np.hypot(before.sigma_rad, 10.0 * DEG * (gap_s + IMU_S)), rel=0.1)
 
 
-def test_ordinary_jitter_of_the_gyros_clock_widens_nothing() -> None:
+def test_jitter_of_the_gyro_clock_does_not_increase_the_uncertainty() -> None:
     steady, jittery = HeadingFilter(), HeadingFilter()
     for heading in (steady, jittery):
         heading.step(gyro(0.0, 0.0))
@@ -565,18 +565,18 @@ def test_ordinary_jitter_of_the_gyros_clock_widens_nothing() -> None:
 def test_without_a_gyro_vision_carries_the_heading_for_a_second_and_says_when_it_stops() -> None:
     climb = Climb(5, seconds=20.0, imu=lambda t, rate: rate if t < 10.0 else None)
     alone = {estimate.t_s: estimate for estimate in climb.estimates if estimate is not None and estimate.t_s > 10.0}
-    # Ten frames in a second; whether the one just at its end counts is up to rounding.
+    # Ten frames in a second; the frame at its very end depends on rounding.
     assert len(alone) in {9, 10}
     for estimate in alone.values():
         true = float(climb.truth[round(estimate.t_s / IMU_S)])
-        # One frame has 0.3° and little is known besides it: four sigma.
+        # One frame has 0.3° and little else is known: four sigma.
         assert abs(estimate.heading_rad - true) < 1.2 * DEG
         assert 0.2 * DEG < estimate.sigma_rad < 0.4 * DEG
-        # Nobody measures the rate.
+        # No sensor measures the rate.
         assert estimate.heading_rate_rad_s == 0.0
     last = climb.estimates[-10]
     assert last is not None
-    # The stamp stands still: whoever reads the estimate sees that it is old.
+    # The stamp does not advance, so a reader of the estimate detects its age.
     assert last.t_s <= 11.0
 
 
@@ -591,7 +591,7 @@ def test_a_frame_from_the_future_does_not_stop_the_filter() -> None:
     climb = Climb(7, seconds=20.0, frames=lambda t, h: (t + 0.9, h) if abs(t - 10.0) < 1e-9 else (t, h))
     assert climb.estimates[-1] is not None
     assert climb.estimates[-1].t_s == pytest.approx(19.99)
-    # The wrong stamp costs one inflation of the variance, so one frame of 0.3°: four sigma.
+    # The wrong stamp costs one inflation of the variance, so the accuracy of one frame, 0.3°: four sigma.
     assert np.abs(climb.errors_deg(since_s=2.0)).max() < 1.2
 
 
@@ -607,7 +607,7 @@ def test_headings_on_both_sides_of_half_a_turn_are_neighbours() -> None:
     heading.step(gyro(0.01, 0.0))
     estimate = heading.step(seen(0.01, -np.pi + 0.002))
     assert estimate is not None
-    # Between two frames 0.004 rad apart, across the seam.
+    # Between two frames 0.004 rad apart, across the discontinuity.
     assert abs(wrap(estimate.heading_rad - np.pi)) <= 0.002 + 1e-9
     assert heading.rejected_count == 0
 
@@ -615,7 +615,7 @@ def test_headings_on_both_sides_of_half_a_turn_are_neighbours() -> None:
 def test_the_source_says_when_the_gyro_alone_carries_the_heading() -> None:
     climb = Climb(8, seconds=20.0, frames=lambda t, h: (t, h) if t < 10.0 else None)
     sources = [estimate.source for estimate in climb.estimates if estimate is not None]
-    # The last frame is at 9.9 s, half a second of grace.
+    # The last frame is at 9.9 s, plus half a second.
     assert sources[1030] == "vision"
     assert sources[1050] == "gyro"
 
@@ -628,7 +628,7 @@ def test_a_frame_stamped_long_after_the_first_gyro_sample_does_not_shut_out_the_
         if k % TICKS_PER_FRAME == 0:
             estimate = heading.step(seen(k * IMU_S, 0.31))
     assert estimate is not None
-    # All are taken. Frames that agree to the last bit after one that did not tell little of how vision errs: three sigma of one.
+    # All are accepted. Identical frames after a different one contain little information on vision errors: three sigma of one.
     assert estimate.heading_rad == pytest.approx(0.31, abs=3.0 * VISION_SIGMA_RAD)
     assert heading.rejected_count == 0
     assert heading.health is not None
@@ -641,7 +641,7 @@ def test_a_gyro_clock_that_leaps_ahead_does_not_spin_the_heading() -> None:
     heading.step(seen(0.0, 0.1))
     estimate = heading.step(gyro(1e4, 0.2))
     assert estimate is not None
-    # One second of the rate is believed, and the sigma says that nothing is known: half a turn.
+    # One second of the rate is integrated, and sigma is half a turn: the heading is unknown.
     assert abs(estimate.heading_rad - 0.1) <= 0.2 + 1e-9
     assert estimate.sigma_rad == pytest.approx(np.pi, rel=0.01)
 

@@ -1,4 +1,4 @@
-"""The camera's mount, learned from streams of stair axes and gravity that err as the sensors do."""
+"""Camera mount calibration from streams of stair axes and gravity with sensor errors."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -14,25 +14,25 @@ from treadline.signals import ImuSample, PinholeCamera, StairAxes, TrackReading
 FRAME_S = 0.1
 MEANT = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5, mount_pitch_rad=22.0 * DEG)
 EDGE_RAD, DOWN_RAD, NORMAL_RAD = 0.2 * DEG, 0.3 * DEG, 0.3 * DEG
-"""What one frame's axes err by."""
+"""Standard deviations of one frame's axes."""
 SEEDS = range(2000, 2016)
 
 
 @dataclass
 class Drive:
-    """A minute on a 28° flight in a chair whose camera sits up to 5° askew about each axis."""
+    """A minute on a 28° flight in a chair whose camera is misaligned by up to 5° about each axis."""
 
     seed: int
     seconds: float = 60.0
     swing_rad: float = 8.0 * DEG
-    """How far the heading swings to either side; it starts a little off in any case."""
+    """Amplitude of the heading oscillation; the initial heading is nonzero in any case."""
     outliers: float = 0.0
-    """Share of frames that show some other plane."""
+    """Share of frames that show another plane."""
     mounting_s: float = 0.0
-    """Time from level to lying on the flight."""
+    """Time from horizontal to lying on the flight [s]."""
     slope_rad: float = 28.0 * DEG
     mount_error_rad: tuple[float, float, float] | None = None
-    """Pitch, roll, yaw; drawn from the seed if None."""
+    """Mount pitch, roll, yaw; drawn from the seed if None."""
     config: MountConfig = field(default_factory=lambda: MountConfig(camera=MEANT, every_s=9.0))
     true: PinholeCamera = field(init=False)
     tilt_rad: tuple[float, float] = field(init=False)
@@ -44,7 +44,7 @@ class Drive:
             self._rng.uniform(-5.0 * DEG, 5.0 * DEG, size=3) if self.mount_error_rad is None else self.mount_error_rad
         )
         self.true = replace(MEANT, mount_pitch_rad=MEANT.mount_pitch_rad + pitch, mount_roll_rad=roll, mount_yaw_rad=yaw)
-        # Half a degree in any direction; the belts' and the treads' constants are drawn as the configuration says.
+        # Half a degree in any direction; the constants of belts and treads are drawn from the configuration's priors.
         direction = self._rng.uniform(-math.pi, math.pi)
         self.tilt_rad = (0.5 * DEG * math.cos(direction), 0.5 * DEG * math.sin(direction))
         self.calibrator = MountCalibrator(self.config)
@@ -59,7 +59,7 @@ class Drive:
         for k in range(round(self.seconds / FRAME_S)):
             t_s = k * FRAME_S
             # 3 mm of rise jitter rock a chair by 0.38° in pitch and 0.12° in roll, for about 0.8 s (measured on the plant); the
-            # IMU's tilt wanders by 0.05° with a memory of a second.
+            # IMU's tilt wanders by 0.05° with a correlation time of a second.
             rock = math.exp(-FRAME_S / 0.8) * rock + math.sqrt(1.0 - math.exp(-0.2 / 0.8)) * DEG * rng.normal(size=2) * [0.12, 0.38]
             wander = math.exp(-FRAME_S) * wander + math.sqrt(1.0 - math.exp(-0.2)) * 0.05 * DEG * rng.normal(size=2)
             heading = 10.0 * DEG * math.exp(-t_s / 2.0) + self.swing_rad * math.sin(t_s / 6.0 + phase)
@@ -83,7 +83,7 @@ class Drive:
             yield axes_of(t_s, R_CS @ error, slope_seen + DOWN_RAD * rng.normal())
 
     def learn(self) -> MountEstimate:
-        """Drive, and return the last estimate."""
+        """Process the drive and return the last estimate."""
         estimate = None
         for signal in self.signals():
             estimate = self.calibrator.step(signal)
@@ -91,7 +91,7 @@ class Drive:
         return estimate
 
     def errors_rad(self, estimate: MountEstimate) -> tuple[float, float]:
-        """Return pitch and roll as estimated less the truth."""
+        """Return the errors of the estimated pitch and roll."""
         return estimate.pitch_rad - self.true.mount_pitch_rad, estimate.roll_rad - self.true.mount_roll_rad
 
 
@@ -109,36 +109,36 @@ def axes_of(t_s: float, R_CS: np.ndarray, slope_rad: float) -> StairAxes:
 
 @pytest.fixture(scope="module")
 def drives() -> list[tuple[Drive, MountEstimate]]:
-    """Return a minute's learning for each seed."""
+    """Return the estimate after a minute for each seed."""
     return [(drive, drive.learn()) for drive in (Drive(seed) for seed in SEEDS)]
 
 
-def test_a_minute_on_the_flight_tells_pitch_and_roll_within_0_15_degrees(drives: list[tuple[Drive, MountEstimate]]) -> None:
+def test_a_minute_on_the_flight_determines_pitch_and_roll_within_0_15_degrees(drives: list[tuple[Drive, MountEstimate]]) -> None:
     errors = np.abs([drive.errors_rad(estimate) for drive, estimate in drives]).max(axis=1)
-    # The target: in 95 % of drives; of 16, that is all but one.
+    # The target: in 95 % of drives; of 16, all but one.
     assert np.count_nonzero(errors <= 0.15 * DEG) >= 15
 
 
-def test_sigma_is_true(drives: list[tuple[Drive, MountEstimate]]) -> None:
+def test_sigma_is_consistent(drives: list[tuple[Drive, MountEstimate]]) -> None:
     sigmas = [(estimate.pitch_sigma_rad, estimate.roll_sigma_rad) for _, estimate in drives]
     squares = np.square(np.array([drive.errors_rad(estimate) for drive, estimate in drives]) / sigmas)
-    # 32 squares of a normal law have a mean of 1 ± 0.25: two of those.
+    # 32 squares of a normal distribution have a mean of 1 ± 0.25: two of those.
     assert 0.5 <= squares.mean() <= 1.5
 
 
-def test_turns_tell_the_yaw_and_the_imus_tilt(drives: list[tuple[Drive, MountEstimate]]) -> None:
+def test_turns_determine_the_yaw_and_the_imu_tilt(drives: list[tuple[Drive, MountEstimate]]) -> None:
     told = [(drive, estimate) for drive, estimate in drives if estimate.yaw_rad is not None]
-    # Eight degrees to either side are enough.
+    # Eight degrees to either side are sufficient.
     assert len(told) >= 13
     errors = np.array([estimate.yaw_rad - drive.true.mount_yaw_rad for drive, estimate in told])
     sigmas = np.array([estimate.yaw_sigma_rad for _, estimate in told])
     assert 0.4 <= np.mean(np.square(errors / sigmas)) <= 1.8
     tilts = np.array([np.subtract(estimate.imu_tilt_rad, drive.tilt_rad) for drive, estimate in drives])
-    # About y, the edge's own axis, the two slopes tell it: all that is left is what the treads may slope.
+    # About y, the edge's own axis, the two slopes determine it: only the treads' slope remains.
     assert np.sqrt(np.mean(np.square(tilts[:, 1]))) < 0.15 * DEG
 
 
-def test_without_turns_the_yaw_is_not_told() -> None:
+def test_without_turns_the_yaw_is_not_reported() -> None:
     drive = Drive(1, swing_rad=0.5 * DEG)
     estimate = drive.learn()
     assert estimate.yaw_rad is None
@@ -152,7 +152,7 @@ def test_the_calibrated_camera_is_the_one_on_the_chair() -> None:
     drive = Drive(2)
     camera = calibrated(MEANT, drive.learn())
     apart = camera.R_BC.T @ drive.true.R_BC
-    # Yaw is known to 0.5° at worst when it is told, the rest to 0.15°: two sigma.
+    # Yaw is known to 0.5° at worst when reported, the rest to 0.15°: two sigma.
     assert math.acos((np.trace(apart) - 1.0) / 2.0) < 1.0 * DEG
     assert replace(camera, mount_pitch_rad=0.0, mount_roll_rad=0.0, mount_yaw_rad=0.0) == replace(MEANT, mount_pitch_rad=0.0)
 
@@ -173,13 +173,13 @@ def test_frames_from_before_the_chair_lies_on_the_flight_do_not_count() -> None:
     assert drive.calibrator.dropped_count >= 170
 
 
-def test_thirty_seconds_say_less_than_sixty_and_know_it() -> None:
+def test_thirty_seconds_give_a_larger_error_and_sigma_than_sixty() -> None:
     short, long = Drive(4, seconds=30.0).learn(), Drive(4, seconds=60.0).learn()
     assert short.pitch_sigma_rad > long.pitch_sigma_rad
     assert short.roll_sigma_rad > long.roll_sigma_rad
 
 
-def test_a_chair_that_stands_learns_nothing_from_repetition() -> None:
+def test_a_standing_chair_does_not_improve_the_calibration() -> None:
     calibrator = MountCalibrator(MountConfig(camera=MEANT))
     for signal in Drive(5).signals():
         calibrator.step(TrackReading(t_s=signal.t_s, left_m_s=0.0, right_m_s=0.0, brake_on=True))

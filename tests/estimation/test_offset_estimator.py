@@ -56,7 +56,7 @@ def test_a_late_frame_is_paired_with_the_yaw_of_its_time(late_s: float) -> None:
         if k % 10 == 0 and t_s >= late_s:
             estimate = estimator.step(seen(t_s - late_s, wrap(rate * (t_s - late_s) + offset)))
     assert estimate is not None
-    # Stamps are multiples of the IMU's period, so a pair of one instant exists; paired with the newest yaw, 0.1 s would be 1.5°.
+    # Stamps are multiples of the IMU's period, so a sample at the same instant exists; with the newest yaw, 0.1 s would be 1.5°.
     assert abs(wrap(estimate.heading_rad - rate * estimate.t_s - offset)) < 1e-6
 
 
@@ -64,7 +64,7 @@ def test_a_jump_beyond_the_rule_is_an_aberration() -> None:
     estimator = OffsetEstimator()
     estimator.step(yawed(0.0, 0.0))
     before = estimator.step(seen(0.0, 0.1))
-    # The rule says 5°.
+    # The threshold is 5°.
     assert estimator.step(seen(0.001, 0.1 + 5.1 * DEG)) == before
     assert estimator.rejected_count == 1
     assert estimator.step(seen(0.002, 0.1 + 4.9 * DEG)) != before

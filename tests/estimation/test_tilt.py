@@ -1,4 +1,4 @@
-"""Attitude from gyro and accelerometer alone: gravity is found, kept through turns and jolts, and drift does not grow."""
+"""Attitude from gyro and accelerometer: gravity is found, kept through turns and jolts, and drift is bounded."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def sample(t_s: float, R_WB: Float[np.ndarray, "3 3"], rate_B: Float[np.ndarray,
 
 
 def off_level(orientation: Float[np.ndarray, " 4"] | None, R_WB: Float[np.ndarray, "3 3"]) -> float:
-    """Return the angle between gravity as found and as it is, in degrees."""
+    """Return the angle between estimated and true gravity, in degrees."""
     assert orientation is not None
     found, true = rotation_of(orientation).T @ UP, R_WB.T @ UP
     return float(np.arctan2(np.linalg.norm(np.cross(found, true)), found @ true)) / DEG
@@ -28,14 +28,14 @@ def test_the_first_sample_at_rest_gives_gravity(tilt: Float[np.ndarray, "3 3"], 
     assert off_level(Tilt().step(sample(0.0, tilt, np.zeros(3), g=g)), tilt) < 1e-6
 
 
-def test_before_a_force_was_felt_nothing_is_known() -> None:
+def test_before_the_first_force_there_is_no_attitude() -> None:
     tilt = Tilt()
     assert tilt.step(sample(0.0, np.eye(3), np.zeros(3), g=0.0)) is None
     assert tilt.step(sample(0.01, np.eye(3), np.zeros(3), g=np.nan)) is None
     assert tilt.step(sample(0.02, np.eye(3), np.zeros(3))) is not None
 
 
-def test_a_turn_is_followed_while_the_force_says_nothing() -> None:
+def test_a_turn_is_followed_during_a_jolt() -> None:
     tilt, R_WB, rate = Tilt(), rotation_y(-28 * DEG), np.array([0.1, -0.3, 0.5])
     tilt.step(sample(0.0, R_WB, rate))
     for k in range(1, 301):
@@ -82,7 +82,7 @@ def test_levelling_points_any_force_up(seed: int) -> None:
 
 
 def test_a_rate_that_is_no_number_is_left_out() -> None:
-    """Test: one sample whose rate is NaN in a steady turn. Expected result: nothing is told then, and the turn goes on."""
+    """Test: one sample with a NaN rate in a steady turn. Expected result: no estimate for that sample, and the turn continues."""
     tilt, R_WB, rate = Tilt(), rotation_y(-28 * DEG), np.array([0.1, -0.3, 0.5])
     tilt.step(sample(0.0, R_WB, rate))
     for k in range(1, 51):

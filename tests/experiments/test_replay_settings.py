@@ -7,10 +7,10 @@ from typing import Any, Literal
 import pytest
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
-from treadline.experiments.shipped import shipped_controller
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
 from treadline.perception import StairDetector
@@ -108,7 +108,7 @@ def test_the_blocks_own_settings_are_keys() -> None:
 
 def test_a_key_means_what_the_field_it_sets_says() -> None:
     table = key_table(BASE)
-    assert table["filter.gate"] == ("9.0", "χ² of one measurement beyond which it is not believed: three sigma.")
+    assert table["filter.gate"] == ("9.0", "Gate on χ² of one measurement: three sigma.")
     assert table["camera.depth_unit_m"][1] == "One count of a depth image of 16 bits."
     assert "Algorithm 1" in table["vision"][1]  # as a scenario's
     assert table["filter.stuck.for_s"][1] == ""
@@ -147,6 +147,8 @@ def test_control_and_guard_take_what_is_set() -> None:
 
 def test_a_later_item_overrules_an_earlier_one() -> None:
     assert values_of("filter.gate=16", "filter.gate=4").filter.gate == 4.0
+    # A former name of a key still sets it.
+    assert values_of("filter.told_s=3").filter.report_s == 3.0
 
 
 def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:

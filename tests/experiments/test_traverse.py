@@ -7,14 +7,15 @@ import jaxtyping
 import numpy as np
 import pytest
 
+from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import SEAT_SHIFT_M, Traverse, mission_config, ready, traverse, with_seat_shifted
+from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import is_full_traversal, planner_of
 from treadline.mission.planner import Cruise
 from treadline.ports import Truth
 from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.setup import SEAT_SHIFT_M, mission_config, ready, with_seat_shifted
 from treadline.signals import TrackCommand
 
 LANDING_M = 3.0
@@ -233,6 +234,7 @@ class Straight:
     """An experiment's own driver."""
 
     period_s: float = 0.25
+    follows_plan: bool = False
 
     def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
         del estimate, plan
@@ -263,7 +265,7 @@ def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], mode
     assert isinstance(planner_of(config, driver), Cruise)
 
 
-def test_a_chair_without_a_flipper_arrives_where_its_front_pulley_meets_the_last_nosing() -> None:
+def test_a_run_along_one_flight_ends_where_the_front_pulley_meets_the_last_nosing() -> None:
     scenario = Scenario(
         stair=Stair.model_validate({"slope_deg": 28.0, "steps": 8}),
         chair=Chair(model="wheelchair-fixed"),
@@ -272,7 +274,7 @@ def test_a_chair_without_a_flipper_arrives_where_its_front_pulley_meets_the_last
         control=Control(loop="open"),
     )
     run = traverse(scenario, seed=1)
-    assert run.verdict == "arrived"
+    assert run.verdict == "end_of_flight"
     assert phases(run) == ["drive"]
     pitch_m = float(np.hypot(scenario.stair.rise_m, scenario.stair.run_m))
     half_m = 0.5 * read_chair("wheelchair-fixed").tracks.flat_run_m

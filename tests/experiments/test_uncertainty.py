@@ -4,15 +4,19 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from treadline.experiments.budget_runs import RUNS, BudgetJob, Spans
-from treadline.experiments.sensitivity import KEYS, SENSITIVITY, read_sensitivity, shown, with_sensitivity
-from treadline.experiments.uncertainty import FIGURES, Figure, budget
-from treadline.experiments.variations import NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS, Variation
+from treadline.experiments.budget_runs import ALL_RUNS, LUG_RUNS, RUNS, BudgetJob, Spans, runs_of
+from treadline.experiments.plan import turn, without_images
+from treadline.experiments.sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
+from treadline.experiments.uncertainty import FIGURES, VariedFigure, budget
+from treadline.experiments.variations import MAIN_SOURCES, NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS, Variation
 from treadline.mechanics.chair import read_chair
+from treadline.models import read_json
 from treadline.report.results import Moves
-from treadline.scenario import Chair, Scenario
+from treadline.scenario import Belts, Chair, Scenario
+from treadline.sim import MujocoPlant
 
 
 def named(name: str) -> Variation:
@@ -22,9 +26,18 @@ def named(name: str) -> Variation:
 def test_each_variation_changes_one_thing() -> None:
     assert len({item.name for item in VARIATIONS}) == len(VARIATIONS)
     for item in VARIATIONS:
-        parts = (item.physics, item.friction, item.chassis, item.payload, item.com_m, item.lag, item.seed)
+        parts = (item.physics, item.friction, item.chassis, item.payload, item.com_m, item.lag, item.lug_phase, item.seed)
         nominal = NOMINAL_VARIATION
-        same = (nominal.physics, nominal.friction, nominal.chassis, nominal.payload, nominal.com_m, nominal.lag, nominal.seed)
+        same = (
+            nominal.physics,
+            nominal.friction,
+            nominal.chassis,
+            nominal.payload,
+            nominal.com_m,
+            nominal.lag,
+            nominal.lug_phase,
+            nominal.seed,
+        )
         assert sum(a != b for a, b in zip(parts, same, strict=True)) == (0 if item is nominal else 1)
 
 
@@ -47,8 +60,8 @@ def outcomes(**values: float | None) -> dict[str, dict[str, dict[str, Any]]]:
     return {name: {"run": {"figures": {"score": value}}} for name, value in values.items()}
 
 
-def figure(target: float | None = None, *, at_least: bool = False) -> Figure:
-    return Figure(key="part/score", what="score", unit="°", runs=("run",), score="score", target=target, at_least=at_least)
+def figure(target: float | None = None, *, at_least: bool = False) -> VariedFigure:
+    return VariedFigure(key="part/score", what="score", unit="°", runs=("run",), score="score", target=target, at_least=at_least)
 
 
 CASE: dict[str, float | None] = {
@@ -107,32 +120,80 @@ def test_an_outcome_is_kept(tmp_path: Path) -> None:
 
 def test_each_figure_rests_on_runs_that_exist() -> None:
     assert len({item.key for item in FIGURES}) == len(FIGURES)
-    assert {name for item in FIGURES for name in item.runs} == set(RUNS)
+    assert {name for item in FIGURES for name in item.runs} == set(ALL_RUNS)
+
+
+def test_the_runs_of_a_variation_are_those_that_it_can_change() -> None:
+    assert set(runs_of(NOMINAL_VARIATION)) == set(runs_of(named("friction +20 %"))) == set(ALL_RUNS)
+    assert set(runs_of(named("chassis +10 %"))) == set(RUNS)
+    assert set(runs_of(named("lugs half a pitch on"))) == set(LUG_RUNS)
+
+
+def test_a_lug_phase_moves_the_lugs_along_the_belt_and_nothing_else() -> None:
+    scenario = without_images(turn(28, 30, 1.0)).model_copy(update={"belts": Belts(lug="15/80")})
+    nominal, shifted = (item.opener("wheelchair")(scenario, 0) for item in (NOMINAL_VARIATION, named("lugs a quarter pitch on")))
+    assert isinstance(nominal, MujocoPlant)
+    assert isinstance(shifted, MujocoPlant)
+    moved_m = (shifted._lugs.start_m - nominal._lugs.start_m) % 0.08
+    np.testing.assert_allclose(moved_m, 0.02, atol=1e-12)  # a quarter of 80 mm; rounding of the modulo alone
+    assert shifted.staircase == nominal.staircase
 
 
 def test_the_package_has_the_budget_of_each_figure() -> None:
-    figures = read_sensitivity()
-    assert SENSITIVITY.exists()
+    figures = read_json(SENSITIVITY)
     assert set(figures) == {item.key for item in FIGURES}
     for value in figures.values():
         Moves.model_validate(value)
-        assert set(KEYS) <= set(value)
-        assert value["step"] is not None
-        assert value["step"] >= 0.0
+        assert set(MAIN_SOURCES) <= set(value)
+        known = [value[source] for source in MAIN_SOURCES if value[source] is not None]
+        # A source without a number has lost its runs, and the file says which.
+        assert known or value["lost"]
+        assert all(move >= 0.0 for move in known)
 
 
-def test_results_carry_the_moves_of_their_figures() -> None:
+def test_each_part_that_is_not_varied_has_the_moves_of_one_that_is() -> None:
+    completed = read_sensitivity()
+    for part, (nearest, label) in NEAREST.items():
+        found = shown(completed, part)
+        assert set(found) >= set(shown(completed, nearest)) != set()
+        assert all(label in moves["conditions"] for name, moves in found.items() if name in shown(completed, nearest))
+    own = with_nearest({"fig09/28/lateral_m": {"step": 1.0}, "fig09/25/lateral_m": {"step": 2.0}})
+    assert own["fig09/25/lateral_m"] == {"step": 2.0}, "a measured figure keeps its own moves"
+    assert own["fig09/30/lateral_m"]["step"] == 1.0
+
+
+def bare_results() -> dict[str, Any]:
+    """Return the labels of each row of a reproduction, without its figures."""
+    slopes, frictions = (25, 28, 30), ([0.62, 0.5], [0.9, 0.5])
+    models = [(20, [0.62, 0.5]), (28, [0.9, 0.5]), *((slope, [0.62, 0.5]) for slope in slopes)]
+    learned = [{"slope_deg": slope, "friction": friction} for slope, friction in models]
+    return {
+        "table2": [{"slope_deg": slope, "friction": friction} for friction in frictions for slope in slopes],
+        "table2_roll_back_allowed": [{"slope_deg": slope} for slope in slopes],
+        "fig05": {},
+        "fig08": learned[0] | {"slopes": learned},
+        "fig09": [{"slope_deg": slope, "loop": loop} for slope in slopes for loop in ("closed", "open")],
+        "fig10": [{"slope_deg": 28}],
+        "fig11": {},
+        "dead_zone": [{"slope_deg": 28, "heading_deg": 10, "difference_m_s": 0.4}],
+        "literal": {},
+        "lugs": [{"course": course, "lug": "15/80"} for course in ("turn-25", "turn-28", "turn-30", "up-28")],
+    }
+
+
+def test_every_row_of_the_results_has_its_sensitivity() -> None:
+    found = with_sensitivity(bare_results(), read_sensitivity())
+    for part, value in found.items():
+        rows = value if isinstance(value, list) else [value, *value.get("slopes", [])]
+        for row in rows if part != "sensitivity" else ():
+            assert row["sensitivity"], (part, row)
+            assert all(set(MAIN_SOURCES) <= set(moves) for moves in row["sensitivity"].values())
+
+
+def test_a_row_has_the_moves_of_its_own_figures() -> None:
     moves = {"unit": "°", "step": 0.1, "stiffness": 0.2, "friction": None, "lost": ["friction -20 %"], "exceeded": []}
     keys = ("table2/0.62-0.5/28/roll_back_m", "table2/0.62-0.5/rms_heading_deg", "fig09/28/lateral_m", "fig08/20/yaw_rate_pole")
-    figures = dict.fromkeys(keys, moves)
-    bare = {
-        "table2": [{"slope_deg": slope, "friction": [0.62, 0.5]} for slope in (25, 28)],
-        "fig09": [{"slope_deg": 28, "loop": loop} for loop in ("closed", "open")],
-        "fig08": {"slope_deg": 20},
-    }
-    found = with_sensitivity(bare, figures)
-    assert [list(row["sensitivity"]) for row in found["table2"]] == [[], ["roll_back_m"]]
-    assert [list(row["sensitivity"]) for row in found["fig09"]] == [["lateral_m"], []]
+    found = with_sensitivity(bare_results(), dict.fromkeys(keys, moves))
+    assert [list(row["sensitivity"]) for row in found["table2"][:3]] == [[], ["roll_back_m"], []]
+    assert [list(row["sensitivity"]) for row in found["fig09"]] == [[], [], ["lateral_m"], [], [], []]
     assert found["fig08"]["sensitivity"]["yaw_rate_pole"]["step"] == 0.1
-    assert set(KEYS) <= set(shown(figures, "fig08/20")["yaw_rate_pole"])
-    assert found["sensitivity"] == figures

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import GazeboError
-from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.mechanics.chair import read_chair

@@ -1,4 +1,4 @@
-"""Eq. (12) as a source of records whose true model is known."""
+"""Fixtures: Eq. (12) as a model with known truth, and records simulated from it."""
 
 from collections.abc import Callable
 
@@ -29,7 +29,7 @@ def eq_12() -> LinearModel:
 
 @pytest.fixture(scope="session")
 def draw(eq_12: LinearModel) -> Draw:
-    """Return a function that draws a record of Eq. (12) under random inputs."""
+    """Return a function that simulates a record of Eq. (12) under random inputs."""
 
     def record(
         seed: int,

@@ -1,4 +1,4 @@
-"""Dead time is found to the sample, taken out of the data, and put back into the model as states."""
+"""Dead time is estimated to the sample, removed from the data, and restored in the model as states."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from treadline.models import InputOutputRecord, LinearModel
 
 @pytest.fixture(scope="module")
 def plant() -> LinearModel:
-    """Two states without feedthrough, with operating point and observer."""
+    """Two states without feedthrough, with operating point and observer gain."""
     return LinearModel(
         A=np.array([[0.8, 0.2], [-0.1, 0.5]]),
         B=np.array([[1.0, 0.5], [0.3, -1.0]]),
@@ -26,7 +26,7 @@ def plant() -> LinearModel:
 
 
 def late(u: np.ndarray, shifts: tuple[int, int]) -> np.ndarray:
-    """Return inputs that act some samples later, the first ones those of rest."""
+    """Return delayed inputs; the first samples are those of rest."""
     return np.column_stack([np.concatenate([np.zeros(d), u[: len(u) - d, j]]) for j, d in enumerate(shifts)])
 
 
@@ -41,7 +41,7 @@ def delayed_record(plant: LinearModel, shifts: tuple[int, int], noise: float = 0
 @pytest.mark.parametrize("shifts", [(0, 0), (0, 4), (6, 2)])
 def test_dead_time_is_found_to_the_sample(plant: LinearModel, shifts: tuple[int, int], noise: float) -> None:
     report = identify(delayed_record(plant, shifts, noise), method="okid-era", order=2 + sum(shifts), lags=12).report
-    # Without feedthrough an input shows one sample later even without dead time.
+    # Without feedthrough an input acts one sample later even without dead time.
     assert report.delays == [d + 1 for d in shifts]
 
 
@@ -52,7 +52,7 @@ def test_feedthrough_is_a_delay_of_zero(plant: LinearModel) -> None:
 
 
 @pytest.mark.parametrize("shifts", [(0, 0), (3, 0), (1, 5), (2, 2)])
-def test_a_model_with_dead_time_answers_as_the_model_did_to_late_inputs(plant: LinearModel, shifts: tuple[int, int]) -> None:
+def test_a_model_with_dead_time_responds_like_the_model_with_delayed_inputs(plant: LinearModel, shifts: tuple[int, int]) -> None:
     u = plant.input_offset + np.random.default_rng(1).standard_normal((60, 2))
     delayed = with_delays(plant, shifts)
     assert delayed.order == 2 + sum(shifts)
@@ -65,14 +65,14 @@ def test_dead_time_keeps_the_observer_stable(plant: LinearModel) -> None:
     delayed = with_delays(plant, (2, 3))
     assert delayed.observer_gain is not None
     assert plant.observer_gain is not None
-    # A chain of samples is nilpotent: its poles are at zero, whatever the observer does. Five of them together: 1e-16^(1/3).
+    # A delay chain is nilpotent: its poles are at zero for any observer gain. A fivefold pole at zero is found to 1e-16^(1/3).
     expected = np.abs(np.linalg.eigvals(plant.A - plant.observer_gain @ plant.C))
     found = np.abs(np.linalg.eigvals(delayed.A - delayed.observer_gain @ delayed.C))
     np.testing.assert_allclose(np.sort(found)[-2:], np.sort(expected), atol=1e-9)
     assert np.sort(found)[:5].max() < 1e-4
 
 
-def test_a_dead_time_that_is_taken_out_and_put_back_leaves_the_truth(plant: LinearModel) -> None:
+def test_removing_and_restoring_dead_time_recovers_the_true_model(plant: LinearModel) -> None:
     record = delayed_record(plant, (4, 1), noise=0.0)
     found = identify(record, delays=[4, 1], order=2)
     expected = impulse_response(with_delays(plant, (4, 1)), 20)
@@ -87,16 +87,16 @@ def test_auto_finds_the_order_without_dead_time_and_adds_its_chains(plant: Linea
     assert found.report.delays == [d + 1 for d in shifts]
     assert found.model.order == 2 + sum(shifts)
     expected = impulse_response(with_delays(plant, shifts), 20)
-    # 1 % of noise on 800 samples.
+    # 1 % noise on 800 samples.
     assert np.linalg.norm(impulse_response(found.model, 20) - expected) < 0.005 * np.linalg.norm(expected)
 
 
-def test_dead_time_that_is_left_to_the_states_is_warned_of(plant: LinearModel) -> None:
+def test_dead_time_modelled_by_states_gives_a_warning(plant: LinearModel) -> None:
     warnings = identify(delayed_record(plant, (5, 0)), method="okid-era", order=7).report.warnings
     assert any("dead time: 'u1' acts after 6 samples" in warning for warning in warnings)
 
 
-def test_records_without_dead_time_hold_each_input_as_late_as_it_acts() -> None:
+def test_removing_dead_time_delays_each_input_by_its_shift() -> None:
     t = np.arange(10.0)
     record = InputOutputRecord(u=np.column_stack([t, 100.0 + t]), y=t[:, None].copy(), dt_s=1.0)
     moved = without_delays([record], [3, 1])[0]
@@ -106,11 +106,11 @@ def test_records_without_dead_time_hold_each_input_as_late_as_it_acts() -> None:
 
 
 @pytest.mark.parametrize("shifts", [[], [1], [1, 0, 2], [-1, 0], [0, 800]])
-def test_shifts_that_do_not_fit_are_refused(plant: LinearModel, shifts: list[int]) -> None:
-    with pytest.raises(SettingsError, match=r"one whole number per input \(2\), from 0 to less than a record's length"):
+def test_shifts_that_do_not_fit_are_rejected(plant: LinearModel, shifts: list[int]) -> None:
+    with pytest.raises(SettingsError, match=r"one integer per input \(2\), from 0 to less than a record's length"):
         identify(delayed_record(plant, (0, 0)), delays=shifts)
 
 
-def test_a_word_other_than_auto_is_refused(plant: LinearModel) -> None:
+def test_a_word_other_than_auto_is_rejected(plant: LinearModel) -> None:
     with pytest.raises(SettingsError, match="delays is 'some'; give auto, or one number per input"):
         identify(delayed_record(plant, (0, 0)), delays="some")

@@ -1,4 +1,4 @@
-"""What went in comes out: records of Eq. (12) give Eq. (12) again."""
+"""Identification recovers Eq. (12) from records simulated with it."""
 
 from collections.abc import Callable
 
@@ -11,29 +11,29 @@ from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 STEPS = 20
-"""The slower pole, 0.71, is down to a thousandth by then."""
+"""Number of Markov parameters compared; the slower pole, 0.71, has decayed to a thousandth by then."""
 
 
 def markov_error(model: LinearModel, true: LinearModel) -> float:
-    """Return ‖Y - Ŷ‖/‖Y‖ over the Markov parameters: what no choice of states can change."""
+    """Return ‖Y - Ŷ‖/‖Y‖ over the Markov parameters, independent of the choice of states."""
     expected = impulse_response(true, STEPS)
     return float(np.linalg.norm(impulse_response(model, STEPS) - expected) / np.linalg.norm(expected))
 
 
 def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearModel) -> None:
     found = identify(draw(0))
-    # 2e-15 was measured; 1e-12 leaves room for another BLAS.
+    # 2e-15 was measured; 1e-12 allows for another BLAS.
     assert markov_error(found.model, eq_12) < 1e-12
     assert (found.report.order, found.report.feedthrough, found.report.warnings) == (2, True, [])
 
 
 @pytest.mark.parametrize(("noise", "bound"), [(0.01, 7.8e-4), (0.1, 7.8e-3)])
 @pytest.mark.parametrize(("method", "times"), [("okid-era", 1.3), ("pbsid", 1.3)])
-def test_noise_costs_hardly_more_than_it_must(
+def test_the_error_under_noise_is_near_the_cramer_rao_bound(
     draw: Draw, eq_12: LinearModel, noise: float, bound: float, method: str, times: float
 ) -> None:
     errors = [markov_error(identify(draw(seed, noise=noise), order=2, method=method).model, eq_12) for seed in range(10)]
-    # The Cramér–Rao bound with a free initial state; the mean of ten errors of this size scatters by 8 %.
+    # Cramér–Rao bound with a free initial state; the mean of ten such errors scatters by 8 %.
     assert np.mean(errors) < times * bound
 
 
@@ -42,23 +42,23 @@ def test_a_chair_that_already_moves_is_identified_as_well(draw: Draw, eq_12: Lin
     assert markov_error(found.model, eq_12) < 1e-12
 
 
-def test_offsets_of_inputs_and_outputs_leave_the_dynamics_alone(draw: Draw, eq_12: LinearModel) -> None:
+def test_offsets_of_inputs_and_outputs_do_not_change_the_dynamics(draw: Draw, eq_12: LinearModel) -> None:
     still = draw(2)
     shifted = InputOutputRecord(u=still.u + np.array([0.2, 0.2]), y=still.y + np.array([1.0, -0.5]), dt_s=still.dt_s)
     found = identify(shifted)
-    # Squares of the offsets stand beside those of the signals in the normal equations: a few digits may go.
+    # The squares of the offsets are added to those of the signals in the normal equations, which costs a few digits.
     assert markov_error(found.model, eq_12) < 1e-10
-    # At the operating point nothing changes: y - y₀ = G (u - u₀) with the static gain G.
+    # At the operating point the state is constant: y - y₀ = G (u - u₀) with the static gain G.
     gain = eq_12.C @ np.linalg.solve(np.eye(2) - eq_12.A, eq_12.B) + eq_12.D
     at_rest = np.array([1.0, -0.5]) + gain @ (found.model.input_offset - 0.2)
     np.testing.assert_allclose(found.model.output_offset, at_rest, atol=1e-9)
 
 
-def test_experiments_are_joined_as_experiments_and_not_as_one(draw: Draw, eq_12: LinearModel) -> None:
+def test_experiments_are_treated_as_separate(draw: Draw, eq_12: LinearModel) -> None:
     first, second = draw(3, samples=500), draw(4, samples=400, x0=np.array([20.0, 20.0]))
     glued = InputOutputRecord(u=np.vstack([first.u, second.u]), y=np.vstack([first.y, second.y]), dt_s=first.dt_s)
     assert markov_error(identify([first, second], order=2).model, eq_12) < 1e-12
-    # A single row across the seam is enough to spoil the fit: the jump of the state is explained by no input.
+    # A single row across the seam would spoil the fit: no input explains the jump of the state.
     assert markov_error(identify(glued, order=2).model, eq_12) > 0.1
 
 
@@ -68,27 +68,27 @@ def test_rows_with_a_gap_are_left_out_and_counted(draw: Draw, eq_12: LinearModel
     y[100, 0] = u[500, 1] = np.nan
     found = identify(InputOutputRecord(u=u, y=y, dt_s=whole.dt_s), order=2, lags=3)
     assert markov_error(found.model, eq_12) < 1e-12
-    # With three lags a gap is in the window of four rows: its own and three that look back on it.
+    # With three lags a gap affects four windows: its own and three later ones.
     assert found.report.dropped == 2 * 4
     assert found.report.samples == len(whole) - 3 - 2 * 4
     assert any("8 windows" in warning for warning in found.report.warnings)
 
 
 @pytest.mark.parametrize("share", [0.05, 0.15, 0.19])
-def test_scattered_gaps_cost_the_windows_of_the_lags_that_are_used(draw: Draw, eq_12: LinearModel, share: float) -> None:
+def test_scattered_gaps_cost_only_windows_of_the_selected_lags(draw: Draw, eq_12: LinearModel, share: float) -> None:
     whole, rng = draw(12, noise=0.05), np.random.default_rng(13)
     y = whole.y.copy()
     y[rng.choice(len(y), round(share * len(y)), replace=False)] = np.nan
     found = identify(InputOutputRecord(u=whole.u, y=y, dt_s=whole.dt_s), method="okid-era")
-    # A window of p lags is whole with a chance of (1 - share)^(p + 1): 12 lags would leave 6 % of them.
+    # A window of p lags is complete with probability (1 - share)^(p + 1): 12 lags would leave 6 % of them.
     kept = (1.0 - share) ** (found.report.lags + 1)
     assert found.report.samples / len(y) == pytest.approx(kept, rel=0.1)
     assert kept > 0.4
-    # Whole, this record gives 0.53 %; on half of its windows noise costs 1.4 times as much, and 0.81 % was seen.
+    # The complete record gives 0.53 %; with half of its windows noise costs 1.4 times as much, and 0.81 % was measured.
     assert markov_error(found.model, eq_12) < 0.012
 
 
-def test_identification_leaves_its_inputs_as_they_were(draw: Draw) -> None:
+def test_identification_does_not_modify_its_inputs(draw: Draw) -> None:
     record = draw(6, noise=0.1)
     u, y = record.u.copy(), record.y.copy()
     y[7, 0] = np.nan
@@ -108,17 +108,17 @@ def test_units_do_not_change_what_is_found(draw: Draw, eq_12: LinearModel) -> No
     assert np.linalg.norm(response - expected) < 1e-12 * np.linalg.norm(expected)
 
 
-def test_figures_on_kept_back_data_are_of_data_that_were_not_fitted(draw: Draw) -> None:
+def test_validation_figures_use_only_data_that_were_not_fitted(draw: Draw) -> None:
     record = draw(8, noise=0.1)
     found = identify(record, order=2, validation=0.3)
-    # 700 samples are fitted; the first of them have no whole past.
+    # 700 samples are fitted; the first ones have an incomplete past.
     assert found.report.samples == 700 - found.gram.lags
-    # Independent noise of 10 % leaves 1 % of the variance, and the model hardly adds to it.
+    # Independent noise of 10 % leaves 1 % of the variance; the model error adds little.
     assert min(found.report.one_step_vaf_percent.values()) == pytest.approx(99.0, abs=0.3)
     assert min(found.report.fit_percent.values()) == pytest.approx(90.0, abs=2.0)
 
 
-def test_the_model_carries_where_it_came_from_and_its_channels(draw: Draw) -> None:
+def test_the_model_carries_provenance_and_channel_names(draw: Draw) -> None:
     found = identify(draw(9, noise=0.01), order=2)
     assert found.model.input_names == ("left_m_s", "right_m_s")
     assert found.model.output_names == ("heading", "yaw_rate")

@@ -1,4 +1,4 @@
-"""ERA on impulse responses that are known, and the order that singular values show."""
+"""ERA on known impulse responses, and the order from singular values."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from jaxtyping import Float
 from treadline.errors import PoorExcitation
 from treadline.identification import era, identify
 from treadline.identification.era import hankel, hankel_svd, hankel_times
-from treadline.identification.order import CLEAR_GAP, choose_order
+from treadline.identification.order import choose_order
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -17,7 +17,7 @@ Draw = Callable[..., InputOutputRecord]
 
 
 def modal(poles: list[float], seed: int) -> LinearModel:
-    """Return a system of two inputs and outputs whose poles are known and whose modes are all of a size."""
+    """Return a system of two inputs and outputs with given poles and modes of equal size."""
     rng = np.random.default_rng(seed)
     n = len(poles)
     angles = rng.uniform(0.0, 2.0 * np.pi, (2, n))
@@ -36,7 +36,7 @@ def test_blocks_of_the_hankel_matrix_are_the_response_from_one_on() -> None:
 
 
 def test_a_geometric_response_is_a_system_of_one_state() -> None:
-    # y_k = 3 · 0.5^(k-1) and a direct part of 7: A = 0.5, CB = 3, D = 7.
+    # y_k = 3 · 0.5^(k-1) with feedthrough 7: A = 0.5, CB = 3, D = 7.
     response = np.array([7.0, *(3.0 * 0.5**k for k in range(8))]).reshape(9, 1, 1)
     A, B, C, D = era(response, 1)
     assert float(A[0, 0]) == pytest.approx(0.5, abs=1e-14)
@@ -60,12 +60,12 @@ def test_a_realisation_is_balanced() -> None:
     A, B, C, _ = era(response, 2, rows=20)
     controllability = sum(np.linalg.matrix_power(A, k) @ B @ B.T @ np.linalg.matrix_power(A, k).T for k in range(60))
     observability = sum(np.linalg.matrix_power(A, k).T @ C.T @ C @ np.linalg.matrix_power(A, k) for k in range(60))
-    # Both Gramians are diag(σ); what 20 samples of response leave out is 0.8^40 = 1e-4 of it.
+    # Both Gramians are diag(σ); the truncation after 20 samples of response leaves 0.8^40 = 1e-4.
     np.testing.assert_allclose(controllability, np.diag(svd.s[:2]), atol=1e-3)
     np.testing.assert_allclose(observability, np.diag(svd.s[:2]), atol=1e-3)
 
 
-def test_the_matrix_is_what_its_decomposition_says() -> None:
+def test_the_decomposition_reproduces_the_matrix() -> None:
     response = impulse_response(modal([0.8, 0.3], 2), 13)
     svd = hankel_svd(response, 6, 6, np.ones(2), np.ones(2))
     U, s, Vt = svd.leading(2)
@@ -80,20 +80,20 @@ def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, co
     svd = hankel_svd(response, rows, columns, np.ones(2), np.ones(2))
     (U, s, Vt), (U_whole, s_whole, Vt_whole) = svd.leading(2), np.linalg.svd(svd.matrix)
     assert svd.s.size == 2 * min(rows, columns)
-    # Squared, a ratio of a hundred costs four of sixteen digits.
+    # The square of a ratio of one hundred costs four of sixteen digits.
     np.testing.assert_allclose(s, s_whole[:2], rtol=1e-12)
     np.testing.assert_allclose(U * s @ Vt, U_whole[:, :2] * s_whole[:2] @ Vt_whole[:2], atol=1e-11 * s[0])
     np.testing.assert_allclose([U.T @ U, Vt @ Vt.T], [np.eye(2)] * 2, atol=1e-11)
-    # Of another order it is the whole decomposition that is cut.
+    # A different order is cut from the complete decomposition.
     U, s, Vt = svd.leading(3)
     np.testing.assert_allclose(U * s @ Vt, U_whole[:, :3] * s_whole[:3] @ Vt_whole[:3], atol=1e-13 * s[0])
 
 
-def test_values_too_small_for_a_square_are_taken_from_the_matrix_itself() -> None:
+def test_very_small_singular_values_are_computed_from_the_matrix_itself() -> None:
     response = impulse_response(modal([0.9], 4), 21) + 1e-9 * impulse_response(modal([-0.3], 5), 21)
     svd = hankel_svd(response, 10, 10, np.ones(2), np.ones(2))
     _, s, _ = svd.leading(2)
-    assert 1e-12 < s[1] / s[0] < 1e-8  # of its square less than rounding is left
+    assert 1e-12 < s[1] / s[0] < 1e-8  # the square of the ratio is below rounding
     np.testing.assert_allclose(s, np.linalg.svd(svd.matrix, compute_uv=False)[:2], rtol=1e-6)
     A, _, _, _ = era(response, 2, rows=10)
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(A).real), [-0.3, 0.9], atol=1e-5)
@@ -104,11 +104,11 @@ def test_a_product_with_the_matrix_needs_no_matrix(rows: int, columns: int) -> N
     rng = np.random.default_rng(rows)
     response, right = rng.standard_normal((rows + columns, 3, 2)), rng.standard_normal((2 * columns, 4))
     expected = hankel(response, rows, columns, 0) @ right
-    # Eight digits more than rounding of some tens of terms would leave wrong.
+    # Eight digits above the rounding of some tens of terms.
     np.testing.assert_allclose(hankel_times(response, rows, right), expected, atol=1e-12)
 
 
-def test_a_large_matrix_without_being_made_gives_what_a_dense_decomposition_gives() -> None:
+def test_the_matrix_free_decomposition_equals_the_dense_one() -> None:
     poles = [0.99, 0.97, 0.9, -0.95, 0.5, -0.6]
     response = impulse_response(modal(poles, 5), 402)
     noisy = response + 1e-3 * np.random.default_rng(1).standard_normal(response.shape)
@@ -120,7 +120,7 @@ def test_a_large_matrix_without_being_made_gives_what_a_dense_decomposition_give
     np.testing.assert_allclose(found, np.sort(poles), atol=1e-8)
 
 
-def test_more_states_than_the_response_has_are_refused() -> None:
+def test_an_order_above_the_rank_of_the_response_is_rejected() -> None:
     with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
         era(impulse_response(modal([0.8, 0.3], 3), 13), 3)
 
@@ -132,7 +132,7 @@ def test_more_states_than_the_response_has_are_refused() -> None:
         ([10.0, 0.1, 0.09, 0.08], 1, True),
         ([10.0, 9.0, 8.0, 1.0, 0.9, 0.8, 0.7, 0.6], 3, True),
         ([10.0, 8.0, 6.0, 5.0, 4.0, 3.5], 1, False),
-        # A gap among values that are noise is none of the system's.
+        # A gap among noise values is not the system's.
         ([10.0, 5.0, 0.1, 0.09, 0.08, 1e-9], 2, True),
     ],
 )
@@ -143,7 +143,7 @@ def test_the_largest_gap_above_the_noise_is_the_order(values: list[float], order
         assert choice.order == order
         assert choice.gap == pytest.approx(values[order - 1] / values[order])
     else:
-        assert choice.gap < CLEAR_GAP
+        assert choice.gap < 4.0
 
 
 def test_a_gap_under_the_noise_is_not_clear() -> None:
@@ -171,12 +171,12 @@ def test_records_show_the_order_of_the_system_that_made_them(poles: list[float])
 def test_eq_12_has_rank_two_as_the_paper_says(draw: Draw, noise: float) -> None:
     report = identify(draw(11, noise=noise), method="okid-era").report
     assert (report.order, report.warnings) == (2, [])
-    # A gap is about the signal over the noise of 1000 samples: 1/(0.1 · a few tenths) at 10 %.
+    # The gap is about signal over noise of 1000 samples: 1/(0.1 · a few tenths) at 10 %.
     assert report.gap > 2.0 / noise
 
 
 def coloured(noise: Float[np.ndarray, "T p"], pole: float) -> Float[np.ndarray, "T p"]:
-    """Return noise after a first-order lag."""
+    """Return noise filtered by a first-order lag."""
     y = noise.copy()
     for k in range(1, len(y)):
         y[k] += pole * y[k - 1]
@@ -192,8 +192,8 @@ def test_outputs_that_no_input_moves_have_no_clear_gap(pole: float, seed: int) -
     assert any("no clear gap" in warning for warning in warnings)
 
 
-def test_where_no_gap_is_clear_pbsid_asks_what_a_state_is_worth() -> None:
-    # Three lags in a row, as heat through a wall: singular values 1 : 0.26 : 0.04 : 0.01 under 20 % of noise.
+def test_without_a_clear_gap_pbsid_selects_the_order_by_bic() -> None:
+    # Three lags in series, as heat through a wall: singular values 1 : 0.26 : 0.04 : 0.01 under 20 % noise.
     true = LinearModel(
         A=np.array([[0.9, 0.0, 0.0], [0.1, 0.8, 0.0], [0.0, 0.2, 0.7]]),
         B=np.array([[0.3], [0.0], [0.0]]),
@@ -209,6 +209,4 @@ def test_where_no_gap_is_clear_pbsid_asks_what_a_state_is_worth() -> None:
         y = simulate(true, u, np.zeros(3))
         found = identify(InputOutputRecord(u=u, y=y + 0.2 * y.std() * rng.standard_normal(y.shape), dt_s=1.0), method="pbsid")
         assert found.model.order == 3
-        assert any(
-            "Schwarz's criterion; the largest gap" in warning and "at order 2" in warning for warning in found.report.warnings
-        )
+        assert any("by BIC; the largest gap" in warning and "at order 2" in warning for warning in found.report.warnings)

@@ -1,4 +1,4 @@
-"""The innovation gain that belongs to A and C is found again in OKID's observer."""
+"""The innovation gain of A and C is recovered from OKID's observer."""
 
 import numpy as np
 import pytest
@@ -33,11 +33,11 @@ def observer_of(model: LinearModel, K: np.ndarray) -> ObserverMarkov:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_gain_is_the_one_whose_observer_it_was(eq_12: LinearModel, seed: int) -> None:
+def test_the_gain_of_a_known_observer_is_recovered(eq_12: LinearModel, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    # The gain that puts the poles of the observer, A - KC, at two numbers drawn well inside the circle.
+    # Gain that places the poles of the observer, A - KC, at two random numbers well inside the circle.
     K = (eq_12.A - np.diag(rng.uniform(-0.6, 0.6, 2))) @ np.linalg.inv(eq_12.C)
     found = observer_gain(eq_12.A, eq_12.C, observer_of(eq_12, K))
     assert found is not None
-    # After sixty samples 0.6^60 = 5e-14 of the observer's response is left.
+    # After sixty samples 0.6^60 = 5e-14 of the observer's response remains.
     np.testing.assert_allclose(found, K, atol=1e-9)

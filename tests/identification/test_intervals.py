@@ -1,7 +1,7 @@
-"""Intervals of 95 % hold the truth 95 times in 100.
+"""Intervals with a nominal coverage of 95 % contain the true value in 95 % of the runs.
 
-Runs share nothing but the system: of n hits expected at 95 %, the share scatters by √(0.95·0.05/n), 1.1 % at 400. Poles of
-one run, and the gain at several frequencies, depend on each other: their share scatters by somewhat more than their number says.
+Runs are independent: with n expected hits at 95 % the share scatters by √(0.95·0.05/n), 1.1 % at 400. Poles of one run, and the
+gain at several frequencies, are correlated, so their share scatters somewhat more.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float
 from treadline.identification import identify
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.gram import units_of
-from treadline.identification.intervals import Intervals, of_refined
+from treadline.identification.intervals import ConfidenceIntervals, of_refined
 from treadline.identification.refine import experiments_of, refined
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
@@ -21,13 +21,13 @@ from treadline.models import InputOutputRecord, LinearModel
 Draw = Callable[..., InputOutputRecord]
 FREE = np.zeros((2, 3), dtype=bool)
 OMEGA = np.array([0.05, 0.3, 1.0, 2.5])
-"""Frequencies [rad per sample] at which the gain is held against the truth."""
+"""Frequencies [rad per sample] for the comparison of the gain."""
 STEPS = 6
 
 
 @pytest.fixture(scope="module")
 def spring() -> LinearModel:
-    """A pair at 0.9 e^(±0.5i) and a real pole at 0.6."""
+    """Complex pair at 0.9 e^(±0.5i) and a real pole at 0.6."""
     rng = np.random.default_rng(3)
     A = np.zeros((3, 3))
     A[:2, :2], A[2, 2] = 0.9 * np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]), 0.6
@@ -43,7 +43,7 @@ def spring() -> LinearModel:
 
 
 def record_of(true: LinearModel, seed: int, samples: int, noise: float, memory: float = 0.0) -> InputOutputRecord:
-    """Return a record under white inputs; the noise on its outputs is a first-order lag's."""
+    """Return a record under white inputs; the output noise is filtered by a first-order lag."""
     rng = np.random.default_rng(seed)
     u, e = rng.standard_normal((samples, 2)), rng.standard_normal((samples + 50, 2))
     for k in range(1, len(e)):
@@ -52,8 +52,8 @@ def record_of(true: LinearModel, seed: int, samples: int, noise: float, memory: 
     return InputOutputRecord(u=u, y=y + noise * y.std(axis=0) * e[50:], dt_s=1.0)
 
 
-def refined_near(true: LinearModel, record: InputOutputRecord) -> Intervals:
-    """Return how sure the refined model is that is found from the truth: the first valley is the right one."""
+def refined_near(true: LinearModel, record: InputOutputRecord) -> ConfidenceIntervals:
+    """Return the intervals of the model refined from the truth, so that the global minimum is found."""
     units = units_of([record])
     into, out = units.input_scale, units.output_scale
     B, D = np.pad(true.B * into, ((0, 0), (0, 1))), np.pad(true.D * into / out[:, None], ((0, 0), (0, 1)))
@@ -69,18 +69,18 @@ def gain(model: LinearModel) -> Complex[np.ndarray, "w p m"]:
     return np.array([model.C @ np.linalg.solve(np.exp(1j * w) * eye - model.A, model.B) + model.D for w in OMEGA])
 
 
-def poles_held(found: Intervals, true: LinearModel) -> list[bool]:
+def poles_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
     expected, poles = np.linalg.eigvals(true.A), np.linalg.eigvals(found.system.A)
     return [bool(np.abs(pole - expected).min() <= radius) for pole, radius in zip(poles, found.pole_radii(), strict=True)]
 
 
-def gains_held(found: Intervals, true: LinearModel) -> list[bool]:
+def gains_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
     magnitude = np.abs(found.response(OMEGA))
     held: list[bool] = (np.abs(magnitude - np.abs(gain(true))) <= 1.96 * found.frequency(OMEGA)).ravel().tolist()
     return held
 
 
-def markov_held(found: Intervals, true: LinearModel) -> list[bool]:
+def markov_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
     response = impulse_response(to_model(found.system, found.units, 1.0, ("a", "b", "c", "d")), STEPS)
     held: list[bool] = (np.abs(response - impulse_response(true, STEPS)) <= 1.96 * found.impulse(STEPS)).ravel().tolist()
     return held
@@ -91,7 +91,7 @@ def markov_held(found: Intervals, true: LinearModel) -> list[bool]:
     [("eq_12", 300, 0.1, 0.0, 200), ("spring", 400, 0.05, 0.0, 200), ("eq_12", 2000, 0.1, 0.8, 120)],
     ids=["real", "complex", "coloured"],
 )
-def test_a_refined_model_holds_the_truth_95_times_in_100(
+def test_intervals_of_a_refined_model_cover_the_truth_95_times_in_100(
     request: pytest.FixtureRequest, system: str, samples: int, noise: float, memory: float, runs: int
 ) -> None:
     true: LinearModel = request.getfixturevalue(system)
@@ -105,71 +105,69 @@ def test_a_refined_model_holds_the_truth_95_times_in_100(
         assert 0.93 <= np.mean(held) <= 0.97
 
 
-def test_the_disc_about_a_complex_pole_holds_it_95_times_in_100_and_no_more(spring: LinearModel) -> None:
+def test_the_disc_about_a_complex_pole_covers_it_95_times_in_100(spring: LinearModel) -> None:
     held = []
     for seed in range(200):
         found = refined_near(spring, record_of(spring, 1000 + seed, 400, 0.05))
         held.append(poles_held(found, spring)[int(np.argmax(np.linalg.eigvals(found.system.A).imag))])
-    # Two dimensions: a radius of 1.96 deviations in all, as of a real pole, would hold nearly 98 %. 200 runs tell to 1.5 %.
+    # In two dimensions a radius of 1.96 standard deviations, as for a real pole, would contain nearly 98 %. 200 runs: ± 1.5 %.
     assert 0.92 <= np.mean(held) <= 0.965
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.8], ids=["white", "coloured"])
-def test_the_best_model_holds_the_truth_whatever_the_noise_remembers(eq_12: LinearModel, memory: float) -> None:
+def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq_12: LinearModel, memory: float) -> None:
     poles, gains = [], []
     for seed in range(40):
         found = identify(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
-        if found is not None:  # where only B and D were estimated again, nothing is said
+        if found is not None:  # candidates with refitted B and D only have no intervals
             poles += poles_held(found, eq_12)
             gains += gains_held(found, eq_12)
     assert len(poles) >= 60
-    # Eighty poles of forty runs: 95 % ± 2.9, and two of those below. Over a hundred runs 95 and 96 % were counted.
+    # Eighty poles of forty runs: 95 % ± 2.9, and two of these below. Over a hundred runs 95 and 96 % were counted.
     assert np.mean(poles) >= 0.89
     assert np.mean(gains) >= 0.89
 
 
 @pytest.mark.parametrize("method", ["okid-era", "pbsid"])
-def test_a_subspace_model_holds_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
+def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
     found = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
     gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
-    # A hundred runs of sixteen gains that depend on each other: some 2 %.
+    # A hundred runs of sixteen correlated gains: about 2 %.
     assert len(gains) == 1600
     assert 0.92 <= np.mean(gains) <= 0.98
 
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
-def test_a_subspace_model_holds_the_true_poles_95_times_in_100(eq_12: LinearModel, method: str) -> None:
+def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(eq_12: LinearModel, method: str) -> None:
     reports = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
     poles = [hit for item in reports if item is not None for hit in poles_held(item, eq_12)]
-    # 95 % less one and a half of 200 hits' 1.5 %.
+    # 95 % minus one and a half of the 1.5 % of 200 hits.
     assert len(poles) == 200
     assert np.mean(poles) >= 0.93
 
 
 @pytest.mark.parametrize(("lags", "memory"), [(None, 0.0), (20, 0.0), (20, 0.8)], ids=["few", "many", "coloured"])
-def test_okid_era_holds_the_true_poles_95_times_in_100_whatever_the_lags(
-    eq_12: LinearModel, lags: int | None, memory: float
-) -> None:
+def test_okid_era_intervals_cover_the_true_poles_for_any_lags(eq_12: LinearModel, lags: int | None, memory: float) -> None:
     found = [
         identify(record_of(eq_12, seed, 1000, 0.05, memory), order=2, lags=lags, method="okid-era").intervals for seed in range(120)
     ]
     poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
-    # 240 hits scatter by 1.4 %. Where β answered an innovation twice over, 99.8 % were held under coloured noise.
+    # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
     assert len(poles) == 240
     assert 0.92 <= np.mean(poles) <= 0.98
 
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc"])
-def test_lags_of_akaikes_criterion_leave_little_bias_where_noise_remembers(eq_12: LinearModel, method: str) -> None:
+def test_lags_by_aicc_leave_little_bias_under_coloured_noise(eq_12: LinearModel, method: str) -> None:
     found = [identify(record_of(eq_12, seed, 1000, 0.2, 0.8), order=2, method=method).intervals for seed in range(120)]
     poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
-    # 240 hits scatter by 1.4 %: 92 and 90 to 95 were counted. With the two or three lags of Schwarz's criterion it was 84.
+    # 240 hits scatter by 1.4 %: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
     assert len(poles) == 240
     assert np.mean(poles) >= 0.88
 
 
 def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
-    """Two modes of 0.5 % damping under 1 % of white noise: the width is the error's, not a multiple of it."""
+    """Two modes of 0.5 % damping under 1 % white noise: the width matches the error."""
     A = np.zeros((4, 4))
     for at, w in ((0, 0.7), (2, 1.9)):
         A[at : at + 2, at : at + 2] = np.exp(-0.005 * w) * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]])
@@ -183,13 +181,13 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
         poles = np.linalg.eigvals(found.system.A)
         errors += np.abs(poles[:, None] - np.linalg.eigvals(A)).min(axis=1).tolist()
         radii += found.pole_radii().tolist()
-    # A disc that holds 95 % has 1.73 times the root mean square distance, known of 24 pairs to a seventh: 1.39 was found, and
-    # 2.33 where weights fell from the start.
+    # A disc of 95 % has 1.73 times the root mean square distance, known from 24 pairs to a seventh: 1.39 was found, and 2.33 with
+    # weights that decay from lag zero.
     assert np.median(radii) < 2.0 * np.sqrt(np.mean(np.square(errors)))
     assert np.mean(np.array(errors) <= radii) >= 0.85
 
 
-def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:
+def test_the_report_contains_the_intervals_of_the_model(draw: Draw) -> None:
     found = identify(draw(0, noise=0.1, samples=400), order=2)
     assert found.intervals is not None
     assert found.report.pole_ci95 == pytest.approx(found.intervals.pole_radii().tolist())
@@ -198,7 +196,7 @@ def test_the_report_tells_the_intervals_of_the_model(draw: Draw) -> None:
 
 def test_four_times_the_data_halve_the_intervals(eq_12: LinearModel) -> None:
     short, long = (refined_near(eq_12, record_of(eq_12, 5, samples, 0.1)) for samples in (1000, 4000))
-    # Poles that lie elsewhere in the short record, by a hundredth of themselves, are known by a tenth better or worse.
+    # Poles at different places in the short record, by a hundredth, have a different uncertainty by a tenth.
     np.testing.assert_allclose(long.pole_radii(), short.pole_radii() / 2.0, rtol=0.2)
     np.testing.assert_allclose(long.impulse(STEPS), short.impulse(STEPS) / 2.0, rtol=0.2)
 
@@ -215,20 +213,20 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
     np.testing.assert_allclose(scaled.frequency(OMEGA), plain.frequency(OMEGA) * out[:, None] / into, rtol=1e-6)
 
 
-def test_the_interval_of_the_impulse_response_is_the_spread_over_many_records(eq_12: LinearModel) -> None:
+def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records(eq_12: LinearModel) -> None:
     models = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
     told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
-    # A deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy ones:
-    # first order takes them for less sure than they are, by a half at most.
+    # A standard deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy
+    # ones, and the first-order intervals are too wide by a half at most.
     np.testing.assert_allclose(told[:2], spread[:2], rtol=0.25)
     assert np.all((told > 0.8 * spread) & (told < 1.6 * spread))
 
 
-def test_an_exact_model_is_sure_of_itself(draw: Draw) -> None:
+def test_an_exact_model_has_vanishing_intervals(draw: Draw) -> None:
     found = identify(draw(7), order=2)
     assert found.intervals is not None
-    # No noise: what is left is rounding.
+    # Without noise only rounding remains.
     assert found.intervals.pole_radii().max() < 1e-6
 
 
@@ -242,7 +240,7 @@ def test_the_printed_eq_9c_has_no_intervals() -> None:
     assert found.report.pole_ci95 is None
 
 
-def test_correlations_hold_the_poles_of_three_states(spring: LinearModel) -> None:
+def test_intervals_of_correlations_cover_the_poles_of_three_states(spring: LinearModel) -> None:
     found = [identify(record_of(spring, seed, 500, 0.05), order=3, method="era-dc").intervals for seed in range(60)]
     poles = [hit for item in found if item is not None for hit in poles_held(item, spring)]
     # 180 hits, of which each pair's two are one: 2 %.

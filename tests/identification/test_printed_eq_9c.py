@@ -1,4 +1,4 @@
-"""Eq. (9c) as printed: where it works, and why something else takes its place."""
+"""Eq. (9c) as printed: when it works, and why OKID replaces it."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ SAMPLES = 50
 
 
 def one_input(eq_12: LinearModel) -> LinearModel:
-    """Return Eq. (12) with its left belt alone."""
+    """Return Eq. (12) with only the left belt as input."""
     return LinearModel(
         A=eq_12.A,
         B=eq_12.B[:, :1],
@@ -26,20 +26,20 @@ def one_input(eq_12: LinearModel) -> LinearModel:
 
 
 def knock(model: LinearModel) -> InputOutputRecord:
-    """Return a record whose first input is much larger than the rest."""
+    """Return a record with a first input much larger than the rest."""
     u = 0.05 * np.random.default_rng(0).standard_normal((SAMPLES, 1))
     u[0] = 1.0
     return InputOutputRecord(u=u, y=simulate(model, u, np.zeros(2)), dt_s=model.dt_s)
 
 
-def test_a_knock_on_one_input_is_deconvolved_to_rounding(eq_12: LinearModel) -> None:
+def test_an_impulse_like_input_is_deconvolved_to_rounding(eq_12: LinearModel) -> None:
     model = one_input(eq_12)
     record = knock(model)
     assert np.linalg.cond(input_matrix(record.u)) < 10.0
     np.testing.assert_allclose(deconvolve(record.u, record.y), impulse_response(model, SAMPLES), atol=1e-14)
 
 
-def test_identify_gives_the_system_from_a_knock(eq_12: LinearModel) -> None:
+def test_identify_recovers_the_system_from_an_impulse_like_input(eq_12: LinearModel) -> None:
     model = one_input(eq_12)
     found = identify(knock(model), method="deconvolution")
     assert (found.report.order, found.report.method) == (2, "deconvolution")
@@ -54,8 +54,8 @@ def test_row_blocks_of_the_input_matrix_are_the_inputs_delayed() -> None:
 
 def test_random_samples_of_one_input_have_no_usable_inverse() -> None:
     matrices = [input_matrix(np.random.default_rng(seed).standard_normal((SAMPLES, 1))) for seed in range(21)]
-    # Its smallest singular value falls geometrically with the samples (it is a filter's inverse, and half of all
-    # random filters have unstable ones): about 1e17, which is 1/eps, at 50.
+    # The smallest singular value falls geometrically with the samples (the inverse of a filter; half of all random filters
+    # have unstable inverses): about 1e17, i.e. 1/eps, at 50.
     assert np.median([np.linalg.cond(matrix) for matrix in matrices]) > 1e15
 
 
@@ -77,13 +77,13 @@ def test_two_inputs_give_half_the_rank_that_is_needed(eq_12: LinearModel) -> Non
         identify(record, method="deconvolution")
 
 
-def test_two_experiments_are_one_too_many_for_it(eq_12: LinearModel) -> None:
+def test_deconvolution_rejects_two_experiments(eq_12: LinearModel) -> None:
     record = knock(one_input(eq_12))
-    with pytest.raises(SettingsError, match="knows one experiment"):
+    with pytest.raises(SettingsError, match="takes one experiment, not 2"):
         identify([record, record], method="deconvolution")
 
 
-def test_a_chair_that_already_moves_spoils_it_and_not_the_observer(eq_12: LinearModel) -> None:
+def test_a_moving_chair_invalidates_the_deconvolution_but_not_okid(eq_12: LinearModel) -> None:
     model = one_input(eq_12)
     rng = np.random.default_rng(2)
     u = 0.05 * rng.standard_normal((400, 1))
@@ -96,5 +96,5 @@ def test_a_chair_that_already_moves_spoils_it_and_not_the_observer(eq_12: Linear
         return float(np.linalg.norm(impulse_response(found, 20) - expected) / np.linalg.norm(expected))
 
     assert error("okid-era") < 1e-10
-    # The free response is taken for an answer to the knock.
+    # The free response is mistaken for a response to the input.
     assert error("deconvolution") > 0.1

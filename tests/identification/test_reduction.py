@@ -1,4 +1,4 @@
-"""Models made stable keep what was stable; models made smaller obey the bound."""
+"""Stabilised models keep their stable poles; reduced models satisfy the error bound."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 from treadline.errors import ModelError
 from treadline.identification import balanced_truncation, identify
 from treadline.identification.affine import Affine
-from treadline.identification.reduction import INSIDE, stabilised
+from treadline.identification.reduction import stabilised
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -48,11 +48,11 @@ def sorted_poles(A: Float[np.ndarray, "n n"]) -> Complex[np.ndarray, " n"]:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_model_made_stable_has_its_poles_inside_and_its_stable_ones_where_they_were(seed: int) -> None:
+def test_stabilisation_moves_only_unstable_poles(seed: int) -> None:
     A = random_model(seed, 5, radius=1.3).A
     before, after = np.linalg.eigvals(A), np.linalg.eigvals(stabilised(affine(A)).A)
     assert np.abs(before).max() > 1.0
-    assert np.abs(after).max() <= INSIDE + 1e-12
+    assert np.abs(after).max() <= 0.9999 + 1e-12
     for pole in before[np.abs(before) < 1.0]:
         assert np.abs(after - pole).min() < 1e-9
 
@@ -60,7 +60,7 @@ def test_a_model_made_stable_has_its_poles_inside_and_its_stable_ones_where_they
 def test_a_pole_outside_is_mirrored_and_one_on_the_circle_moved_inside() -> None:
     T = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.0]])
     found = stabilised(affine(T @ np.diag([1.25, 1.0, 0.5]) @ np.linalg.inv(T))).A
-    np.testing.assert_allclose(sorted_poles(found), [0.5, 0.8, INSIDE], atol=1e-12)
+    np.testing.assert_allclose(sorted_poles(found), [0.5, 0.8, 0.9999], atol=1e-12)
 
 
 def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
@@ -69,7 +69,7 @@ def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
     np.testing.assert_allclose(sorted_poles(found), 0.8 * np.exp([-0.7j, 0.7j]), atol=1e-12)
 
 
-def test_a_stable_model_is_left_alone() -> None:
+def test_a_stable_model_is_unchanged() -> None:
     system = affine(random_model(0, 4).A)
     assert stabilised(system) is system
 
@@ -77,11 +77,11 @@ def test_a_stable_model_is_left_alone() -> None:
 def test_a_double_integrator_made_stable_still_integrates_twice() -> None:
     found = stabilised(affine(np.array([[1.0, 1.0], [0.0, 1.0]]))).A
     assert np.abs(np.linalg.eigvals(found)).max() < 1.0
-    # What moves the second state moves the first one sample later, as it did.
+    # The second state drives the first one sample later, as before.
     np.testing.assert_allclose(found, [[1.0, 1.0], [0.0, 1.0]], atol=1e-3)
 
 
-def test_identification_that_is_told_to_gives_a_stable_model_of_a_growing_plant() -> None:
+def test_identification_with_stable_gives_a_stable_model_of_a_growing_plant() -> None:
     rng = np.random.default_rng(1)
     u, y = rng.standard_normal((200, 1)), np.zeros((200, 1))
     for k in range(1, 200):
@@ -95,13 +95,13 @@ def test_identification_that_is_told_to_gives_a_stable_model_of_a_growing_plant(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_what_is_cut_is_below_the_bound_at_every_frequency(seed: int) -> None:
+def test_the_truncation_error_is_below_the_bound_at_every_frequency(seed: int) -> None:
     model = random_model(seed, 6)
     for order in range(1, 7):
         cut = balanced_truncation(model, order)
         worst = np.linalg.norm(response(cut.model) - response(model), 2, axis=(1, 2)).max()
         assert cut.model.order == order
-        # The grid may miss the peak, the bound may not be missed; 1e-9 is rounding where nothing is cut.
+        # The grid may miss the peak, so the check is one-sided; 1e-9 is rounding without truncation.
         assert worst <= cut.bound + 1e-9
         assert np.abs(np.linalg.eigvals(cut.model.A)).max() < 1.0
         assert cut.bound == pytest.approx(2.0 * cut.hankel_values[order:].sum())
@@ -111,18 +111,18 @@ def test_hankel_values_are_those_of_the_hankel_matrix() -> None:
     model = random_model(7, 3, radius=0.6)
     Y = impulse_response(model, 81)[1:]
     H = np.block([[Y[i + j] for j in range(40)] for i in range(40)])
-    # 0.6^40 of the response is left out.
+    # 0.6^40 of the response is truncated.
     np.testing.assert_allclose(balanced_truncation(model, 2).hankel_values, np.linalg.svd(H)[1][:3], rtol=1e-8)
 
 
-def test_states_that_nothing_reaches_or_shows_are_cut_without_loss() -> None:
+def test_uncontrollable_and_unobservable_states_are_truncated_without_loss() -> None:
     small = random_model(8, 2)
     A = np.zeros((4, 4))
     A[:2, :2], A[2, 2], A[3, 3], A[0, 3] = small.A, 0.9, 0.8, 0.7
     B, C = np.vstack([small.B, np.ones((1, 2)), np.zeros((1, 2))]), np.hstack([small.C, np.zeros((3, 1)), np.ones((3, 1))])
     model = LinearModel(A=A, B=B, C=C, D=small.D, dt_s=0.1, input_offset=small.input_offset, output_offset=small.output_offset)
     cut = balanced_truncation(model, 2)
-    # The third is not seen, the fourth not reached.
+    # The third state is unobservable, the fourth uncontrollable.
     np.testing.assert_allclose(impulse_response(cut.model, 30), impulse_response(small, 30), atol=1e-7)
     assert cut.bound < 1e-6
     again = balanced_truncation(model, 4).model
@@ -156,6 +156,6 @@ def test_an_unstable_model_is_not_cut(radius: float) -> None:
 
 
 @pytest.mark.parametrize("order", [0, -1, 4])
-def test_an_order_that_is_not_below_the_models_is_refused(order: int) -> None:
+def test_an_order_that_is_not_below_the_models_is_rejected(order: int) -> None:
     with pytest.raises(ModelError, match=f"the model has 3 states; it cannot be cut to {order}"):
         balanced_truncation(random_model(10, 3), order)

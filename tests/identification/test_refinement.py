@@ -1,4 +1,4 @@
-"""Refinement goes downhill along true derivatives, stays stable, and ends at the Cramér–Rao bound."""
+"""Refinement follows the true derivatives, stays stable, and reaches the Cramér–Rao bound."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,23 +19,23 @@ from treadline.identification.refine import (
     directions,
     experiments_of,
     jacobian,
-    misfit,
     normal_equations,
     predictors_of,
     refined,
+    residual,
 )
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
 
 STEPS = 20
-"""Markov parameters of which errors are counted."""
+"""Number of Markov parameters in the error."""
 FREE = np.zeros((2, 3), dtype=bool)
-"""No entry of D is zero by choice: two outputs, two inputs and a constant."""
+"""Mask without fixed entries of D: two outputs, two inputs and a constant."""
 OF_ONE = Units(shift=np.zeros(4), scale=np.ones(4), input_count=2)
 
 
 def spring(seed: int = 0) -> Affine:
-    """Return a system of a complex pair, 0.9 e^(±0.5i), and a real pole 0.6, with constants."""
+    """Return a system with a complex pair, 0.9 e^(±0.5i), a real pole 0.6, and offsets."""
     rng = np.random.default_rng(seed)
     turn = 0.9 * np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
     A = np.zeros((3, 3))
@@ -46,7 +46,7 @@ def spring(seed: int = 0) -> Affine:
 
 
 def run_of(system: Affine, seed: int, *, samples: int = 300, noise: float = 0.0, gaps: bool = False) -> Experiment:
-    """Return a run of a system from some initial state."""
+    """Return a run of a system from a random initial state."""
     rng = np.random.default_rng(seed)
     u = np.column_stack([rng.standard_normal((samples, 2)), np.ones(samples)])
     y = free_run(system.A, system.B, system.C, system.D, rng.standard_normal(system.order), u)
@@ -59,7 +59,7 @@ def run_of(system: Affine, seed: int, *, samples: int = 300, noise: float = 0.0,
 
 
 def nearby(system: Affine, seed: int, size: float) -> Affine:
-    """Return a system a little off."""
+    """Return a slightly perturbed system."""
     rng = np.random.default_rng(seed)
     A, B, C, D = (item + size * rng.standard_normal(item.shape) for item in (system.A, system.B, system.C, system.D))
     return Affine(A=A, B=B, C=C, D=D)
@@ -81,7 +81,7 @@ def test_modes_give_the_normal_equations_that_the_recursion_gives(gaps: bool) ->
     assert modes_of(system) is not None
     H, g = normal_equations(system, runs, ways)
     expected_H, expected_g = by_recursion(system, runs, ways)
-    # The modes' condition is about ten: two digits of sixteen, and some for the sums.
+    # The condition number of the modes is about ten: two digits of sixteen, and some for the sums.
     np.testing.assert_allclose(H, expected_H, atol=1e-10 * np.abs(expected_H).max())
     np.testing.assert_allclose(g, expected_g, atol=1e-10 * np.abs(expected_g).max())
 
@@ -93,7 +93,8 @@ def test_the_gradient_is_that_of_finite_differences() -> None:
     _, g = normal_equations(system, runs, ways)
     h, d = 1e-5, len(g)
     slopes = [(cost(ways.moved(system, h * e), runs) - cost(ways.moved(system, -h * e), runs)) / (2 * h) for e in np.eye(d)]
-    # The cost is the square of what is left: its slope is -2 J'e. A central difference errs by h² of its third derivative.
+    # The cost is the sum of squared residuals: its gradient is -2 J'e. The central difference errs by h² times
+    # the third derivative.
     np.testing.assert_allclose(slopes, -2.0 * g, atol=1e-6 * np.abs(g).max())
 
 
@@ -104,17 +105,17 @@ def test_the_curvature_at_an_exact_fit_is_that_of_finite_differences() -> None:
     H, _ = normal_equations(system, runs, ways)
     h = 1e-6
     moves = np.array(
-        [(misfit(ways.moved(system, h * e), runs[0]) - misfit(ways.moved(system, -h * e), runs[0])) for e in np.eye(len(H))]
+        [(residual(ways.moved(system, h * e), runs[0]) - residual(ways.moved(system, -h * e), runs[0])) for e in np.eye(len(H))]
     )
     flat = moves.reshape(len(H), -1) / (2 * h)
     # Rounding of 1e-15 over steps of 1e-6.
     np.testing.assert_allclose(flat @ flat.T, H, atol=1e-7 * np.abs(H).max())
 
 
-def test_no_direction_only_chooses_other_states() -> None:
+def test_every_direction_changes_the_behaviour() -> None:
     system = spring()
     ways = directions(system, FREE)
-    # n (m + p) + m p and the outputs' constants: 3·4 + 4 + 2. Each of them changes what the system does.
+    # n (m + p) + m p and the outputs' offsets: 3·4 + 4 + 2. Each direction changes the behaviour.
     assert ways.A.shape[2] == 18
     values = np.linalg.eigvalsh(normal_equations(system, [run_of(system, 7)], ways)[0])
     assert values[0] > 1e-6 * values[-1]
@@ -133,7 +134,7 @@ def test_entries_of_D_that_are_zero_by_choice_stay_zero() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_refinement_never_raises_the_cost_and_never_leaves_the_unit_circle(seed: int) -> None:
-    # A slow pair close to the circle, few samples and much noise: growing modes would pay.
+    # A slow pair close to the circle, few samples and much noise: growing modes would reduce the cost.
     true = replace(spring(seed), A=spring(seed).A / 0.91)
     start = replace(nearby(true, seed + 10, 0.03), A=0.97 * true.A)
     runs = [run_of(true, seed + 20, samples=60, noise=2.0)]
@@ -148,7 +149,7 @@ def test_a_stable_model_stays_stable_even_where_the_data_grow() -> None:
     runs = [run_of(true, 25, samples=80, noise=0.1)]
     start = replace(true, A=true.A * (0.98 / 1.02))
     found = refined(start, runs, fixed=FREE)
-    # The pole of the data is 1.02; a model that begins inside the circle comes as near to it as the circle.
+    # The true pole is 1.02; a model that starts inside the circle approaches the circle.
     assert cost(found, runs) < cost(start, runs)
     assert 0.99 < found.radius <= 1.0
 
@@ -157,7 +158,7 @@ def test_refinement_without_noise_ends_at_the_system() -> None:
     true = spring()
     runs = [run_of(true, 30), run_of(true, 31, samples=100)]
     found = refined(nearby(true, 32, 0.02), runs, fixed=FREE)
-    # Nothing is left but rounding: 300 samples of some ten, squared.
+    # Only rounding remains: 300 samples of about ten, squared.
     assert cost(found, runs) < 1e-18 * sum(float(np.vdot(run.y, run.y)) for run in runs)
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(found.A)), np.sort_complex(np.linalg.eigvals(true.A)), atol=1e-10)
 
@@ -182,22 +183,22 @@ def test_a_double_pole_is_refined() -> None:
     true = double_integrator(0.95)
     runs = [run_of(true, 41, samples=200, noise=0.01)]
     found = refined(replace(true, A=1.02 * true.A, B=1.05 * true.B), runs, fixed=FREE)
-    # 400 outputs, each with a noise of 0.01, less what fourteen freedoms explain: 0.0386, give or take 0.003.
+    # 400 outputs with noise of 0.01 each, minus the fourteen fitted parameters: 0.0386 ± 0.003.
     assert cost(found, runs) < 0.045
 
 
-def test_missing_inputs_and_outputs_are_no_misfit() -> None:
+def test_missing_inputs_and_outputs_do_not_contribute_to_the_residual() -> None:
     record = InputOutputRecord(u=np.ones((6, 2)), y=np.ones((6, 2)), dt_s=1.0)
     record.y[2, 0] = np.nan
     item = experiments_of([record], OF_ONE)[0]
     np.testing.assert_array_equal(item.there, [True, True, False, True, True, True])
     assert np.isfinite(item.y).all()
-    # Predictions need the outputs before them: they are cut there.
+    # Predictions need the preceding outputs and are split at gaps.
     assert [len(run.y) for run in predictors_of([item], 1)] == [2, 3]
 
 
 def cramer_rao(true: Affine, run: Experiment, noise: Float[np.ndarray, " p"], steps: int) -> float:
-    """Return the least RMS error of Markov parameters, relative, that any unbiased estimate can have; x₀ and offsets unknown."""
+    """Return the Cramér–Rao bound on the relative RMS error of the Markov parameters; x₀ and offsets unknown."""
     ways = directions(true, FREE)
     J, _ = jacobian(true, run, ways)
     J = J.reshape(len(run.y), 2, -1) / noise[:, None]
@@ -224,7 +225,7 @@ def affine(model: LinearModel) -> Affine:
 
 
 def simulated(true: LinearModel, seed: int, samples: int, noise: float) -> tuple[InputOutputRecord, float]:
-    """Return a record under white inputs, and the least error that any estimate from it can have (RMS, of Markov parameters)."""
+    """Return a record under white inputs and the Cramér–Rao bound on the RMS error of the Markov parameters."""
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((samples, 2))
     y = simulate(true, u, np.zeros(true.order))
@@ -240,14 +241,14 @@ def relative_error(model: LinearModel, true: LinearModel) -> float:
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
-def test_the_best_model_errs_by_the_cramer_rao_bound(eq_12: LinearModel, noise: float) -> None:
+def test_the_selected_model_reaches_the_cramer_rao_bound(eq_12: LinearModel, noise: float) -> None:
     records, bounds = zip(*(simulated(eq_12, seed, 1000, noise) for seed in range(16)), strict=True)
     errors = [relative_error(identify(record, order=2).model, eq_12) for record in records]
     # Over 40 seeds the ratio is 1.03; each error scatters by a quarter, the RMS of 16 by 6 %.
     assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(bounds)))
 
 
-def test_ten_lightly_damped_states_are_found_as_well_as_any_estimate_can() -> None:
+def test_ten_lightly_damped_states_reach_the_cramer_rao_bound() -> None:
     ratios = []
     for seed in range(2):
         rng = np.random.default_rng(seed)
@@ -268,5 +269,5 @@ def test_ten_lightly_damped_states_are_found_as_well_as_any_estimate_can() -> No
         )
         record, bound = simulated(true, seed, 1000, 0.01)
         ratios.append(relative_error(identify(record, order=10).model, true) / bound)
-    # 1.03 and 1.01 were seen. Peers reach 1.2; a single error scatters by a tenth.
+    # 1.03 and 1.01 were measured. Other packages reach 1.2; a single error scatters by a tenth.
     assert np.sqrt(np.mean(np.square(ratios))) < 1.1

@@ -1,4 +1,4 @@
-"""The stabilisation diagram tells the poles of a system from those that noise adds."""
+"""The stabilisation diagram separates system poles from spurious poles."""
 
 import math
 
@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.identification.era import hankel_svd, realise
 from treadline.identification.stabilisation import (
-    Stabilisation,
+    StabilisationDiagram,
     modes,
     stabilisation,
     stabilisation_of_svd,
@@ -44,38 +44,38 @@ def modal() -> LinearModel:
 
 
 @pytest.fixture(scope="module")
-def noisy(modal: LinearModel) -> Stabilisation:
-    """The diagram of its impulse response with 1 % noise."""
+def noisy(modal: LinearModel) -> StabilisationDiagram:
+    """The diagram of the impulse response with 1 % noise."""
     markov = impulse_response(modal, 121)
     rng = np.random.default_rng(4)
     markov += 0.01 * markov.std() * rng.standard_normal(markov.shape)
     return stabilisation_of_svd(hankel_svd(markov, 60, 60, np.ones(2), np.ones(2)), DT_S, 20)
 
 
-def at(diagram: Stabilisation, frequency_hz: float, order: int) -> Float[np.ndarray, " k"]:
-    """Return the places of the poles of one order within 1 % of a frequency."""
+def at(diagram: StabilisationDiagram, frequency_hz: float, order: int) -> Float[np.ndarray, " k"]:
+    """Return the indices of the poles of one order within 1 % of a frequency."""
     near = np.abs(diagram.frequency_hz / frequency_hz - 1.0) < 0.01
     return np.flatnonzero(near & (diagram.order == order))
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [*zip(FREQUENCIES_HZ, DAMPINGS, strict=True)])
-def test_a_true_pole_stabilises_at_its_frequency_and_damping(noisy: Stabilisation, frequency: float, damping: float) -> None:
+def test_a_true_pole_stabilises_at_its_frequency_and_damping(noisy: StabilisationDiagram, frequency: float, damping: float) -> None:
     found = 0
     for order in range(7, 21):
         place = at(noisy, frequency, order)
         assert noisy.frequency_stable[place].any()
         best = place[np.argmin(np.abs(noisy.damping[place] - damping))]
-        # 120 samples of two outputs with 1 % noise tell a damping of 1 % to about a tenth of it.
+        # 120 samples of two outputs with 1 % noise determine a damping of 1 % to about a tenth.
         assert noisy.damping[best] == pytest.approx(damping, rel=0.3)
         found += int(noisy.damping_stable[best])
     assert found >= 12
 
 
-def test_spurious_poles_do_not_stabilise(noisy: Stabilisation) -> None:
+def test_spurious_poles_do_not_stabilise(noisy: StabilisationDiagram) -> None:
     true = np.array([np.abs(noisy.frequency_hz / frequency - 1.0) < 0.02 for frequency in FREQUENCIES_HZ]).any(axis=0)
     spurious = ~true & (noisy.order > 7)
     assert spurious.sum() > 20
-    # Chance alone puts some within 1 % and 5 %.
+    # Some are within 1 % and 5 % by chance.
     assert noisy.damping_stable[spurious].mean() < 0.2
 
 
@@ -98,12 +98,12 @@ def test_leading_blocks_are_the_models_that_era_realises(modal: LinearModel) -> 
     np.testing.assert_array_equal(at_once.damping_stable, one_by_one.damping_stable)
 
 
-def test_the_lowest_order_has_nothing_below_it_to_be_stable_against(noisy: Stabilisation) -> None:
+def test_the_lowest_order_has_nothing_below_it_to_be_stable_against(noisy: StabilisationDiagram) -> None:
     first = noisy.order == noisy.order.min()
     assert not noisy.frequency_stable[first].any()
 
 
-def test_a_pole_stable_in_damping_is_stable_in_frequency(noisy: Stabilisation) -> None:
+def test_a_pole_stable_in_damping_is_stable_in_frequency(noisy: StabilisationDiagram) -> None:
     assert not (noisy.damping_stable & ~noisy.frequency_stable).any()
 
 

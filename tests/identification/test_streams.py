@@ -1,4 +1,4 @@
-"""A stream of chunks: as one record, from the chunk on in which every channel moves."""
+"""A stream of chunks gives the same model as one record, from the first chunk in which every channel moves."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,31 +19,31 @@ def in_chunks(record: InputOutputRecord, rows: int) -> list[InputOutputRecord]:
 
 
 def after_standing(record: InputOutputRecord, samples: int) -> InputOutputRecord:
-    """Return the record with a time of rest before it: its first outputs are those of the state zero."""
+    """Return the record after a period of rest; its first outputs are those of state zero."""
     u, y = (np.vstack([np.zeros((samples, 2)), part_]) for part_ in (record.u, record.y))
     return InputOutputRecord(u=u, y=y, dt_s=record.dt_s, input_names=record.input_names, output_names=record.output_names)
 
 
 @pytest.mark.parametrize("rows", [50, 200])
-def test_a_stream_that_stands_still_at_first_is_waited_for(draw: Draw, eq_12: LinearModel, rows: int) -> None:
+def test_a_stream_that_begins_at_rest_is_identified(draw: Draw, eq_12: LinearModel, rows: int) -> None:
     found = identify_chunks(in_chunks(after_standing(draw(0), 400), rows), order=2)
     np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
     assert not any("left out" in warning for warning in found.report.warnings)
 
 
-def test_of_a_long_rest_the_end_is_kept_and_the_loss_told(draw: Draw, eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_initial_rest_is_truncated_and_reported(draw: Draw, eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stream, "KEPT", 300)
     found = identify_chunks(in_chunks(after_standing(draw(0), 1000), 100), order=2)
     np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
-    assert any("the first 700 samples, in which a channel stands still" in warning for warning in found.report.warnings)
+    assert any("the first 700 samples, with a constant channel" in warning for warning in found.report.warnings)
 
 
-def test_chunks_too_short_alone_are_long_enough_together(draw: Draw, eq_12: LinearModel) -> None:
+def test_short_chunks_are_combined(draw: Draw, eq_12: LinearModel) -> None:
     found = identify_chunks(in_chunks(draw(0), 5), order=2)
     np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
 
 
-def test_a_stream_that_never_moves_is_refused(draw: Draw) -> None:
+def test_a_stream_that_never_moves_is_rejected(draw: Draw) -> None:
     record = draw(0)
     still = InputOutputRecord(u=np.zeros_like(record.u), y=record.y, dt_s=1.0, input_names=("left", "right"))
     with pytest.raises(PoorExcitation, match="input 'left' is constant"):
@@ -53,9 +53,9 @@ def test_a_stream_that_never_moves_is_refused(draw: Draw) -> None:
 
 
 @pytest.mark.parametrize("spoil", ["period", "channels", "infinite"])
-def test_a_later_chunk_of_another_kind_is_refused(draw: Draw, spoil: str) -> None:
-    """Test: the third chunk has another period, an input more, or an infinite sample. Expected result: an error that says so, and
-    no model."""
+def test_a_later_chunk_of_another_kind_is_rejected(draw: Draw, spoil: str) -> None:
+    """Test: the third chunk has another period, an additional input, or an infinite sample. Expected result: an error with the
+    cause, and no model."""
     chunks = in_chunks(draw(0), 100)
     odd = chunks[2]
     if spoil == "period":
@@ -85,7 +85,7 @@ def test_several_experiments_are_summed_as_if_read_whole(draw: Draw) -> None:
     assert streamed.gram.count == whole.gram.count == sum(len(record) - 6 for record in records)
 
 
-def test_an_experiment_that_stands_still_is_waited_for_too(draw: Draw, eq_12: LinearModel) -> None:
+def test_a_first_experiment_at_rest_is_accepted(draw: Draw, eq_12: LinearModel) -> None:
     record = draw(0)
     still = replace(record, u=np.zeros_like(record.u), y=np.zeros_like(record.y))
     found = identify_chunks(in_chunks(still, 100), in_chunks(record, 100), order=2)
@@ -93,7 +93,7 @@ def test_an_experiment_that_stands_still_is_waited_for_too(draw: Draw, eq_12: Li
     assert not any("left out" in warning for warning in found.report.warnings)
 
 
-def test_short_experiments_carry_together_what_none_does_alone(draw: Draw) -> None:
+def test_short_experiments_are_combined(draw: Draw) -> None:
     record = draw(0, noise=0.1)
     pieces = in_chunks(record, 30)
     streamed = identify_chunks(*([piece] for piece in pieces), method="okid-era", order=2)
@@ -102,14 +102,14 @@ def test_short_experiments_carry_together_what_none_does_alone(draw: Draw) -> No
 
 
 @pytest.mark.parametrize("rows", [[1000, 60], [60, 1000], [1000], [1000, 12], [500, 500, 60]])
-def test_chunks_of_unequal_length_tell_the_same_order(draw: Draw, rows: list[int]) -> None:
-    """Test: noise that hides the second mode from few windows. Expected result: the order, from halves that are some."""
+def test_chunks_of_unequal_length_give_the_same_order(draw: Draw, rows: list[int]) -> None:
+    """Test: noise that hides the second mode in few windows. Expected result: the same order for all divisions into chunks."""
     records = [draw(seed, samples=count, noise=0.3) for seed, count in enumerate(rows)]
     by_chunks = identify_chunks(*([record] for record in records), method="okid-era", lags=8)
     assert by_chunks.report.order == identify(records, method="okid-era", lags=8).report.order
 
 
-def test_what_comes_before_a_long_pause_judges_where_nothing_comes_after(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_data_before_a_long_pause_are_used_for_validation_if_no_data_follow(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stream, "KEPT", 100)
     record = draw(0)
     found = identify_chunks(in_chunks(with_gaps(record, slice(850, 1000)), 60), order=2)
@@ -119,7 +119,7 @@ def test_what_comes_before_a_long_pause_judges_where_nothing_comes_after(draw: D
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0])
-def test_a_stream_that_is_mostly_holes_is_told_so(draw: Draw, share: float) -> None:
+def test_a_stream_with_too_many_gaps_is_rejected(draw: Draw, share: float) -> None:
     rows = np.arange(1000)
     spoilt = with_gaps(draw(0), rows[rows % 2 == 0] if share < 1.0 else rows)
     with pytest.raises(NotFinite, match=f"{100 * share:.0f} % of the rows hold a NaN"):
@@ -135,8 +135,8 @@ def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monk
     np.testing.assert_array_equal(found.judged[1].u, records[1].u[:100])
 
 
-def test_a_chunk_that_is_all_gaps_is_no_fault_of_a_stream_that_is_not(draw: Draw, eq_12: LinearModel) -> None:
-    """Test: a logger pauses for two chunks of twenty, then for six. Expected result: the model; an error that tells the share."""
+def test_a_chunk_of_gaps_is_accepted_in_a_mostly_complete_stream(draw: Draw, eq_12: LinearModel) -> None:
+    """Test: a logger pauses for two chunks of twenty, then for six. Expected result: a model; an error with the share."""
     record = draw(0)
     tenth, third = (slice(100, 100 + len(record) * part_ // 20) for part_ in (2, 6))
     found = identify_chunks(in_chunks(with_gaps(record, tenth), len(record) // 20), order=2)

@@ -1,4 +1,4 @@
-"""Chunks: laid end to end they are the record, and what is wrong at a border is seen there."""
+"""Chunks: their concatenation is the record, and errors at a border are detected."""
 
 import tracemalloc
 from dataclasses import replace
@@ -112,7 +112,7 @@ def test_missing_rows_come_back_as_in_the_record_read_whole(written, record: Inp
         list(chunks_of(log, rows=40))
 
 
-def test_one_wild_time_stamp_has_nothing_made_for_days(tmp_path: Path) -> None:
+def test_a_single_wrong_time_stamp_creates_no_days_of_rows(tmp_path: Path) -> None:
     path = faulty(tmp_path / "log.csv", 29, "1e9,29,29")
     with pytest.raises(PeriodMismatch, match=r":31: a step of 1e\+09 s"):
         list(read_chunks(path, ("u",), ("y",), allow_gaps=True))

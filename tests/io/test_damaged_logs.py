@@ -1,4 +1,4 @@
-"""Damaged logs: whatever the damage, a typed error or a record, and never more memory than the log deserves."""
+"""Damaged logs: any damage gives a typed error or a record, with bounded memory."""
 
 import tracemalloc
 from collections.abc import Iterator

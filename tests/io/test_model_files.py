@@ -1,4 +1,4 @@
-"""Models in other tools' files: every number comes back, and what is no model says why."""
+"""Models in file formats of other tools: exact round trip, and reasons for rejected files."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -90,7 +90,7 @@ def test_a_mat_file_that_is_no_model_says_why(tmp_path: Path, changes: dict[str,
 
 
 def test_other_suffixes_and_missing_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=r"\.json or \.mat"):
+    with pytest.raises(SettingsError, match=r"supported: \.json, \.mat"):
         write_model(model(), tmp_path / "model.pkl")
     with pytest.raises(SettingsError, match="no such file"):
         read_model(tmp_path / "none.mat")

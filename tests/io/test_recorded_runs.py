@@ -52,16 +52,16 @@ def test_the_same_seed_gives_the_same_bytes(excited: tuple[Path, Excited]) -> No
     folder, _ = excited
     for name in ("log.mcap", "record.csv", "series.csv", "manifest.json"):
         assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes(), name
-    # The result also tells how fast this machine was; all else repeats.
+    # The result also contains the speed of this machine; all other values repeat.
     a, b = (json.loads((folder / name / "result.json").read_text()) for name in "ab")
     assert a | {"real_time_factor": 0} == b | {"real_time_factor": 0}
 
 
 def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excited]) -> None:
     folder, _ = excited
-    told = json.loads((folder / "a" / "manifest.json").read_text())["excitation"]
-    assert told == asdict(ExcitationConfig(mean_m_s=SCENARIO.drive.speed_m_s))
-    assert told["pull_m_s_per_rad"] > 0.0
+    entry = json.loads((folder / "a" / "manifest.json").read_text())["excitation"]
+    assert entry == asdict(ExcitationConfig(mean_m_s=SCENARIO.drive.speed_m_s))
+    assert entry["pull_m_s_per_rad"] > 0.0
 
 
 def test_bad_settings_leave_no_folder(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.io.chunks import read_chunks
 from treadline.io.records import read_record, write_record
 from treadline.models import InputOutputRecord
 
@@ -125,7 +126,7 @@ def test_missing_rows_count_as_gaps_and_must_leave_the_others_on_the_grid(tmp_pa
         read_record(wild, INPUTS, OUTPUTS, allow_gaps=True)
 
 
-def test_nobody_is_told_to_take_rows_out(tmp_path: Path) -> None:
+def test_no_message_advises_removing_rows(tmp_path: Path) -> None:
     for line in ("0.75,0.2,0.2,nan", "nan,0.2,0.2,0.1"):
         with pytest.raises(NotFinite) as caught:
             read_record(written(tmp_path / "record.csv", replaced(3, line)), INPUTS, OUTPUTS)
@@ -140,7 +141,7 @@ def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> Non
     np.testing.assert_allclose(record.y[:, 0], 0.1 * np.arange(6), atol=1e-15)
 
 
-def test_one_wild_time_stamp_does_not_ask_for_all_the_memory(tmp_path: Path) -> None:
+def test_a_single_wrong_time_stamp_does_not_exhaust_the_memory(tmp_path: Path) -> None:
     path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
     with pytest.raises(RecordError, match="--period"):
         read_record(path, INPUTS, OUTPUTS, resample=True)
@@ -173,3 +174,50 @@ def test_a_binary_file_is_never_more_than_a_typed_error(tmp_path: Path) -> None:
         path.write_bytes(bytes(rng.choice(list(b'\x00\r\n",;01tn\x7f'), 60).tolist()))
         with pytest.raises(TreadlineError):
             read_record(path, INPUTS, OUTPUTS)
+
+
+def iso(k: int, suffix: str) -> str:
+    """Return the ISO 8601 time of row k of a record at 4 Hz, across midnight."""
+    minute, second = divmod(59 * 60 + 58 + 0.25 * k, 60.0)
+    day, clock = ("31", f"23:{minute:02.0f}") if minute < 60 else ("01", f"00:{minute - 60:02.0f}")
+    month = "01" if day == "31" else "02"
+    return f"2024-{month}-{day}T{clock}:{second:06.3f}{suffix}"
+
+
+@pytest.mark.parametrize("name", ["time", "t_s", "timestamp", "datetime"])
+@pytest.mark.parametrize("suffix", ["", "Z", "+02:00"])
+def test_an_iso_8601_time_column_is_a_clock(tmp_path: Path, name: str, suffix: str) -> None:
+    rows = [f"{iso(k, suffix)},{row.split(',', 1)[1]}" for k, row in enumerate(ROWS)]
+    record = read_record(written(tmp_path / "record.csv", [HEADER.replace("t_s", name), *rows]), INPUTS, OUTPUTS)
+    # Microseconds are kept: 0.25 s is exact.
+    assert record.dt_s == 0.25
+    np.testing.assert_array_equal(record.u, read_record(written(tmp_path / "plain.csv", [HEADER, *ROWS]), INPUTS, OUTPUTS).u)
+
+
+def test_iso_8601_times_are_read_in_chunks_too(tmp_path: Path) -> None:
+    rows = [f"{iso(k, 'Z')},{row.split(',', 1)[1]}" for k, row in enumerate(ROWS)]
+    path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "timestamp"), *rows])
+    chunks = list(read_chunks(path, INPUTS, OUTPUTS, rows=4))
+    assert [len(chunk) for chunk in chunks] == [4, 4, 2]
+    assert {chunk.dt_s for chunk in chunks} == {0.25}
+
+
+def test_a_broken_iso_8601_time_is_named_with_its_place(tmp_path: Path) -> None:
+    rows = [f"{iso(k, 'Z')},{row.split(',', 1)[1]}" for k, row in enumerate(ROWS)]
+    rows[3] = "2024-13-01T00:00:00Z,0,0,0"
+    path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "time"), *rows])
+    with pytest.raises(LogFormatError, match=r":5: column 'time' holds '2024-13-01T00:00:00Z', not an ISO 8601 time"):
+        read_record(path, INPUTS, OUTPUTS)
+
+
+def test_a_numeric_timestamp_column_is_not_taken_for_a_clock(tmp_path: Path) -> None:
+    # Its unit is unknown: seconds, milliseconds or nanoseconds.
+    path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "timestamp"), *ROWS])
+    with pytest.raises(PeriodMismatch, match="ISO 8601 text timestamp or datetime"):
+        read_record(path, INPUTS, OUTPUTS)
+
+
+def test_a_missing_column_names_the_options_that_choose_columns(tmp_path: Path) -> None:
+    path = written(tmp_path / "record.csv", ["t_s,v_left", "0,1", "1,1"])
+    with pytest.raises(LogFormatError, match=r"no column 'left_m_s' \(there are: t_s, v_left\); name columns with --inputs and --"):
+        read_record(path, INPUTS, OUTPUTS)

@@ -106,6 +106,18 @@ def test_a_truth_from_before_bodies_collided_is_still_read(tmp_path: Path, monke
                 list(read_log(path))
 
 
+def test_a_late_signal_keeps_its_stamp_and_its_arrival(tmp_path: Path) -> None:
+    """Test: a frame exposed at 0.10 s and taken at 0.16 s. Expected: publish time and log time of its three messages."""
+    late = frame(0.10, seed=1)
+    with RunLog(tmp_path / "log.mcap", image_every=1) as log:
+        log(late, 0.16)
+    with (tmp_path / "log.mcap").open("rb") as file:
+        times = [(message.publish_time, message.log_time) for _, _, message in make_reader(file).iter_messages()]
+    assert times == [(100_000_000, 160_000_000)] * 3
+    (back,) = read_log(tmp_path / "log.mcap")
+    assert back.t_s == 0.10
+
+
 @pytest.mark.parametrize("t_s", [0.0, 1e-9, 0.123456789, 59.99, 3600.000000001])
 def test_time_comes_back_to_the_nanosecond(tmp_path: Path, t_s: float) -> None:
     (back,) = read_log(write(tmp_path / "log.mcap", [SeatCommand(t_s=t_s, rate_m_s=0.0)]))
@@ -187,7 +199,7 @@ def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:
             list(read_log(cut))
 
 
-def test_a_changed_byte_is_noticed_or_changes_nothing(tmp_path: Path, log: Path) -> None:
+def test_a_changed_byte_is_detected_or_has_no_effect(tmp_path: Path, log: Path) -> None:
     data = log.read_bytes()
     whole = [comparable(signal) for signal in read_log(log)]
     rng = np.random.default_rng(11)

@@ -1,16 +1,18 @@
-"""Anybody's recording as sensors: topics found by type, time put in order, what cannot be believed dropped and told."""
+"""Recordings of any origin as sensors: topics by type, readings in time order, implausible readings dropped and reported."""
 
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from treadline.errors import ImageError, LogFormatError, SettingsError, TreadlineError
+from treadline.io.mcap_log import RunLog
 from treadline.io.sensor_log import EVENTS_MAX, SensorLog
 from treadline.io.topics import parse_topics
-from treadline.signals import Event, ImuSample, PinholeCamera, RgbdFrame
+from treadline.signals import Event, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame
 
 CAMERA = PinholeCamera(width_px=6, height_px=4, fx_px=5.0, fy_px=5.5, cx_px=2.5, cy_px=1.5)
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -66,6 +68,45 @@ def test_images_and_imu_come_back_from_every_kind_of_log(recording, tmp_path: Pa
     assert [sample.t_s for sample in samples] == [0.01 * k for k in range(50)]
     np.testing.assert_array_equal(samples[7].angular_velocity_rad_s, [0.0, 0.0, 0.007])
     np.testing.assert_array_equal(samples[7].orientation, LEVEL)
+
+
+def test_readings_of_our_own_logs_are_due_at_their_arrival_and_of_others_at_their_stamp(tmp_path: Path) -> None:
+    """Test: a heading of 0.02 s that taken at 0.05 s. Expected: due at 0.05 s; at its stamp in the log of another recorder."""
+    path = tmp_path / "log.mcap"
+    with RunLog(path) as log:
+        for k in range(8):
+            t_s = 0.01 * k
+            sample = ImuSample(
+                t_s=t_s,
+                orientation=np.array([1.0, 0.0, 0.0, 0.0]),
+                angular_velocity_rad_s=np.zeros(3),
+                linear_acceleration_m_s2=np.array(WEIGHT),
+            )
+            log(sample, t_s)
+            if k == 5:
+                log(HeadingMeasurement(t_s=0.02, heading_rad=0.1, sigma_rad=0.01, edge_count=3), t_s)
+    due = list(SensorLog(path).arrivals(lambda _: None))
+    assert [due_s for due_s, _ in due] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.05, 0.06, 0.07], abs=1e-9)
+    assert [(place, signal.t_s) for place, (_, signal) in enumerate(due) if isinstance(signal, HeadingMeasurement)] == [(6, 0.02)]
+
+    foreign = tmp_path / "foreign.mcap"
+    with path.open("rb") as file, foreign.open("wb") as out:
+        copied(file, out)
+    due = list(SensorLog(foreign).arrivals(lambda _: None))
+    assert [(place, due_s) for place, (due_s, signal) in enumerate(due) if isinstance(signal, HeadingMeasurement)] == [(3, 0.02)]
+
+
+def copied(file: IO[bytes], out: IO[bytes]) -> None:
+    """Copy a log as another recorder would write it: same messages, another name in the header."""
+    writer = Writer(out)
+    writer.start(profile="ros2", library="another recorder")
+    channels: dict[int, int] = {}
+    for schema, channel, message in make_reader(file).iter_messages():
+        if channel.id not in channels:
+            kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, kind)
+        writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+    writer.finish()
 
 
 def vars_of(log: SensorLog) -> dict[str, str | None]:
@@ -128,7 +169,7 @@ def test_topics_that_arrive_late_are_put_in_the_order_of_their_stamps(recording,
     assert events == []
 
 
-def test_stamps_that_repeat_or_go_back_are_dropped_counted_and_told(recording, tmp_path: Path) -> None:
+def test_stamps_that_repeat_or_decrease_are_dropped_counted_and_reported(recording, tmp_path: Path) -> None:
     log = recording()
     for stamp, logged in ((0.00, 0.00), (0.01, 0.01), (0.01, 0.02), (-0.30, 0.03), (0.04, 0.04)):
         log.imu(NAMES["imu"], stamp, LEVEL, STILL, WEIGHT, logged_s=logged)
@@ -303,7 +344,7 @@ def test_messages_that_are_not_ros_are_left_alone(recording, tmp_path: Path) -> 
     assert len(of(ImuSample, played(sensors)[0])) == 10
 
 
-def test_several_imus_are_asked_about(recording, tmp_path: Path) -> None:
+def test_several_imus_need_a_choice(recording, tmp_path: Path) -> None:
     log = fill(recording(), leave=("imu",))
     for name in ("/left/gyro", "/right/gyro"):
         log.imu(name, 0.0, LEVEL, STILL, WEIGHT)
@@ -335,7 +376,12 @@ def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("hello")
     (tmp_path / "a.mcap").write_text("hello")
     (tmp_path / "empty").mkdir()
-    for name, word in (("a.txt", "no log"), ("a.mcap", "whole"), ("empty", "no log"), ("none.mcap", "no such file")):
+    for name, word in (
+        ("a.txt", "not a message log"),
+        ("a.mcap", "whole"),
+        ("empty", "not a message log"),
+        ("none.mcap", "no such file"),
+    ):
         message = refusal(tmp_path / name)
         assert name in message
         assert word in message

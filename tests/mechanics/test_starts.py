@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from treadline.angles import rotation_z
-from treadline.experiments.traverse import ready
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.overlap import PlacedPart, depth_of_overlap
 from treadline.mechanics.staircase import Box
 from treadline.mechanics.verdict import check
 from treadline.scenario import Scenario
+from treadline.setup import ready
 
 CHAIR = read_chair("wheelchair")
 

@@ -25,7 +25,7 @@ from treadline.mission.flipper_planner import (
     RIDES_RAD_S,
     turning_share,
 )
-from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S
+from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S, TipOverFeedforward
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
@@ -354,7 +354,7 @@ def test_neither_section_nor_belts_go_after_the_fall_of_a_chair_that_turns(headi
     world = World(steps=14, heading_rad=heading_deg * DEG)
     world.run("climb")
     planner, estimate = world.planner, replace(SQUARE, heading_rad=heading_deg * DEG)
-    planner._falling.rate_rad_s = 4.0 * DEG
+    planner._tip_over.rate_rad_s = 4.0 * DEG
     asked: list[float] = []
     planner._front.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
     planner._lie(world.t_s, estimate)
@@ -369,11 +369,11 @@ def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, 
     world = World(steps=14)
     world.run("climb")
     planner = world.planner
-    planner._falling.rate_rad_s = falls_deg_s * DEG
+    planner._tip_over.rate_rad_s = falls_deg_s * DEG
     plan = planner.step(world.t_s, SQUARE)
     assert (plan.speed_m_s, plan.turn_m_s, plan.pitch_feedforward_m_s) == (CONFIG.cruise_m_s, None, pitch_feedforward_m_s)
-    planner._falling = TipOverFeedforward()
-    planner._falling.rate_rad_s = falls_deg_s * DEG
+    planner._tip_over = TipOverFeedforward()
+    planner._tip_over.rate_rad_s = falls_deg_s * DEG
     planner._where._slip_m_s = 2.0 * LOSES_GRIP_M_S
     assert planner.step(world.t_s, SQUARE).pitch_feedforward_m_s == 0.0
 
@@ -685,7 +685,7 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
     monkeypatch.setattr(Script, "stages", ("climb", "slow", stage))
     world = World(steps=6)
     world.run("crest")
-    world.planner._falling.rate_rad_s = 4.0 * DEG
+    world.planner._tip_over.rate_rad_s = 4.0 * DEG
     plan = world.planner.step(world.t_s, SQUARE)
     assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (MOST_M_S if eases else 0.0))
     assert plan.pitch_feedforward_m_s == 0.0

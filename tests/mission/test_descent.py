@@ -280,7 +280,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     edge.stages = (stage,)
     world = World()
     world.run("edge")
-    world.planner._falling.rate_rad_s = way * 4.0 * DEG
+    world.planner._tip_over.rate_rad_s = way * 4.0 * DEG
     square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
     plan = world.planner.step(world.t_s, square)
     assert plan.speed_m_s == pytest.approx(-0.1 + way * (MOST_M_S if eases else 0.0))

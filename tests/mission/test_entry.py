@@ -6,12 +6,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from treadline.angles import DEG
-from treadline.experiments.traverse import ready, with_seat_shifted
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mission.entry import MEASURED_M, refusal_of
 from treadline.scenario import Chair, Scenario, Stair
+from treadline.setup import ready, with_seat_shifted
 
 CHAIR = read_chair("wheelchair")
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check

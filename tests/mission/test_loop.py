@@ -141,7 +141,7 @@ def counting_mission(
         leveller=leveller,  # type: ignore[arg-type]
         guard=Guard(GuardConfig()),
     )
-    return Mission(plant, blocks, log), estimator, leveller
+    return Mission(plant, blocks, lambda signal, _: log(signal)), estimator, leveller
 
 
 def test_each_block_runs_at_its_own_rate() -> None:
@@ -288,6 +288,7 @@ class Listening:
     """A driver that keeps the headings it was asked with."""
 
     period_s = 0.25
+    follows_plan = False
 
     def __init__(self) -> None:
         self.asked: list[float | None] = []

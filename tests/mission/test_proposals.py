@@ -14,6 +14,7 @@ class Steering:
     """A driver that turns by a fixed difference, stands without an estimate, and counts."""
 
     period_s = 0.25
+    follows_plan = False
 
     def __init__(self) -> None:
         self.knew: list[HeadingEstimate | None] = []

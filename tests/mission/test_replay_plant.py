@@ -1,6 +1,6 @@
 """A recording as a plant: readings at the mission's pace, commands without effect, the IMU's axes and attitude made the chair's."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pytest
@@ -25,6 +25,10 @@ def imu(t_s: float, *, R_WB: np.ndarray | None = None, turned: np.ndarray | None
     )
 
 
+def on_time(readings: Iterable[Reading]) -> Iterator[tuple[float, Reading]]:
+    return ((reading.t_s, reading) for reading in readings)
+
+
 def played(plant: ReplayPlant, ticks: int) -> list[list[Reading]]:
     plant.start()
     batches = []
@@ -40,15 +44,21 @@ def test_it_is_a_plant() -> None:
 
 def test_each_reading_comes_at_its_tick_and_once() -> None:
     readings = [OperatorInput(t_s=t_s) for t_s in (0.0, 0.004, 0.01, 0.011, 0.02, 0.05)]
-    plant = ReplayPlant(readings)
+    plant = ReplayPlant(on_time(readings))
     batches = played(plant, 6)
     assert [len(batch) for batch in batches] == [1, 2, 2, 0, 0, 1]
     assert [reading for batch in batches for reading in batch] == readings
     assert plant.over
 
 
+def test_a_reading_that_arrived_late_comes_at_its_arrival_with_its_own_stamp() -> None:
+    late, fresh = OperatorInput(t_s=0.0), OperatorInput(t_s=0.02)
+    batches = played(ReplayPlant([(0.02, fresh), (0.03, late)]), 4)
+    assert batches == [[], [], [fresh], [late]]
+
+
 def test_it_is_not_over_before_its_last_reading_was_taken() -> None:
-    plant = ReplayPlant([OperatorInput(t_s=0.03)])
+    plant = ReplayPlant(on_time([OperatorInput(t_s=0.03)]))
     plant.start()
     assert not plant.over
     plant.advance(0.03)
@@ -59,7 +69,7 @@ def test_it_is_not_over_before_its_last_reading_was_taken() -> None:
 
 def test_the_past_does_not_obey() -> None:
     readings = [OperatorInput(t_s=0.01 * k) for k in range(5)]
-    plant = ReplayPlant(readings)
+    plant = ReplayPlant(on_time(readings))
     plant.start()
     for k in range(5):
         plant.advance(0.01 * k)
@@ -76,19 +86,19 @@ def test_only_what_is_due_is_taken_from_the_log() -> None:
             taken.append(k)
             yield OperatorInput(t_s=0.01 * k)
 
-    played(ReplayPlant(readings()), 10)
+    played(ReplayPlant(on_time(readings())), 10)
     assert len(taken) == 11
 
 
 def test_a_sample_in_the_chairs_axes_passes_untouched() -> None:
     sample = imu(0.0)
-    assert played(ReplayPlant([sample]), 1) == [[sample]]
+    assert played(ReplayPlant(on_time([sample])), 1) == [[sample]]
 
 
 def test_an_imu_in_the_cameras_axes_is_turned_into_the_chairs() -> None:
     camera = PinholeCamera(width_px=2, height_px=2, fx_px=1.0, fy_px=1.0, cx_px=0.5, cy_px=0.5, mount_pitch_rad=40 * DEG)
     R_WB = rotation_z(0.3) @ rotation_y(-28 * DEG)
-    plant = ReplayPlant([imu(0.0, R_WB=R_WB, turned=camera.R_BC)], camera.R_BC)
+    plant = ReplayPlant(on_time([imu(0.0, R_WB=R_WB, turned=camera.R_BC)]), camera.R_BC)
     ((back,),) = played(plant, 1)
     assert isinstance(back, ImuSample)
     np.testing.assert_allclose(rotation_of(back.orientation), R_WB, atol=1e-12)
@@ -106,6 +116,6 @@ def test_an_imu_without_attitude_gets_one_from_gravity(turned: np.ndarray | None
         angular_velocity_rad_s=sample.angular_velocity_rad_s,
         linear_acceleration_m_s2=sample.linear_acceleration_m_s2,
     )
-    ((back,),) = played(ReplayPlant([bare], turned), 1)
+    ((back,),) = played(ReplayPlant(on_time([bare]), turned), 1)
     assert isinstance(back, ImuSample)
     np.testing.assert_allclose(rotation_of(back.orientation).T @ UP, R_WB.T @ UP, atol=1e-9)

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
-from treadline.experiments.traverse import mission_config
 from treadline.mission.config import MissionConfig, build_blocks
 from treadline.mission.loop import Mission
 from treadline.models import ControllerDesign, LinearModel
 from treadline.ports import Plant, TruthPlant
 from treadline.scenario import Scenario
+from treadline.setup import mission_config
 from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 

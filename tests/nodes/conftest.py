@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from treadline.nodes import channels as on
+from treadline.nodes.node_messages import Clock
 from treadline.nodes.wire import WireTransport
-from treadline.nodes.words import Clock
 
 SCENARIO = """
 [stair]

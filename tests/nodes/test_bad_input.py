@@ -15,12 +15,12 @@ from treadline.mission.config import MissionConfig, build_blocks, guard_config
 from treadline.mission.replay import ReplayPlant
 from treadline.nodes import channels as on
 from treadline.nodes import process, ros1
+from treadline.nodes.block_nodes import SeatNode
 from treadline.nodes.codec import encoded
+from treadline.nodes.node_messages import Clock
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.process import Turning, run_plant
-from treadline.nodes.shells import SeatNode
+from treadline.nodes.process import NodeRunner, run_plant
 from treadline.nodes.wire import Inbox, WireTransport
-from treadline.nodes.words import Clock
 from treadline.signals import SeatReading
 
 
@@ -86,33 +86,33 @@ def test_an_unknown_node(capsys: Any) -> None:
 
 
 def test_a_topic_that_nobody_publishes() -> None:
-    turning = Turning(seat(), Air(), patience_s=0.1)
+    runner = NodeRunner(seat(), Air(), patience_s=0.1)
     with pytest.raises(TreadlineError, match=r"^seat: nothing on /seat/state after 0 s: nobody publishes /seat/state$"):
-        turning.run(Flag())
+        runner.run(Flag())
 
 
 def test_a_topic_of_another_type() -> None:
-    turning = Turning(seat(), Air({"/seat/state": "sensor_msgs/msg/Imu"}), patience_s=0.1)
+    runner = NodeRunner(seat(), Air({"/seat/state": "sensor_msgs/msg/Imu"}), patience_s=0.1)
     with pytest.raises(TreadlineError, match=r"published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read$"):
-        turning.run(Flag())
+        runner.run(Flag())
 
 
 def test_no_clock() -> None:
     air = Air({"/seat/state": on.JOINTS})
-    turning = Turning(seat(), air, patience_s=0.1)
+    runner = NodeRunner(seat(), air, patience_s=0.1)
     with pytest.raises(TreadlineError, match=r"^seat: no /clock after 0 s: start a simulated plant .* or give --clock wall"):
-        turning.run(Flag())
+        runner.run(Flag())
 
 
 def test_stamps_of_another_clock() -> None:
     air = Air()
-    turning = Turning(seat(), air)
+    runner = NodeRunner(seat(), air)
     air.say(on.CLOCK, Clock(t_s=1.0))
     air.say(on.SEAT, SeatReading(t_s=1.7e9, pitch_rad=0.0, stroke_m=0.2))
     with pytest.raises(
         TreadlineError, match=r"^/seat/state: stamped 1700000000.000 s where the clock shows 1.000 s: .* another clock"
     ):
-        turning.run(Flag())
+        runner.run(Flag())
 
 
 def test_a_guard_that_is_never_ready() -> None:
@@ -138,14 +138,14 @@ def test_where_a_queue_is_full_the_oldest_gives_way() -> None:
 def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:
     node = PlantNode.__new__(PlantNode)
     node.commanded_s = 9.99
-    others = process._Others(node)
-    others.hear(process.Beat(t_s=9.5, node="camera"))
-    assert others.keep_waiting(10.0, 0.1)
-    assert not others.keep_waiting(10.0, 0.6)
-    assert not others.keep_waiting(10.02, 0.0)
-    others.hear(process.Beat(t_s=10.0, node="camera"))
-    assert not others.keep_waiting(10.03, 0.0)
-    assert others.keep_waiting(10.5, 0.0)
+    peers = process._Peers(node)
+    peers.receive(process.Beat(t_s=9.5, node="camera"))
+    assert peers.keep_waiting(10.0, 0.1)
+    assert not peers.keep_waiting(10.0, 0.6)
+    assert not peers.keep_waiting(10.02, 0.0)
+    peers.receive(process.Beat(t_s=10.0, node="camera"))
+    assert not peers.keep_waiting(10.03, 0.0)
+    assert peers.keep_waiting(10.5, 0.0)
 
 
 def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(

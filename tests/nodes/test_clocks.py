@@ -6,8 +6,12 @@ from typing import Any
 
 import pytest
 
-from treadline.nodes.process import Turning
+from treadline.nodes import channels as on
+from treadline.nodes.codec import encoded
+from treadline.nodes.node_messages import Clock
+from treadline.nodes.process import NodeRunner
 from treadline.nodes.wire import WireTransport
+from treadline.signals import SeatReading
 
 
 class Silent(WireTransport):
@@ -27,7 +31,7 @@ class Ticking:
     """A node that notes its ticks."""
 
     name = "heading"
-    says: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     needs: tuple[tuple[str, ...], ...] = ()
 
     def __init__(self) -> None:
@@ -35,6 +39,9 @@ class Ticking:
 
     def listen(self, transport: Any) -> None:
         pass
+
+    def advance(self, t_s: float) -> None:
+        self.now_s = t_s
 
     def tick(self, t_s: float) -> None:
         self.ticks.append(t_s)
@@ -47,14 +54,48 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
     wall = SimpleNamespace(now_s=1000.0)
     monkeypatch.setattr("treadline.nodes.process.time", SimpleNamespace(time=lambda: wall.now_s, monotonic=time.monotonic))
     node = Ticking()
-    turning = Turning(node, Silent(), clock="wall")  # type: ignore[arg-type]
+    runner = NodeRunner(node, Silent(), clock="wall")  # type: ignore[arg-type]
     for _ in range(100):
         wall.now_s += 0.01
-        turning._turn()
+        runner._turn()
     before = len(node.ticks)
     wall.now_s += step_s
     for _ in range(100):
         wall.now_s += 0.01
-        turning._turn()
+        runner._turn()
     assert len(node.ticks) - before == pytest.approx(ticks, abs=1)
     assert node.ticks[-1] == pytest.approx(wall.now_s, abs=0.011)
+
+
+def test_a_node_that_was_kept_from_running_compares_stamps_with_the_newest_clock() -> None:
+    """Test: a node stands for a second, and the messages of that second wait, the clock's last. Expected result: a sample 1 s newer
+    than the last tick finds the node's clock at the newest time received, before that tick."""
+    wire = Silent()
+    node = Listening()
+    NodeRunner(node, wire, clock="sim")  # type: ignore[arg-type]
+    for topic, _, data in encoded(on.CLOCK, Clock(t_s=5.0), ros1=False):
+        wire.inbox.put(topic, data)
+    wire.deliver(0.0)
+    assert node.ticks == [5.0]
+    sample = SeatReading(t_s=6.0, pitch_rad=0.0, stroke_m=0.0)
+    for channel, signal in ((on.SEAT, sample), (on.CLOCK, Clock(t_s=6.0))):
+        for topic, _, data in encoded(channel, signal, ros1=False):
+            wire.inbox.put(topic, data)
+    wire.deliver(0.0)
+    assert node.taken_at == [(6.0, 6.0)]
+    assert node.ticks == [5.0, 6.0]
+
+
+class Listening(Ticking):
+    """A node that notes the stamp of each reading, and its own clock then."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.taken_at: list[tuple[float, float]] = []
+
+    def listen(self, transport: Any) -> None:
+        transport.subscribe(on.SEAT, lambda reading: self.taken_at.append((reading.t_s, self.now_s)))
+
+    def tick(self, t_s: float) -> None:
+        super().tick(t_s)
+        self.now_s = t_s

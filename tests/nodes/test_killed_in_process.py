@@ -4,18 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import mission_config
+from treadline.controller_files import shipped_controller
 from treadline.mission.config import build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.nodes import channels as on
+from treadline.nodes.block_nodes import GuardNode
 from treadline.nodes.inproc import InProcess
 from treadline.nodes.lockstep import LockStep
+from treadline.nodes.node_messages import GuardState, VelocityCommand
 from treadline.nodes.plant import LOST_S, PlantNode
-from treadline.nodes.shells import GuardNode
-from treadline.nodes.words import GuardState, VelocityCommand
 from treadline.ports import Truth
 from treadline.scenario import Scenario
+from treadline.setup import mission_config
 from treadline.signals import FlipperCommand, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
@@ -34,7 +34,7 @@ def turning() -> tuple[LockStep, object]:
 def kill(graph: LockStep, name: str) -> None:
     node = next(node for node in graph.nodes if node.name == name)
     graph.nodes.remove(node)
-    node._say = lambda *_: None  # type: ignore[attr-defined]
+    node._publish = lambda *_: None  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", ["camera", "heading", "seat", "driver"])

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import mission_config
+from treadline.controller_files import shipped_controller
 from treadline.mission.config import build_blocks, guard_config
 from treadline.mission.loop import Mission
 from treadline.nodes.lockstep import LockStep
 from treadline.ports import Plant
 from treadline.scenario import Scenario
+from treadline.setup import mission_config
 from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 from treadline.sim.faults import faulty

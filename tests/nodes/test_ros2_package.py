@@ -15,7 +15,7 @@ import pytest
 
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder
-from treadline.nodes.words import GuardState
+from treadline.nodes.node_messages import GuardState
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "treadline_ros2"
 NAMES = ("guard", "camera", "heading", "seat", "driver", "plant")

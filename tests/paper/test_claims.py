@@ -5,7 +5,7 @@ import pytest
 
 from treadline import paper
 from treadline.control import lqr_gain
-from treadline.experiments.literal import asked_at
+from treadline.experiments.as_printed import asked_at
 from treadline.experiments.plan import WHOLE
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov, system_markov

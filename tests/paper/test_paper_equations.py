@@ -11,7 +11,7 @@ from treadline.angles import DEG
 from treadline.control import lqr_gain
 from treadline.errors import MechanicsError, PoorExcitation
 from treadline.estimation.offset import heading_offset
-from treadline.experiments.literal import paper_model
+from treadline.experiments.as_printed import paper_model
 from treadline.identification import era
 from treadline.identification.deconvolution import deconvolve, input_matrix
 from treadline.identification.era import hankel

@@ -6,7 +6,7 @@ import pytest
 
 from treadline import paper
 from treadline.control.heading import ControllerConfig
-from treadline.experiments.literal import paper_controller
+from treadline.experiments.as_printed import paper_controller
 from treadline.experiments.plan import SLOPES_DEG, turn
 from treadline.scenario import Scenario
 from treadline.signals import TICK_S

@@ -60,7 +60,7 @@ def test_a_target_is_judged_only_where_one_was_set(results: Tables) -> None:
     seat, opened = row_of(results, "Fig. 11"), row_of(results, "Fig. 9: open loop")
     assert (seat.ours, seat.paper, seat.target, seat.verdict) == ("0.003°", "about 0°", "–", "-")
     assert (opened.ours, opened.target, opened.verdict) == ("7.25°, 7.25°", "–", "-")
-    assert "largest on the way 7.5°" in opened.conditions
+    assert "largest heading 7.5°" in opened.conditions
 
 
 def test_the_row_with_roll_back_shows_its_world_yaw_and_its_roll_back(results: Tables) -> None:
@@ -101,17 +101,67 @@ def test_what_the_recipe_asks_stands_beside_what_a_track_can_do(results: Tables)
 
 
 def test_the_printed_heading_stands_beside_the_one_that_drives(results: Tables) -> None:
-    row = row_of(results, "Fig. 5: heading seen of 10.00°")
-    assert (row.ours, row.paper) == ("10.00°", "107.90° by Eq. (2), run here")
+    row = row_of(results, "Fig. 5: estimated heading, true heading 10.00°")
+    assert (row.ours, row.paper) == ("10.00°", "107.90° by Eq. (2), computed here")
     results["fig05"]["robust_heading_deg"] = None
     assert row_of(results, "Fig. 5").ours == "none"
 
 
 def test_a_record_from_the_dead_zone_is_said_to_hold_nothing_to_identify(results: Tables) -> None:
     results["fig08"]["slopes"][0]["yaw_rate_vaf_percent"] = 8.0
-    row = row_of(results, "Fig. 8: model at")
-    assert "not identifiable" in row.ours
+    row = row_of(results, "yaw rate one step ahead at 25°")
+    assert row.ours == "8 %"
+    assert row.conditions.startswith("not identifiable")
     assert row.verdict == "-"
+
+
+def test_a_large_miss_is_written_without_an_exponent(results: Tables) -> None:
+    results["wall_s"] = 1792.0
+    assert row_of(results, "reproduce, wall clock").verdict == "missed by 1492 s"
+
+
+def belt_run(course: str, lug: str, rubber_s: float | None, roll_back_m: float, **changes: object) -> Tables:
+    return {
+        "course": course,
+        "slope_deg": 28,
+        "friction": [0.62, 0.5],
+        "lug": lug,
+        "rubber_s": rubber_s,
+        "rms_heading_deg": 9.0,
+        "roll_back_m": roll_back_m,
+        "passenger_m_s2": 1.0 if lug == "none" else 6.5,
+        "pitch_rate_deg_s": 10.0,
+        "margin_deg": 15.0,
+        "max_contact_force_share": 4.0,
+        "duration_s": 4.0,
+        "verdict": "time_up",
+        "cause": None,
+        "seed": 0,
+        "run": f"{course}-{lug.replace('/', '-')}-{rubber_s}",
+    } | changes
+
+
+def test_lugs_stand_next_to_smooth_belts_with_the_bracket_of_the_rubber(results: Tables) -> None:
+    results["lugs"] = [
+        belt_run("turn-28", "none", None, 0.020),
+        belt_run("turn-28", "15/80", 0.005, 0.017),
+        belt_run("turn-28", "15/80", 0.01, 0.016),
+        belt_run("turn-28", "15/80", 0.02, 0.012, verdict="held", cause="pitch rate"),
+        belt_run("up-28", "none", None, 0.01),
+        belt_run("up-28", "15/80", 0.01, 0.01),
+    ]
+    back = row_of(results, "roll-back at 28°, lugs 15/80 mm")
+    assert (back.ours, back.target, back.verdict) == ("0.016 m", "≤ 0.05 m", "reached")
+    assert "smooth belts 0.020 m in the same run; 0.012 m to 0.017 m with rubber of 0.005 to 0.02 s" in back.conditions
+    assert "held (pitch rate)" in back.conditions
+    ride = row_of(results, "passenger's acceleration, up-28, lugs 15/80 mm")
+    assert (ride.ours, ride.verdict) == ("6.5 m/s²", "missed by 5 m/s²")
+    assert "with rubber" not in ride.conditions  # one stiffness is no bracket
+
+
+def test_lugs_without_smooth_belts_to_compare_with_have_no_row(results: Tables) -> None:
+    results["lugs"] = [belt_run("turn-28", "15/80", 0.01, 0.016)]
+    assert not [what for what in rows_of(results) if "lugs" in what]
 
 
 @pytest.mark.parametrize("part", ["fig05", "fig08", "fig11", "literal", "speed"])

@@ -10,6 +10,7 @@ import pytest
 
 from treadline.errors import SettingsError
 from treadline.report import write_report
+from treadline.report.page import p_value, ratio
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -46,6 +47,7 @@ def test_the_page_asks_for_nothing_and_runs_nothing(results: Tables, reproduce_f
         "#prov",
         "#sing",
         "#marg",
+        "#lugs",
     }
 
 
@@ -53,10 +55,40 @@ def test_every_figure_is_on_the_page_and_a_file_of_its_own(results: Tables, repr
     folder = reproduce_folder(results)
     page = page_of(folder)
     names = {"fig08", "singular-values", "fig09", "fig10", "margins", "table2", "fig11"}
-    assert page.count("<svg") == len(names)
+    panels = {"fig08": 4, "singular-values": 1, "fig09": 2, "fig10": 4, "margins": 2, "table2": 2, "fig11": 2}
+    assert set(panels) == names
+    assert page.count("<svg") == sum(panels.values())
     assert {path.stem for path in (folder / "figures").glob("*.svg")} == names
     ids = re.findall(r' id="([^"]+)"', page)
     assert len(ids) == len(set(ids))
+
+
+def test_the_page_links_to_the_pages_of_its_runs(results: Tables, reproduce_folder: MakeFolder, run_folder: Path) -> None:
+    folder = reproduce_folder(results)
+    for name in ("result.json", "manifest.json"):
+        (folder / "runs" / "seat-28" / name).write_bytes((run_folder / name).read_bytes())
+    page = page_of(folder)
+    linked = set(re.findall(r'href="(runs/[^"]+)"', page))
+    assert linked == {"runs/seat-28/report.html"}, "a run without its files has no page and no link"
+    assert all((folder / path).is_file() for path in linked)
+
+
+@pytest.mark.parametrize(("value", "text"), [(None, "–"), (1.2e-21, "< 0.001"), (0.0, "< 0.001"), (0.2920, "0.29"), (1.0, "1")])
+def test_a_probability_is_never_written_as_zero(value: float | None, text: str) -> None:
+    assert p_value(value) == text
+
+
+def test_a_ratio_to_a_rounding_error_is_a_bound() -> None:
+    assert ratio(112.78) == "112.8"
+    assert ratio(7.2e15) == "> 100000"
+
+
+def test_pages_follow_the_colour_scheme_of_the_reader(results: Tables, reproduce_folder: MakeFolder) -> None:
+    page = page_of(reproduce_folder(results))
+    assert "prefers-color-scheme: dark" in page
+    style = page[page.index("<style>") : page.index("</style>")]
+    rules = style[style.index("body {") :]
+    assert not re.search(r"(?:color|background): ?#", rules), "a fixed colour would not change in dark mode"
 
 
 def test_every_reference_inside_a_figure_finds_its_definition(results: Tables, reproduce_folder: MakeFolder) -> None:
@@ -98,7 +130,7 @@ def test_the_captions_say_what_is_shown(results: Tables, reproduce_folder: MakeF
 
 def test_a_part_that_is_absent_was_not_measured(reproduce_folder: MakeFolder) -> None:
     page = page_of(reproduce_folder({"quick": False}))
-    assert page.count("Not measured.") == 14
+    assert page.count("Not measured.") == 15
     assert "<svg" not in page
 
 

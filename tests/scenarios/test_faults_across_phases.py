@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.faults import Fault, Process
 from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from treadline.attendant import OperatorAct, does
+from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
-from treadline.experiments.shipped import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.scenario import Scenario, scenario_of
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import mission_config
+from treadline.controller_files import shipped_controller
 from treadline.mechanics.comfort import lasting
 from treadline.mission.config import build_blocks
 from treadline.mission.loop import Mission, Signal
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
+from treadline.setup import mission_config
 from treadline.signals import Event, FlipperCommand, MotionPlan, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
@@ -81,7 +81,7 @@ def ride(direction: str, place: str, when: Callable[[MotionPlan, float, Truth], 
     plant = Attended(open_plant(scenario, 3))
     events: list[Event] = []
 
-    def log(signal: Signal) -> None:
+    def log(signal: Signal, _: float) -> None:
         if isinstance(signal, Event):
             events.append(signal)
 

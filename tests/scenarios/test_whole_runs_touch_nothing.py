@@ -2,7 +2,7 @@
 
 import pytest
 
-from treadline.experiments.shipped import shipped_controller
+from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import traverse
 from treadline.scenario import read_scenario
 

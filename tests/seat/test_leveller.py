@@ -1,4 +1,4 @@
-"""The seat's loop around the linkage and an actuator with its lag, rate limit and ends of stroke."""
+"""Seat levelling loop with linkage and an actuator with lag, rate limit and ends of stroke."""
 
 import math
 from dataclasses import dataclass, field
@@ -26,7 +26,7 @@ def reading(pitch_rad: float, stroke_m: float = 0.05, t_s: float = 0.0) -> SeatR
 
 @dataclass
 class SeatOnStair:
-    """A seat on a chassis of constant pitch."""
+    """Seat on a chassis of constant pitch."""
 
     chassis_pitch_rad: float
     seat: Seat = SEAT
@@ -59,10 +59,10 @@ class SeatOnStair:
 
 def test_the_seat_is_level_on_the_papers_28_degree_stair_and_never_tips_forward() -> None:
     pitch_deg, rates = SeatOnStair(28.0 * DEG).run(5.0)
-    # The actuator's 17 °/s need 1.7 s for 28°, the loop's 0.5 s a few more constants to the dead band.
+    # The actuator's 17 °/s need 1.7 s for 28°, the loop's 0.5 s a few more time constants to the dead band.
     assert abs(pitch_deg[-1]) <= DEAD_BAND_DEG
     assert max(abs(rate) for rate in rates) <= SEAT.max_rate_m_s
-    # Monotone: the seat never moves away from level (a float's rounding apart), so it does not overshoot either.
+    # Monotone up to rounding: the seat never moves away from level, so there is no overshoot.
     assert max(np.diff(pitch_deg)) < 1e-9
     assert min(pitch_deg) > -DEAD_BAND_DEG
 
@@ -73,7 +73,7 @@ def test_every_slope_within_the_linkages_range_is_levelled(slope_deg: float) -> 
     assert abs(pitch_deg[-1]) <= DEAD_BAND_DEG
 
 
-def test_a_noisy_sensor_does_not_shake_the_seat() -> None:
+def test_sensor_noise_hardly_moves_the_seat() -> None:
     pitch_deg, _ = SeatOnStair(28.0 * DEG, noise_rad=0.05 * DEG).run(10.0, seed=3)
     # The dead band is twice this noise; inside it one reading in twenty moves the actuator, by less than the noise itself.
     assert max(abs(pitch) for pitch in pitch_deg[600:]) < 2.0 * DEAD_BAND_DEG
@@ -84,7 +84,7 @@ def test_a_slope_beyond_the_linkage_ends_at_the_end_of_the_stroke_and_stays() ->
     chair = SeatOnStair(50.0 * DEG)
     _, rates = chair.run(6.0)
     assert chair.stroke_m == SEAT.stroke_m[1]
-    # Not pushed against its stop.
+    # The actuator is not pushed against its stop.
     assert rates[-1] == 0.0
 
 
@@ -127,5 +127,5 @@ def test_the_rate_keeps_its_limit_and_works_against_the_pitch(pitch: float, stro
 def test_just_outside_the_dead_band_the_seat_turns_at_the_gain_wherever_the_linkage_stands(stroke: float) -> None:
     pitch = 1.01 * DEAD_BAND_DEG * DEG
     rate = Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch, stroke)).rate_m_s
-    # Seat rate = rate ratio × stroke rate = 2 /s × pitch: the linkage's own gain is taken out, up to rounding.
+    # Seat rate = rate ratio × stroke rate = 2 /s × pitch: the linkage's own gain is compensated, up to rounding.
     assert rate * LINKAGE.rate_ratio(stroke) == pytest.approx(2.0 * pitch, rel=1e-9)

@@ -40,7 +40,7 @@ def wall(distance_m: float) -> Float[np.ndarray, "h w"]:
 @pytest.mark.parametrize(("distance_m", "sigma_mm"), [(1.0, 1.4), (2.0, 5.7), (3.0, 12.8)])
 def test_a_wall_is_as_noisy_as_a_kinect_shows_it(distance_m: float, sigma_mm: float) -> None:
     # Steps of 1/8 px are coarser than the noise, so the spread depends on where between two steps the wall falls:
-    # averaged over a step it is the sum of both, to the 20 % asked for.
+    # averaged over a step it is the sum of both, within the tolerance of 20 %.
     step_m = 0.125 * distance_m**2 / DISPARITY_PX_M
     errors = [
         measured(wall(near), seed) - near

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 G_M_S2 = 9.81
 MASS_KG = 10.0
 FRICTION = {"x": 0.3, "y": 0.6}
-"""Along the axes of the world: MuJoCo's first tangent on a plane is y."""
+"""Friction coefficients along the axes of the world: MuJoCo's first tangent on a plane is y."""
 DAMPING_S = 2.0 / (0.99 * 0.01)
 """b of MuJoCo's reference acceleration: 2/(dmax · timeconst)."""
 OPTION = """<option timestep="0.002" integrator="implicitfast" solver="Newton" cone="{cone}" jacobian="{jacobian}" impratio="10"
@@ -176,7 +176,7 @@ def test_on_a_slope_a_block_holds_to_the_friction_angle_and_slides_beyond(downhi
             assert speed == pytest.approx(G_M_S2 * (math.sin(slope) - friction * math.cos(slope)), rel=0.02)
 
 
-def test_a_block_that_slides_askew_follows_the_ellipse() -> None:
+def test_a_block_sliding_obliquely_follows_the_ellipse() -> None:
     block = Block(SLIDES).settle()
     slope, downhill = 0.65, 0.8
     block.lean(slope, downhill)

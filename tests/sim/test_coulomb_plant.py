@@ -81,7 +81,7 @@ def test_the_plant_without_the_convex_artefact_turns_as_coulomb_says(
     assert result.load.max() < 1.05
 
 
-def test_askew_the_plant_turns_as_coulomb_says() -> None:
+def test_at_a_heading_error_the_plant_turns_as_coulomb_friction_predicts() -> None:
     result = run(28.0, TABLE_I, (0.5, 0.2), 1.5, heading_deg=20.0)
     assert result.theory is not None
     # Measured: -4.90 and -4.61 °/s. Edges meet nosings one after the other, which shakes the load by 1 %.

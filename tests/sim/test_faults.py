@@ -12,6 +12,7 @@ from treadline.angles import DEG, rotation_of
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
 from treadline.ports import Truth, TruthPlant
+from treadline.realism import Realism
 from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.settings import settings_of
 from treadline.signals import (
@@ -42,7 +43,7 @@ Run = tuple[list[tuple[float, Reading]], list[Truth]]
 
 
 def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up", friction: float = 0.62) -> Scenario:
-    """Return a chair on a flight of 28°, ideal in all that is not asked for."""
+    """Return a chair on a flight of 28°, ideal except for the given settings."""
     return Scenario(
         stair=Stair(rise_m=0.30 * math.tan(SLOPE_DEG * DEG), walls="none", width_m=4.0, friction=(friction, 0.8 * friction)),
         chair=Chair(belt_mismatch=0.0),
@@ -51,6 +52,7 @@ def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up",
         control=Control(vision="robust"),
         sensors=Sensors.model_validate({"camera": camera}),
         fault=faults,
+        realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
     )
 
 
@@ -132,8 +134,8 @@ def test_every_kind_says_what_its_value_means_within_which_limits() -> None:
 @pytest.mark.parametrize(
     ("kind", "value", "message"),
     [
-        ("camera_lost", 1.0, "value is 1, but camera_lost has none; remove it"),
-        ("depth_holes", 1.5, r"value is 1.5; for depth_holes it must be from 0 to 0.98 \(the share of the depth image"),
+        ("camera_lost", 1.0, "value is 1, but camera_lost takes no value; remove the key"),
+        ("depth_holes", 1.5, r"value is 1.5; for depth_holes it must be from 0 to 0.98 \(fraction of the depth image"),
         ("process_killed", 0.5, "value is 0.5; for process_killed it must be a whole number from 0 to 3"),
     ],
 )
@@ -423,10 +425,10 @@ def test_a_second_start_mends_everything() -> None:
 @pytest.mark.parametrize(("value", "turn"), [(0.0, 1.0), (1.0, -1.0)], ids=["left", "right"])
 def test_a_stalled_belt_stands_in_truth_and_report_and_turns_the_chair_to_its_side(value: float, turn: float) -> None:
     came, truth = run(scenario(fault("track_stalled", value, for_s=1.0)), 2.2)
-    told = {round(reading.t_s, 2): (reading.left_m_s, reading.right_m_s)[int(value)] for reading in of(came, TrackReading)}
+    reported = {round(reading.t_s, 2): (reading.left_m_s, reading.right_m_s)[int(value)] for reading in of(came, TrackReading)}
     true = {round(sample.t_s, 2): (sample.left_m_s, sample.right_m_s)[int(value)] for sample in truth}
     # The encoder's counts are 9.2 µm apart (109 000 per metre): 0.92 mm/s in a tick of 10 ms.
-    assert told == pytest.approx(true, abs=9.2e-4)
+    assert reported == pytest.approx(true, abs=9.2e-4)
     # 0.2 m/s at 10 m/s² stops within 0.02 s.
     assert all(true[round(k * TICK_S, 2)] == 0.0 for k in range(53, 151))
     assert true[2.2] > 0.19
@@ -526,7 +528,7 @@ def test_a_box_stands_on_the_ground_ahead_of_the_end_that_leads(place: str, dire
     heights = [0.0, *(step.z_m for step in bare.staircase.steps)]
     assert min(abs(low - height) for height in heights) < 1e-9
     assert (box.centre_W[0] > bare._data.qpos[0]) == (direction == "up")
-    # Told along the chair's x, which is tilted: backing down, the box's top leans towards it by 0.5 m · sin 28°.
+    # The reported distance is along the chair's x: backing down, the box's top leans towards it by 0.5 m · sin 28°.
     assert bare.gap_m == pytest.approx(0.3 - (0.2 if (place, direction) == ("flight", "down") else 0.0), abs=0.05)
 
 
@@ -547,24 +549,24 @@ def test_an_obstacle_is_in_the_depth_image_and_in_the_map_of_a_camera_without_im
 
 
 @pytest.mark.parametrize(("direction", "step", "ahead_m"), [("up", 6, 1.5), ("down", 4, 2.0)])
-def test_a_camera_without_images_tells_of_a_box_on_the_level_beyond_the_flight(direction: str, step: int, ahead_m: float) -> None:
+def test_a_camera_without_images_reports_a_box_on_flat_ground_beyond_the_flight(direction: str, step: int, ahead_m: float) -> None:
     asked = scenario(fault("obstacle", ahead_m, at_s=0.0, for_s=9.0), direction=direction)
     asked = asked.model_copy(update={"stair": asked.stair.model_copy(update={"steps": 8})})
     asked = asked.model_copy(update={"start": Start(place="flight", step=step)})
     came, _ = run(asked, 0.5, orders=standing)
-    told = [seen.obstacle_m for seen in of(came, FrameQuality)]
+    reported = [seen.obstacle_m for seen in of(came, FrameQuality)]
     lead_m = 0.475 + 0.45 + 0.07 if direction == "up" else 0.55
-    # Put there along the belts, from the end that leads; told is how far it is level, or to its top along the belts where that is
-    # less: backing down, its top is about as high as mid-track.
+    # Put there along the belts, from the end that leads; reported is the horizontal distance, or that to its top along the belts if
+    # smaller: backing down, its top is about as high as mid-track.
     level_m = (lead_m + ahead_m) * math.cos(SLOPE_DEG * DEG)
     near_m = level_m if direction == "up" else level_m * math.cos(SLOPE_DEG * DEG)
-    assert told
-    assert all(value == pytest.approx(near_m, abs=0.1) for value in told)
+    assert reported
+    assert all(value == pytest.approx(near_m, abs=0.1) for value in reported)
     on_a_step = scenario(fault("obstacle", 0.3, at_s=0.0), direction=direction)
     assert all(seen.obstacle_m is None for seen in of(run(on_a_step, 0.5, orders=standing)[0], FrameQuality))
 
 
-def test_a_false_edge_lies_in_colour_and_depth_askew_and_still() -> None:
+def test_a_false_edge_lies_at_its_angle_in_colour_and_depth_and_stays() -> None:
     frames = of(run(scenario(fault("false_edges"), camera="kinect1"), 0.9, orders=standing)[0], RgbdFrame)
     clear = np.median([frame.depth_m for frame in frames[:5]], axis=0)  # NaN where one of them has none
     masks = [clear - frame.depth_m > 0.025 for frame in frames]

@@ -69,8 +69,8 @@ def test_a_chair_without_a_flipper_is_the_chair_it_was() -> None:
 
 
 def test_a_chair_without_a_flipper_reports_none_and_ignores_its_command() -> None:
-    told, alone = (standing(read_chair("wheelchair-fixed"), model="wheelchair-fixed") for _ in range(2))
-    flippers, truth, readings = turn(told, 20.0, 0.0, 1.0, speed_m_s=0.2)
+    standard, alone = (standing(read_chair("wheelchair-fixed"), model="wheelchair-fixed") for _ in range(2))
+    flippers, truth, readings = turn(standard, 20.0, 0.0, 1.0, speed_m_s=0.2)
     alone.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))
     alone.advance(1.0)
     assert flippers == []
@@ -186,7 +186,7 @@ def test_a_mission_logs_its_flipper() -> None:
         control=Control(vision="truth", loop="open"),
     )
     logged: list[object] = []
-    traverse(scenario, seed=0, sink=logged.append)
+    traverse(scenario, seed=0, sink=lambda signal, _: logged.append(signal))
     flippers = [signal for signal in logged if isinstance(signal, FlipperReading)]
     assert len(flippers) == 51
     assert {topic for flipper in flippers for topic, _, _ in messages_of(flipper)} == {"/flipper/state"}

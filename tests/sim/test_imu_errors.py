@@ -47,7 +47,7 @@ def turning(kind: str, seed: int, seconds: float, rate_rad_s: float) -> list[Imu
 def test_gyro_noise_is_white_and_of_its_density(kind: str, density: float) -> None:
     noise = rates_deg_s(at_rest(kind, 0, 4000))
     noise = noise - noise.mean(axis=0)
-    # A density fills 50 Hz of band at 100 Hz. 4000 samples tell a deviation to 1.1 %; the bias wanders a little too.
+    # A density fills 50 Hz of band at 100 Hz. 4000 samples give a standard deviation to 1.1 %; the bias wanders a little too.
     np.testing.assert_allclose(noise.std(axis=0), density * math.sqrt(50.0), rtol=0.05)
     neighbours = (noise[1:] * noise[:-1]).mean(axis=0) / noise.var(axis=0)
     assert np.abs(neighbours).max() < 0.07
@@ -55,7 +55,7 @@ def test_gyro_noise_is_white_and_of_its_density(kind: str, density: float) -> No
 
 def test_tracks_that_move_shake_the_gyro() -> None:
     shaken = rates_deg_s(at_rest("mpu6050", 1, 4000, moving=True))
-    # 0.3 °/s RMS with the gyro's own 0.035 beside it; 40 s of a band of some 4 Hz tell a deviation to 4 %.
+    # 0.3 °/s RMS plus the gyro's own 0.035; 40 s of a band of about 4 Hz give a standard deviation to 4 %.
     np.testing.assert_allclose(shaken.std(axis=0), math.hypot(0.3, 0.0354), rtol=0.12)
 
 
@@ -80,7 +80,7 @@ def test_the_chassis_rings_at_the_cleats_frequency() -> None:
 
 def test_the_bias_that_is_left_differs_from_chair_to_chair() -> None:
     means = np.array([rates_deg_s(at_rest("mpu6050", seed, 100)).mean(axis=0) for seed in range(40)])
-    # 0.02 °/s left, 0.005 wandering, 0.0035 of noise in a mean of 100; 120 values tell it to 6.5 %.
+    # 0.02 °/s left, 0.005 wandering, 0.0035 of noise in a mean of 100; 120 values give it to 6.5 %.
     assert means.std() == pytest.approx(math.hypot(0.02, 0.005, 0.0035), rel=0.2)
 
 
@@ -88,11 +88,11 @@ def test_the_bias_wanders_within_its_bounds_and_slowly() -> None:
     tens = np.array([rates_deg_s(at_rest("mpu6050", seed, 3000)).reshape(3, 1000, 3).mean(axis=1) for seed in range(8)])
     steps = np.diff(tens, axis=1)
     # A Gauss-Markov process of 0.005 °/s and 100 s changes by 0.005 √(2 (1 - e^-0.1)) = 0.0022 °/s in ten seconds, less
-    # a little for averaging; noise in the means of 1000 adds 0.0016. 48 differences tell it to 10 %.
+    # a little for averaging; noise in the means of 1000 adds 0.0016. 48 differences give it to 10 %.
     assert steps.std() == pytest.approx(math.hypot(0.0021, 0.0016), rel=0.35)
 
 
-def test_the_accelerometer_feels_gravity_and_acceleration_in_the_chairs_frame() -> None:
+def test_the_accelerometer_measures_gravity_and_acceleration_in_the_chairs_frame() -> None:
     R_WB = rotation_y(-30.0 * DEG)
     imu = Imu(IMUS["ideal"], 0.0, np.random.default_rng(0))
     at_ease = imu.sample(0.0, R_WB, STILL, STILL, moving=False).linear_acceleration_m_s2
@@ -195,7 +195,7 @@ def test_a_turn_is_measured_within_the_scale_error() -> None:
     for seed in range(20):
         rates = [float(sample.angular_velocity_rad_s[2]) for sample in turning("mpu6050", seed, 1.0, 1.0)]
         shares.append(np.mean(rates) - 1.0)
-    # Uniform within ±1 %, with bias and noise of 0.0004 beside it.
+    # Uniform within ±1 %, plus bias and noise of 0.0004.
     assert np.abs(shares).max() < 0.012
     assert np.std(shares) == pytest.approx(0.01 / math.sqrt(3.0), rel=0.4)
 

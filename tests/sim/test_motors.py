@@ -131,9 +131,9 @@ def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_in
 
 def a_drive(**changes: float) -> Float[np.ndarray, " n"]:
     """Return the constants of the wheelchair's motors."""
-    from treadline.devices.drives import Drives
+    from treadline.devices.actuators import Actuators
 
-    return Drives(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
+    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
 
 
 @pytest.mark.parametrize("carried_share", [0.3, 1.0, 2.0])
@@ -207,7 +207,7 @@ def test_a_hot_motor_gives_its_continuous_force() -> None:
     assert min(forces) == pytest.approx(350.0)
 
 
-def test_an_empty_battery_lets_the_brakes_fall_in() -> None:
+def test_an_empty_battery_engages_the_brakes() -> None:
     assert CHAIR.battery is not None
     empty = CHAIR.model_copy(update={"battery": CHAIR.battery.model_copy(update={"capacity_wh": 0.05})})
     truth, _ = drive(empty, seconds=3.0)

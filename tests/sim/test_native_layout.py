@@ -1,4 +1,4 @@
-"""MuJoCo's memory is where the plant thinks it is, and the compiled loop does what MuJoCo's own step does."""
+"""Measured memory layout of MuJoCo, and equality of the compiled loop with MuJoCo's own step."""
 
 import copy
 import math
@@ -13,7 +13,7 @@ from treadline.devices import kernels as drives
 from treadline.errors import SimulationDiverged
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.sim import MujocoPlant, kernels, native, open_plant
-from treadline.sim.plant import CONTACTS_MAX, _view
+from treadline.sim.plant import _view
 
 BOXES = """
 <mujoco><option jacobian="dense"/><worldbody><geom type="plane" size="9 9 1"/>
@@ -217,7 +217,7 @@ def test_a_contact_of_no_belt_is_left_alone() -> None:
     np.testing.assert_array_equal(real, before)
 
 
-def test_a_belts_side_has_no_direction_of_travel_and_the_lower_friction() -> None:
+def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -> None:
     real, whole = contact(np.random.default_rng(1), (1, 0))
     before = real.copy()
     turn(real, whole, before[0, FRAME : FRAME + 3])
@@ -231,7 +231,7 @@ def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
     climbing._drives.command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
     climbing._run(200, log, climbing._friction)
     # A dozen or two are seen: five parts of two belts, each on a nosing or two.
-    assert 4 <= log[:, kernels.CONTACTS].max() < 0.5 * CONTACTS_MAX
+    assert 4 <= log[:, kernels.CONTACTS].max() < 64
 
 
 @pytest.mark.parametrize(

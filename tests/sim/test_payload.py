@@ -1,4 +1,4 @@
-"""The passenger: leaning, swaying, and not as heavy as entered."""
+"""Passenger: lean, sway, and a true weight different from the entered one."""
 
 from typing import Any
 
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from treadline.errors import SettingsError
-from treadline.experiments.traverse import mission_config
 from treadline.gazebo.plant import _refuse_what_gazebo_cannot
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
 from treadline.scenario import Scenario, scenario_of
+from treadline.setup import mission_config
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import open_plant
 from treadline.sim.plant import MujocoPlant

@@ -1,4 +1,4 @@
-"""What is true of a tracked chair on a stair: turning on the spot slides it, and the crest throws it."""
+"""Manoeuvres of a tracked chair on a stair: roll-back in turns on the spot, and pitch-over at the crest."""
 
 import math
 

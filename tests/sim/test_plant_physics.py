@@ -26,7 +26,7 @@ def flight(
     lateral_m: float = 0.0,
     **chair: object,
 ) -> MujocoPlant:
-    """Return a started plant on a wide flight, ideal in all that is not asked for."""
+    """Return a started plant on a wide flight, ideal except for the given settings."""
     rise = 0.30 * math.tan(slope_deg * DEG)
     scenario = Scenario(
         stair=Stair(rise_m=rise, steps=steps, friction=friction, width_m=10.0, walls="none"),
@@ -43,7 +43,7 @@ class Plane:
     """A chair in the middle of a long landing, belts locked, on which gravity can be turned: a ramp of any slope."""
 
     def __init__(self, *, heading_deg: float = 0.0, downhill_deg: float = 180.0) -> None:
-        """Take downhill as seen from the chair: 180° when it faces uphill, 90° when its left side is the lower one."""
+        """Set the downhill direction relative to the chair: 180° when it faces uphill, 90° when its left side is the lower one."""
         scenario = Scenario(
             stair=Stair(landing_m=20.0, width_m=10.0, walls="none"),
             chair=Chair(belt_mismatch=0.0),
@@ -201,7 +201,7 @@ def test_the_brake_holds_for_a_minute(slope_deg: float, heading_deg: float) -> N
 
 @pytest.mark.parametrize("slope_deg", [25.0, 30.0])
 @pytest.mark.parametrize("heading_deg", [0.0, 30.0, -30.0])
-def test_the_chair_starts_at_the_heading_asked_for(slope_deg: float, heading_deg: float) -> None:
+def test_the_chair_starts_at_the_requested_heading(slope_deg: float, heading_deg: float) -> None:
     first = flight(slope_deg, heading_deg=heading_deg).truth()[0]
     assert first.t_s == 0.0
     assert first.heading_rad == pytest.approx(heading_deg * DEG, abs=0.1 * DEG)
@@ -212,5 +212,5 @@ def test_friction_use_is_the_share_that_the_slope_takes() -> None:
     first = flight(28.0, heading_deg=30.0).truth()[0]
     tangent = math.tan(28.0 * DEG)
     expected = math.hypot(math.cos(30.0 * DEG) * tangent / 0.62, math.sin(30.0 * DEG) * tangent / 0.5)
-    # The settled heading is within 0.1° of the one asked for: 2e-3 of friction.
+    # The settled heading is within 0.1° of the requested one: 2e-3 of friction.
     assert first.friction_use == pytest.approx(expected, abs=2e-3)

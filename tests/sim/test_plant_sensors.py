@@ -1,4 +1,4 @@
-"""MuJoCo's plant: what its sensors tell of the truth, and that a simulation that left physics gives no result."""
+"""MuJoCo plant: sensor errors against ground truth, and no result from a numerically invalid simulation."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ def started(seed: int = 3, *, sensors: Sensors | None = None, mismatch: float = 
     return plant
 
 
-def test_an_ideal_imu_tells_the_truth() -> None:
+def test_an_ideal_imu_reports_ground_truth() -> None:
     plant = started(sensors=Sensors(imu="ideal"))
     plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
     plant.advance(2.0)
@@ -50,7 +50,7 @@ def test_a_gyro_at_rest_has_the_bias_and_noise_of_its_data_sheet() -> None:
     plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0))
     plant.advance(20.0)
     rates = np.array([r.angular_velocity_rad_s for r in plant.read() if isinstance(r, ImuSample)])[200:]
-    # 0.005 °/s/√Hz at 100 Hz is 0.035 °/s RMS; 1800 samples tell it to 5 %, three axes with three sigma.
+    # 0.005 °/s/√Hz at 100 Hz is 0.035 °/s RMS; 1800 samples give it to 5 %, three axes with three sigma.
     assert rates.std(axis=0) / DEG == pytest.approx(np.full(3, 0.0354), rel=0.15)
     # Residual bias 0.02 °/s and wander 0.005 °/s: four sigma.
     assert np.abs(rates.mean(axis=0)).max() < 0.085 * DEG
@@ -96,5 +96,5 @@ def test_a_simulator_that_left_physics_gives_no_result(
 
 def test_a_plant_is_not_opened_by_a_scenarios_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
-    with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario makes one"):
+    with pytest.raises(SettingsError, match="open_plant is given 'paper-28'; wanted a Scenario: read_scenario returns one"):
         open_plant("paper-28")

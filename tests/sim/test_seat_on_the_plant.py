@@ -92,6 +92,6 @@ def test_the_seats_sensor_has_its_noise_and_no_offset() -> None:
     plant.advance(10.0)
     readings = [reading.pitch_rad for reading in plant.read() if isinstance(reading, SeatReading)]
     errors = (np.array(readings) - [sample.seat_pitch_rad for sample in plant.truth()]) / DEG
-    # 1001 samples tell the deviation to 2.2 % and the mean to 0.0016°.
+    # 1001 samples give the standard deviation to 2.2 % and the mean to 0.0016°.
     assert errors.std() == pytest.approx(0.05, rel=0.08)
     assert abs(errors.mean()) < 0.006

@@ -1,4 +1,4 @@
-"""Views and their truth: the same by seed, and what the truth says is where the picture shows it."""
+"""Random views and their ground truth: reproducible by seed, and consistent with the image."""
 
 import numpy as np
 import pytest
@@ -125,10 +125,10 @@ def test_walls_are_as_far_as_the_picture_shows(scene: str) -> None:
         # Along the nosings, which run square to the walls.
         aside = points_B(seen).reshape(-1, 3) @ (seen.true_camera.R_BC @ truth.edge_C)
         aside = aside[np.isfinite(aside)]
-        for told, sign in ((truth.left_wall_m, -1.0), (truth.right_wall_m, 1.0)):
-            if told is not None:
+        for width_m, sign in ((truth.left_wall_m, -1.0), (truth.right_wall_m, 1.0)):
+            if width_m is not None:
                 # Beyond the wall's end the picture shows what lies further aside.
-                assert np.abs(sign * aside - told).min() < 1e-6
+                assert np.abs(sign * aside - width_m).min() < 1e-6
                 checked += 1
     assert checked >= 5
 
@@ -150,7 +150,7 @@ def test_an_obstacle_is_as_far_as_the_picture_shows() -> None:
         points = points[(np.abs(points[:, 1]) < half) & (points[:, 2] > 0.06)]
         if len(points) > 200:
             assert truth.obstacle_m is not None
-            # The truth is told to a centimetre, and knows sides that are out of sight.
+            # The ground truth has a resolution of a centimetre, and includes sides out of view.
             assert truth.obstacle_m <= points[:, 0].min() + 0.01
             checked += truth.obstacle_m == pytest.approx(points[:, 0].min(), abs=0.02)
     assert checked >= 4
@@ -179,7 +179,7 @@ def test_facing_down_hides_the_risers() -> None:
         assert (forward & same).mean() < 0.15
 
 
-def test_gravity_is_off_by_as_much_as_said() -> None:
+def test_gravity_has_the_requested_error() -> None:
     for seed in range(5):
         seen = view(seed, gravity_error_deg=0.5)
         off = np.arccos(np.clip(seen.gravity_C @ seen.true_gravity_C, -1.0, 1.0))
@@ -188,11 +188,11 @@ def test_gravity_is_off_by_as_much_as_said() -> None:
 
 def test_a_mount_that_is_off_shows_in_the_picture_and_not_in_the_calibration() -> None:
     seen = view(1, mount_pitch_error_deg=(1.0, 1.0), mount_roll_error_deg=(-0.5, -0.5), gravity_error_deg=0.0, sensor="ideal")
-    told, true = seen.frame.camera, seen.true_camera
-    assert (true.mount_pitch_rad - told.mount_pitch_rad) / DEG == pytest.approx(1.0)
-    assert (true.mount_roll_rad - told.mount_roll_rad) / DEG == pytest.approx(-0.5)
+    declared, true = seen.frame.camera, seen.true_camera
+    assert (true.mount_pitch_rad - declared.mount_pitch_rad) / DEG == pytest.approx(1.0)
+    assert (true.mount_roll_rad - declared.mount_roll_rad) / DEG == pytest.approx(-0.5)
     # The IMU is right about the chair, and the calibration wrong about the camera.
-    np.testing.assert_allclose(told.R_BC @ seen.gravity_C, true.R_BC @ seen.true_gravity_C, atol=1e-12)
+    np.testing.assert_allclose(declared.R_BC @ seen.gravity_C, true.R_BC @ seen.true_gravity_C, atol=1e-12)
 
 
 def test_a_plain_view_is_what_the_plants_camera_sees() -> None:
@@ -267,7 +267,7 @@ def test_grain_makes_neighbours_alike_and_no_noisier() -> None:
     assert alike[1] > 0.3
 
 
-def test_warp_is_smooth_and_of_the_size_asked_for() -> None:
+def test_warp_is_smooth_and_of_the_requested_size() -> None:
     seen = view(9, scenes=("floor",), warp_px=0.2)
     disparity = 575.0 * 0.075 * (1.0 / seen.frame.depth_m - 1.0 / seen.exact.depth_m)
     blocks = disparity[:240, :320].reshape(15, 16, 20, 16).swapaxes(1, 2).reshape(15, 20, 256)
@@ -303,7 +303,7 @@ def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> N
     assert checked >= 4
 
 
-def test_holes_are_as_many_as_asked_for() -> None:
+def test_holes_cover_the_requested_fraction() -> None:
     lost = np.isnan(view(3, scenes=("floor",), holes=0.4).frame.depth_m).mean()
     # Drop-outs of single pixels come on top.
     assert lost == pytest.approx(0.4, abs=0.02)
@@ -320,10 +320,10 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
         assert seen.frame.t_s == pytest.approx(0.1 * i)
         assert truth.heading_rad == pytest.approx(0.05 * i)
         # The IMU's error stays as it is in the chair, to first order in half a degree.
-        felt, true = seen.frame.camera.R_BC @ seen.gravity_C, seen.true_camera.R_BC @ seen.true_gravity_C
-        assert np.arccos(np.clip(felt @ true, -1.0, 1.0)) < 0.51 * DEG
+        measured, true = seen.frame.camera.R_BC @ seen.gravity_C, seen.true_camera.R_BC @ seen.true_gravity_C
+        assert np.arccos(np.clip(measured @ true, -1.0, 1.0)) < 0.51 * DEG
     # The stair comes nearer by as much as the chair goes, along the flight.
-    at_start, later = (drive.view(0.0, drive.pose(along_m=way, heading_rad=0.0)).stair for way in (0.0, 0.1))
+    at_start, later = (drive.view(0.0, drive.pose(along_m=distance_m, heading_rad=0.0)).stair for distance_m in (0.0, 0.1))
     assert at_start is not None
     assert later is not None
     assert at_start.nosings_B[-1, 0] - later.nosings_B[-1, 0] == pytest.approx(0.1)

@@ -16,7 +16,7 @@ from treadline.cli.node import simulated, told
 from treadline.errors import TreadlineError
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.process import Turning, run_plant
+from treadline.nodes.process import NodeRunner, run_plant
 from treadline_ros2.transport import RclpyTransport
 
 
@@ -87,7 +87,7 @@ class TreadlineNode(LifecycleNode):
                 run_plant(self._made, self._wire, stop=self._stop, pace=self._told("pace"))
             else:
                 clock = "sim" if self.get_parameter("use_sim_time").value else "wall"
-                Turning(self._made, self._wire, clock=clock).run(self._stop)
+                NodeRunner(self._made, self._wire, clock=clock).run(self._stop)
         except TreadlineError as error:
             self.get_logger().error(str(error))
 

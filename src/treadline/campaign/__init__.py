@@ -1,5 +1,5 @@
-"""A campaign: many traversals drawn from stated distributions, flown on many processes, and counted honestly.
+"""Campaigns: many simulated traversals sampled from stated distributions, run on many processes, and summarised.
 
-``spec`` says what is drawn, ``sampling`` where in the unit cube run k lies, ``pool`` and ``cluster`` fly, ``journal`` keeps
-what is done, ``summary`` counts. What a run *is* comes from outside as a function: campaigns know no simulator.
+``spec`` reads what is sampled, ``sampling`` places run k in the unit cube, ``pool`` and ``cluster`` execute, ``journal``
+records finished runs, ``summary`` evaluates. The function that simulates a run is passed in; this package has no simulator.
 """

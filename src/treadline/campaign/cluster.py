@@ -1,6 +1,6 @@
-"""Runs on a cluster of Dask workers (the extra ``cluster``); ``local`` starts one on this machine.
+"""Execution of runs on a cluster of Dask workers (extra ``cluster``); ``local`` starts a cluster on this machine.
 
-Whoever reaches a Dask scheduler may run code on its workers: addresses are for networks one trusts.
+Anyone with access to a Dask scheduler can execute code on its workers: use addresses in trusted networks only.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from treadline.campaign.pool import LIVES, ONE_THREAD, not_for_children
-from treadline.campaign.run import Flight, Fly, Row, failed, run_one
+from treadline.campaign.run import Episode, EpisodeRunner, Row, failed, run_one
 from treadline.errors import SettingsError
 from treadline.io.provenance import versions
 
@@ -21,21 +21,21 @@ LOCAL = "local"
 ANSWERS_WITHIN_S = 10.0
 POLL_S = 0.1
 STALLED_S = 60.0
-"""While runs are waiting and no worker has one: whoever was killed is back by then, or nobody brings it back."""
+"""Time with waiting runs but no busy worker after which the workers are restarted [s]; a killed worker is back sooner."""
 SETTINGS = {
     "distributed.comm.timeouts.connect": f"{ANSWERS_WITHIN_S} s",
     "distributed.scheduler.allowed-failures": LIVES - 1,
-    "distributed.scheduler.worker-saturation": 1.0,  # a run that waits at a worker would be blamed for its death
+    "distributed.scheduler.worker-saturation": 1.0,  # a queued run on a worker would be blamed if the worker dies
     "distributed.nanny.pre-spawn-environ": dict.fromkeys(ONE_THREAD, 1),
 }
-"""Of a cluster that is started here; another has its own, but for the first."""
+"""Dask settings of a local cluster; only the connection timeout applies to other clusters."""
 
 
 class Cluster:
-    """A Dask client that flies."""
+    """Dask client that executes the runs of a campaign."""
 
-    def __init__(self, fly: Fly, address: str, workers: int) -> None:
-        self._fly = fly
+    def __init__(self, run_episode: EpisodeRunner, address: str, workers: int) -> None:
+        self._run_episode = run_episode
         self._address = address
         self._workers = workers
         self._client: Any = None
@@ -44,13 +44,13 @@ class Cluster:
     def __enter__(self) -> "Cluster":
         try:
             import dask
-            import distributed  # noqa: F401 - asked for early, for the error's sake
+            import distributed  # noqa: F401 - imported early for a clear error
         except ImportError:
             remedy = "pip install '.[cluster]' in treadline's folder, or leave it out for a pool here"
             raise SettingsError(f"--cluster needs Dask: {remedy}") from None
         dask.config.set(SETTINGS)
         if self._address != LOCAL:
-            _must_answer(self._address)
+            _check_scheduler(self._address)
         self._open()
         return self
 
@@ -58,7 +58,7 @@ class Cluster:
         from distributed import Client, LocalCluster
 
         for name in ("distributed", "tornado.application"):
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said by our errors and rows
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # relevant events appear in our errors and rows
         try:
             if self._address == LOCAL:
                 with not_for_children(signal.SIGINT):
@@ -66,13 +66,13 @@ class Cluster:
                         n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
                     )
             self._client = Client(self._cluster or self._address, timeout=ANSWERS_WITHIN_S, set_as_default=False)
-            self._must_fly_as_here()
+            self._check_versions()
         except BaseException:
             self._close()
             raise
 
-    def _must_fly_as_here(self) -> None:
-        """Other versions of what a run depends on are other results."""
+    def _check_versions(self) -> None:
+        """Check that every worker has the same versions, because results depend on them."""
         try:
             self._client.wait_for_workers(1, timeout=ANSWERS_WITHIN_S)
         except TimeoutError:
@@ -84,7 +84,7 @@ class Cluster:
             found = {"the scheduler": self._client.run_on_scheduler(versions), **self._client.run(versions)}
         except ImportError as error:
             raise SettingsError(
-                f"--cluster {self._address}: cannot fly there: {error}; install treadline on all machines"
+                f"--cluster {self._address}: cannot run there: {error}; install treadline on all machines"
             ) from None
         for worker, there in found.items():
             other = sorted(name for name in here if there.get(name) != here[name])
@@ -103,44 +103,44 @@ class Cluster:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._close()
 
-    def results(self, flights: Iterable[Flight]) -> Iterator[Row]:
-        """Yield a row for each flight, as each ends."""
-        suspects: list[Flight] = []
-        yield from self._fly_all(list(flights), suspects)
-        # A worker's death is blamed on all it held. Alone, a run can only kill its own.
+    def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
+        """Yield the row of each episode as it ends."""
+        suspects: list[Episode] = []
+        yield from self._run_all(list(episodes), suspects)
+        # All runs on a dead worker are suspects. Executed alone, a run can only kill its own worker.
         for suspect in suspects:
-            blamed: list[Flight] = []
-            yield from self._fly_all([suspect], blamed)
-            for flight in blamed:
-                yield failed(flight, "crashed", f"its process died, {LIVES} times")
+            blamed: list[Episode] = []
+            yield from self._run_all([suspect], blamed)
+            for episode in blamed:
+                yield failed(episode, "crashed", f"its process died, {LIVES} times")
 
-    def _fly_all(self, flights: list[Flight], suspects: list[Flight]) -> Iterator[Row]:
-        """Yield rows; flights whose workers died become suspects, and so do all that are left where nobody flies any more."""
-        left = {flight.index: flight for flight in flights}
+    def _run_all(self, episodes: list[Episode], suspects: list[Episode]) -> Iterator[Row]:
+        """Yield rows; runs whose workers died become suspects, as do all remaining runs if no worker makes progress."""
+        left = {episode.index: episode for episode in episodes}
         stalls = 0
         while left and stalls < LIVES:
             before = len(left)
-            yield from self._fly_until_stalled(left, suspects)
+            yield from self._run_until_stalled(left, suspects)
             stalls = stalls + 1 if len(left) == before else 0
             if left:
-                self._hire_again()
+                self._restart_workers()
         suspects += left.values()
 
-    def _fly_until_stalled(self, left: dict[int, Flight], suspects: list[Flight]) -> Iterator[Row]:
-        """Take what has flown out of ``left``; end when all has, or when no worker has had any of it for too long."""
+    def _run_until_stalled(self, left: dict[int, Episode], suspects: list[Episode]) -> Iterator[Row]:
+        """Remove finished runs from ``left``; end when none is left, or when no worker has been busy for too long."""
         from distributed import KilledWorker, as_completed
 
-        futures = {self._client.submit(run_one, self._fly, flight, pure=False): index for index, flight in left.items()}
+        futures = {self._client.submit(run_one, self._run_episode, episode, pure=False): index for index, episode in left.items()}
         finished = as_completed(list(futures), loop=self._client.loop)
         busy_s = time.monotonic()
         while futures and time.monotonic() - busy_s < STALLED_S:
             batch = finished.next_batch(block=False)
             for future in batch:
-                flight = left.pop(futures.pop(future))
+                episode = left.pop(futures.pop(future))
                 try:
                     yield future.result()
                 except KilledWorker:
-                    suspects.append(flight)
+                    suspects.append(episode)
                 except CancelledError:
                     raise SettingsError(
                         f"--cluster {self._address}: its scheduler is gone; start it, and go on with --resume"
@@ -152,17 +152,17 @@ class Cluster:
                 busy_s = time.monotonic()
         self._client.cancel(list(futures), force=True)
 
-    def _hire_again(self) -> None:
-        """Bring workers back: a nanny gives up one that dies as it starts, and no other is sent for."""
+    def _restart_workers(self) -> None:
+        """Restart the workers: a nanny gives up on a worker that dies at start, without a replacement."""
         if self._address == LOCAL:
             self._close()
             self._open()
         else:
-            self._must_fly_as_here()
+            self._check_versions()
 
 
-def _must_answer(address: str) -> None:
-    """A client that never connects is noisy and slow to give up; so ask first who is there."""
+def _check_scheduler(address: str) -> None:
+    """Check that a scheduler answers at the address; a client without a scheduler is noisy and slow to give up."""
     from distributed.comm import connect
 
     async def ask() -> object:
@@ -176,10 +176,10 @@ def _must_answer(address: str) -> None:
     try:
         answer = asyncio.run(asyncio.wait_for(ask(), ANSWERS_WITHIN_S))
     except (OSError, ValueError, MemoryError, TimeoutError) as error:
-        # MemoryError: another service's words, read as a length.
+        # MemoryError: the reply of another service, read as a length.
         raise SettingsError(
             f"--cluster {address}: no Dask scheduler answers within {ANSWERS_WITHIN_S:.0f} s ({type(error).__name__}); "
             "start one with dask scheduler, or give --cluster local"
         ) from None
     if not isinstance(answer, dict) or answer.get("type") != "Scheduler":
-        raise SettingsError(f"--cluster {address}: what answers there is no Dask scheduler; give a scheduler's address")
+        raise SettingsError(f"--cluster {address}: the service there is not a Dask scheduler; give a scheduler's address")

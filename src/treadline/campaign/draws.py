@@ -1,7 +1,8 @@
-"""One draw: a key of the scenario and the distribution of its value.
+"""Random variables of a sweep: a scenario key and the distribution of its value.
 
 A bound of ``uniform``, and ``value``, is a number or a multiple of another value: ``{ times = 1.1, of = "stair.tan_slope" }``.
-``when`` limits a draw to runs whose other values are as it says. Order matters: a draw sees those before it.
+``when`` limits a draw to runs in which other values satisfy a condition. Draws are evaluated in order and may refer to
+earlier ones.
 """
 
 from collections.abc import Mapping
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from treadline.campaign.places import DERIVED, LABEL, Tables, check_place, check_value, is_whole, look
+from treadline.campaign.scenario_paths import DERIVED, LABEL, Tables, check_path, check_value, get_value, is_integer
 from treadline.errors import SettingsError
 from treadline.settings import Settings
 
@@ -18,7 +19,7 @@ KINDS = ("uniform", "normal", "choice", "value")
 
 
 class Normal(Settings):
-    """A normal distribution cut off at ``low`` and ``high``."""
+    """Normal distribution truncated to ``low`` and ``high``."""
 
     mean: float
     sigma: Annotated[float, Field(gt=0.0)]
@@ -27,7 +28,7 @@ class Normal(Settings):
 
 
 class Draw(Settings):
-    """A key and how its value is drawn: one of ``uniform``, ``normal``, ``choice`` (with ``weights``) and ``value``."""
+    """Scenario key and its distribution: one of ``uniform``, ``normal``, ``choice`` (with ``weights``) and ``value``."""
 
     key: str
     uniform: Any = None
@@ -39,15 +40,15 @@ class Draw(Settings):
 
     @property
     def is_chance(self) -> bool:
-        """Say whether it takes a coordinate of the unit cube."""
+        """Whether the draw uses a coordinate of the unit cube."""
         return self.value is None
 
     def applies(self, tables: Tables) -> bool:
-        """Say whether this run draws it."""
-        return all(_holds(condition, look(tables, key)) for key, condition in (self.when or {}).items())
+        """Whether the draw's condition holds in this run."""
+        return all(_holds(condition, get_value(tables, key)) for key, condition in (self.when or {}).items())
 
     def at(self, share: float, tables: Tables, where: str) -> Any:
-        """Return the value at a share from 0 to 1 of the distribution."""
+        """Return the quantile at ``share`` (0 to 1) of the distribution."""
         if self.choice is not None:
             edges = np.cumsum(self.weights or np.ones(len(self.choice)))
             return self.choice[min(int(np.searchsorted(edges / edges[-1], share, side="right")), len(self.choice) - 1)]
@@ -57,18 +58,18 @@ class Draw(Settings):
             return _bound(self.value, tables)
         low, high = (_bound(bound, tables) for bound in self.uniform)
         if low > high:
-            raise SettingsError(f"{where}: uniform from {low:.4g} to {high:.4g} is no range; put the smaller bound first")
-        if is_whole(self.key):
+            raise SettingsError(f"{where}: uniform from {low:.4g} to {high:.4g} is empty; put the smaller bound first")
+        if is_integer(self.key):
             return int(low) + min(int(share * (high - low + 1)), int(high - low))
         return min(low + share * (high - low), high)
 
 
 def check_draw(draw: Draw, where: str) -> None:
-    """Raise SettingsError unless the draw can be carried out and its values are ones that the scenario allows."""
-    check_place(draw.key, where)
+    """Raise SettingsError unless the draw is well formed and its values are allowed in a scenario."""
+    check_path(draw.key, where)
     given = [kind for kind in KINDS if getattr(draw, kind) is not None]
     if len(given) != 1:
-        has = f"has {' and '.join(given)}" if given else "says not how it is drawn"
+        has = f"has {' and '.join(given)}" if given else "has no distribution"
         raise SettingsError(f"{where}: {has}; give one of {', '.join(KINDS)}")
     if draw.uniform is not None:
         if not isinstance(draw.uniform, tuple) or len(draw.uniform) != 2:
@@ -82,14 +83,14 @@ def check_draw(draw: Draw, where: str) -> None:
     if isinstance(draw.value, Mapping):
         _check_bound(draw.value, where)
     if draw.weights is not None and (draw.choice is None or len(draw.weights) != len(draw.choice) or not sum(draw.weights)):
-        raise SettingsError(f"{where}: weights must be as many as the values of choice, and one of them above 0")
+        raise SettingsError(f"{where}: weights must be as many as the values of choice, and at least one above 0")
     _check_when(draw.when, where)
     for value in _extremes(draw):
         check_value(draw.key, value, where)
 
 
 def _extremes(draw: Draw) -> list[object]:
-    """Return the values that stand in the file and that a run may take."""
+    """Return the extreme values stated in the file."""
     if draw.normal is not None:
         return [draw.normal.low, draw.normal.high]
     stated = draw.uniform or draw.choice or (draw.value,)
@@ -108,13 +109,13 @@ def _check_bound(bound: object, where: str) -> None:
     if not isinstance(bound, Mapping) or set(bound) != {"times", "of"} or type(bound["times"]) not in (int, float):
         raise SettingsError(f'{where}: a bound must be a number, or {{ times = 1.1, of = "stair.tan_slope" }} (got {bound!r})')
     if bound["of"] not in DERIVED:
-        check_place(str(bound["of"]), where)
-    if not isinstance(look({}, str(bound["of"])), int | float):
-        raise SettingsError(f"{where}: of = {bound['of']!r} is no number of a scenario, so it has no multiple")
+        check_path(str(bound["of"]), where)
+    if not isinstance(get_value({}, str(bound["of"])), int | float):
+        raise SettingsError(f"{where}: of = {bound['of']!r} is not a number in a scenario and has no multiple")
 
 
 def _bound(bound: Any, tables: Tables) -> Any:
-    return bound["times"] * look(tables, bound["of"]) if _is_multiple(bound) else bound
+    return bound["times"] * get_value(tables, bound["of"]) if _is_multiple(bound) else bound
 
 
 def _check_when(when: object, where: str) -> None:
@@ -124,11 +125,11 @@ def _check_when(when: object, where: str) -> None:
         raise SettingsError(f'{where}: when must be a table, {{ "drive.direction" = "down" }} (got {when!r})')
     for key, condition in when.items():
         if key not in DERIVED:
-            check_place(key, f"{where}: when")
+            check_path(key, f"{where}: when")
         if isinstance(condition, Mapping) and not (condition and set(condition) <= {"above", "at_most"}):
             raise SettingsError(f"{where}: when {key}: give a value, a list of values, or above and at_most (got {condition!r})")
-        if isinstance(condition, Mapping) and (key == LABEL or not isinstance(look({}, key), int | float)):
-            raise SettingsError(f"{where}: when {key}: above and at_most need a number; this is none")
+        if isinstance(condition, Mapping) and (key == LABEL or not isinstance(get_value({}, key), int | float)):
+            raise SettingsError(f"{where}: when {key}: above and at_most need a numeric key")
 
 
 def _holds(condition: Any, value: Any) -> bool:

@@ -1,33 +1,45 @@
-"""What is done, kept whatever happens: one JSON line per finished run, on disk before the next is counted.
+"""Journal of a sweep: one JSON line per finished run, synchronised to disk before the run counts as done.
 
-The first line says which sweep it is; another may not be added to it. A last line cut short by a kill is dropped.
+The first line identifies the sweep; runs of another sweep are rejected. Each line carries a checksum; journals of earlier
+versions without checksums remain readable. An incomplete last line, left by a kill, is dropped.
 """
 
 import errno
 import json
 import os
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
 from treadline.campaign.run import Row
-from treadline.errors import SettingsError, TreadlineError
+from treadline.errors import LogFormatError, SettingsError, TreadlineError
 
 NAME = "journal.jsonl"
+REQUIRED = ("index", "seed", "verdict", "cause")
+"""Keys of every run in a journal."""
+CHECKSUM = b', "crc32": "'
+"""Text in front of a line's checksum, which is the last value of its object."""
 
 NOT_OURS = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR)
-"""Errors of a folder that nobody may write to, however much room there is."""
+"""Errors of a folder without write permission, independent of free space."""
 
 
 class Journal:
-    """The journal of a folder, open for more."""
+    """Journal of a folder, open for appending."""
 
     def __init__(self, folder: Path, sweep: Mapping[str, Any], *, resume: bool) -> None:
-        """Open it.
+        """Open or create the journal.
+
+        Args:
+            folder: Folder of the sweep.
+            sweep: Identity of the sweep.
+            resume: Whether to continue an existing journal.
 
         Raises:
-            SettingsError: If there is one and ``resume`` is not asked for, or it is another sweep's, or broken.
+            SettingsError: If a journal exists and ``resume`` is false, or the journal belongs to another sweep.
+            LogFormatError: If a line of the journal is damaged.
         """
         self._path = folder / NAME
         self._sweep = sweep
@@ -41,7 +53,7 @@ class Journal:
         except OSError as error:
             raise self._unwritable(error) from None
         try:
-            self._lock()  # before it is read: what another sweep adds until it ends is kept
+            self._lock()  # before reading, so that lines appended by another process until it ends are included
             kept = self._read(sweep) if there else 0
             self._file.truncate(kept)
             if not kept:
@@ -57,23 +69,23 @@ class Journal:
         self._file.close()
 
     def add(self, row: Row) -> None:
-        """Keep a finished run.
+        """Append a finished run.
 
         Raises:
-            TreadlineError: If the disk takes no more; what was kept before stays readable.
+            TreadlineError: If the file cannot be written, for example on a full disk; earlier lines stay readable.
         """
         self._append(row)
         self.rows[row["index"]] = row
 
-    def look_again(self) -> None:
-        """Take what is on disk for what is done: Ctrl-C may have fallen between a line and the note of it."""
+    def reload(self) -> None:
+        """Read the rows from disk again: an interrupt may have come between the write and the update of ``rows``."""
         self._read(self._sweep)
 
     def _append(self, value: Mapping[str, Any]) -> None:
-        line = json.dumps(value, allow_nan=False).encode() + b"\n"
+        line = sealed(json.dumps(value, allow_nan=False).encode()) + b"\n"
         whole = os.fstat(self._file.fileno()).st_size
         try:
-            # A disk may fill in the middle of a line: an unbuffered write says how much it took, and the next one why.
+            # A disk may fill up within a line: an unbuffered write returns the bytes written, and the next write the error.
             written = self._file.write(line)
             while written < len(line):
                 written += self._file.write(line[written:])
@@ -83,24 +95,39 @@ class Journal:
             raise self._unwritable(error) from None
 
     def _read(self, sweep: Mapping[str, Any]) -> int:
-        """Read what is kept; return its length in bytes, a line cut short left out."""
+        """Read the rows; return the length in bytes without an incomplete last line."""
         data = self._path.read_bytes()
         whole = data.rfind(b"\n") + 1
-        lines = data[:whole].splitlines()
-        for number, line in enumerate(lines, 1):
-            try:
-                value = json.loads(line)
-            except ValueError:
-                value = None
-            if not isinstance(value, dict) or (number > 1 and not isinstance(value.get("index"), int)):
-                raise SettingsError(f"{self._path}:{number}: no line of a sweep's journal; give another --out")
-            if number > 1:
-                self.rows[value["index"]] = value
+        has_checksums = False
+        for number, line in enumerate(data[:whole].splitlines(), 1):
+            value = self._value(number, line, has_checksums=has_checksums)
+            if number == 1:
+                has_checksums = CHECKSUM in line
+                self._check_identity(sweep, value)
             else:
-                self._must_be(sweep, value)
+                self.rows[value["index"]] = value
         return whole
 
-    def _must_be(self, sweep: Mapping[str, Any], there: Mapping[str, Any]) -> None:
+    def _value(self, number: int, line: bytes, *, has_checksums: bool) -> dict[str, Any]:
+        where = f"{self._path}:{number}"
+        content, found, checksum = line.rpartition(CHECKSUM)
+        if has_checksums and not found:
+            raise LogFormatError(f"{where}: the line has no checksum; remove the line to run it again, or give another --out")
+        if found and checksum != _crc(content + b"}") + b'"}':
+            raise LogFormatError(f"{where}: the checksum does not match; remove the line to run it again, or give another --out")
+        try:
+            value = json.loads(content + b"}" if found else line)
+        except ValueError:
+            value = None
+        if not isinstance(value, dict):
+            raise LogFormatError(f"{where}: not a line of a sweep's journal; give another --out")
+        if number > 1 and (missing := [key for key in REQUIRED if key not in value]):
+            raise LogFormatError(f"{where}: the run has no '{missing[0]}'; remove the line to run it again, or give another --out")
+        if number > 1 and type(value["index"]) is not int:
+            raise LogFormatError(f"{where}: index is {value['index']!r}; remove the line to run it again, or give another --out")
+        return value
+
+    def _check_identity(self, sweep: Mapping[str, Any], there: Mapping[str, Any]) -> None:
         for name, value in sweep.items():
             if there.get(name) != value:
                 raise SettingsError(
@@ -109,7 +136,7 @@ class Journal:
                 )
 
     def _lock(self) -> None:
-        """Two sweeps must not write one journal; where the system has no such locks, nothing tells."""
+        """Lock the journal against a second process, on systems with file locks."""
         try:
             import fcntl
         except ImportError:
@@ -124,3 +151,12 @@ class Journal:
         return TreadlineError(
             f"{self._path}: cannot be written: {error.strerror or error}; {len(self.rows)} runs are kept there: {remedy}"
         )
+
+
+def sealed(line: bytes) -> bytes:
+    """Return a JSON object with the CRC-32 of its text as last value."""
+    return line[:-1] + CHECKSUM + _crc(line) + b'"}'
+
+
+def _crc(line: bytes) -> bytes:
+    return f"{zlib.crc32(line):08x}".encode()

@@ -1,4 +1,4 @@
-"""The campaign's page: one HTML file that needs nothing else."""
+"""Report page of a campaign: one self-contained HTML file."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,23 +13,30 @@ from treadline.report.channels import channel, suffix
 from treadline.report.run_scores import WORDS, score_name
 
 TEMPLATES = (Path(__file__).parent / "templates", Path(__file__).parents[1] / "report" / "templates")
-"""Ours, and the base page of all reports."""
-COLOURS = {"arrived": "#009e73", "held": "#e69f00", "refused": "#56b4e9", "time_up": "#999999", "fell": "#e4002b"}
+"""Template folders of the campaign and of the report base page."""
+COLOURS = {
+    "arrived": "#009e73",
+    "held": "#e69f00",
+    "refused": "#56b4e9",
+    "end_of_flight": "#0072b2",
+    "time_up": "#999999",
+    "fell": "#e4002b",
+}
 OTHER = "#8a4fa0"
 WIDTH, HEIGHT = 640.0, 320.0
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 48.0
-"""Margins of the chart: ticks and titles of the axes."""
+"""Margins of the chart for ticks and axis titles [px]."""
 DOT, FELL_DOT = 3.0, 6.0
-"""Radii: a fall is what is looked for, and is drawn last."""
+"""Radii of the dots [px]; falls are larger and drawn last."""
 TICKS_MOST = 7
 FIRST_CHOICE = "stair.slope_deg"
-"""Goes across wherever it varies: what most decides whether a chair arrives."""
+"""Preferred key of the horizontal axis: the slope has the strongest effect on the verdict."""
 
 
 def write_page(
     folder: Path, summary: Mapping[str, Any], times: Mapping[str, Any], rows: Sequence[Row], drawn: Sequence[str]
 ) -> Path:
-    """Write ``report.html`` of a campaign; ``drawn`` names the columns that are no scores."""
+    """Write ``report.html`` of a campaign; ``drawn`` names the columns that are not scores."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
@@ -47,7 +54,7 @@ def write_page(
 
 
 def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, Any] | None:
-    """Return where each run's dot stands, something drawn across and score up; None where nothing drawn varies."""
+    """Return the scatter chart of the score over a drawn key; None if no drawn number varies."""
     scored = [row for row in rows if _is_number(row.get(score))]
     key = next((key for key in (FIRST_CHOICE, *drawn) if len(set(_numbers(scored, key))) > 1), None)
     if key is None:
@@ -80,7 +87,7 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Axis:
-    """A span with room around what it shows, and round numbers along it."""
+    """Axis range with a margin, and round tick values."""
 
     low: float
     high: float
@@ -103,7 +110,7 @@ class _Axis:
 
 
 def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of the table of scores: a name for people, and no root mean square where it means nothing."""
+    """Return a row of the score table, with display name and without RMS where it has no meaning."""
     words = ("rms", "p5", "median", "p95", "worst")
     figures = ["–" if word == "rms" and not has_rms(name) else f"{score[word]:.3g}" for word in words]
     return {"name": score_name(name), "key": name, "unit": _unit(name), "figures": figures} | {
@@ -120,7 +127,7 @@ def _is_number(value: object) -> bool:
 
 
 def _unit(key: str) -> str:
-    """Return the unit that a key's name ends in; a list's items have the list's."""
+    """Return the unit from the suffix of a key; list items have the unit of the list."""
     word = WORDS.get(key)
     return (channel(key.rstrip(".0123456789")).unit or "") if word is None else word.unit
 

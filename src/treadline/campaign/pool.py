@@ -1,7 +1,7 @@
-"""Runs on processes of this machine. A process that dies is replaced, and its run is done again: once.
+"""Execution of runs on processes of this machine. A process that dies is replaced and its run repeated once.
 
-The standard library's pool gives up all its runs when one process dies and does not say whose fault it was; here each
-process has its own pipe, so the run that killed it is known.
+The standard library's pool abandons all runs when one process dies and does not report the run; here each process has its
+own pipe, so the run that killed it is known.
 """
 
 import os
@@ -16,27 +16,27 @@ from multiprocessing.context import SpawnProcess
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
-from treadline.campaign.run import Flight, Fly, Row, failed, run_one
+from treadline.campaign.run import Episode, EpisodeRunner, Row, failed, run_one
 from treadline.processes import end_with_parent
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
-"""Read by libraries as they are loaded: the same sums in the same order, and no fight for cores."""
+"""Environment variables that limit numerical libraries to one thread: reproducible sums, no competition for cores."""
 LIVES = 2
-"""Processes that a run may cost before it is given up."""
+"""Number of processes a run may kill before it is given up."""
 
 
 @runtime_checkable
 class Runners(Protocol):
-    """Whatever flies: processes here, or a cluster."""
+    """Executor of runs: processes on this machine, or a cluster."""
 
     def __enter__(self) -> "Runners":
         """Start."""
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """End, at once and whatever is still in the air."""
+        """Stop immediately, including runs in progress."""
 
-    def results(self, flights: Iterable[Flight]) -> Iterator[Row]:
-        """Yield a row for each flight, as each ends."""
+    def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
+        """Yield the row of each episode as it ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +46,13 @@ class _Worker:
 
 
 class Pool:
-    """So many processes, each with one run at a time."""
+    """Fixed number of processes, each with one run at a time."""
 
-    def __init__(self, fly: Fly, workers: int) -> None:
-        self._fly = fly
+    def __init__(self, run_episode: EpisodeRunner, workers: int) -> None:
+        self._run_episode = run_episode
         self._count = workers
         self._workers: list[_Worker] = []
-        self._air: dict[_Worker, Flight] = {}
+        self._running: dict[_Worker, Episode] = {}
 
     def __enter__(self) -> "Pool":
         return self
@@ -61,39 +61,39 @@ class Pool:
         for worker in self._workers:
             worker.process.kill()
         while self._workers:
-            self._bury(self._workers[0])
+            self._reap(self._workers[0])
 
-    def results(self, flights: Iterable[Flight]) -> Iterator[Row]:
-        """Yield a row for each flight, as each ends."""
-        waiting, deaths = deque(flights), Counter[int]()
-        while waiting or self._air:
-            self._hand_out(waiting)
-            ready = wait([worker.pipe for worker in self._air])
-            for worker in [worker for worker in self._air if worker.pipe in ready]:
-                flight = self._air.pop(worker)
+    def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
+        """Yield the row of each episode as it ends."""
+        waiting, deaths = deque(episodes), Counter[int]()
+        while waiting or self._running:
+            self._dispatch(waiting)
+            ready = wait([worker.pipe for worker in self._running])
+            for worker in [worker for worker in self._running if worker.pipe in ready]:
+                episode = self._running.pop(worker)
                 try:
                     row: Row = worker.pipe.recv()
                 except (EOFError, OSError):
-                    # A pipe that ends without a row: its process is dead.
-                    cause = self._bury(worker)
-                    deaths[flight.index] += 1
-                    if deaths[flight.index] < LIVES:
-                        waiting.appendleft(flight)
+                    # End of file without a row: the process is dead.
+                    cause = self._reap(worker)
+                    deaths[episode.index] += 1
+                    if deaths[episode.index] < LIVES:
+                        waiting.appendleft(episode)
                         continue
-                    row = failed(flight, "crashed", f"its process {cause}, {LIVES} times")
+                    row = failed(episode, "crashed", f"its process {cause}, {LIVES} times")
                 yield row
 
-    def _hand_out(self, waiting: deque[Flight]) -> None:
-        while waiting and len(self._air) < self._count:
-            worker = next((worker for worker in self._workers if worker not in self._air), None) or self._hire()
-            self._air[worker] = waiting.popleft()
-            with suppress(OSError):  # it died idle: its pipe has ended, which is seen where results are waited for
-                worker.pipe.send(self._air[worker])
+    def _dispatch(self, waiting: deque[Episode]) -> None:
+        while waiting and len(self._running) < self._count:
+            worker = next((worker for worker in self._workers if worker not in self._running), None) or self._start()
+            self._running[worker] = waiting.popleft()
+            with suppress(OSError):  # the process died idle; the closed pipe is handled where results are received
+                worker.pipe.send(self._running[worker])
 
-    def _hire(self) -> _Worker:
-        context = get_context("spawn")  # a fork would copy the locks of BLAS and OpenCV in whatever state they are
+    def _start(self) -> _Worker:
+        context = get_context("spawn")  # a fork would copy the locks of BLAS and OpenCV in an undefined state
         pipe, theirs = context.Pipe()
-        process = context.Process(target=_work, args=(self._fly, theirs), daemon=True)
+        process = context.Process(target=_work, args=(self._run_episode, theirs), daemon=True)
         with not_for_children(signal.SIGINT), _environment(dict.fromkeys(ONE_THREAD, "1")):
             process.start()
         theirs.close()
@@ -101,21 +101,21 @@ class Pool:
         self._workers.append(worker)
         return worker
 
-    def _bury(self, worker: _Worker) -> str:
-        """Return how a process ended."""
+    def _reap(self, worker: _Worker) -> str:
+        """Remove a process; return how it ended."""
         worker.process.join()
         worker.pipe.close()
         self._workers.remove(worker)
-        self._air.pop(worker, None)
+        self._running.pop(worker, None)
         code = worker.process.exitcode or 0
         return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
 @contextmanager
 def not_for_children(number: signal.Signals) -> Iterator[None]:
-    """Keep a signal from the processes started meanwhile.
+    """Block a signal in processes started within the context.
 
-    Ctrl-C goes to all of a terminal's processes; the parent alone answers. What is blocked here stays so in a child.
+    Ctrl-C is sent to all processes of a terminal; only the parent handles it. A blocked signal stays blocked in a child.
     """
     resource_tracker.ensure_running()  # started with the first process, it would unblock Ctrl-C
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
@@ -127,7 +127,7 @@ def not_for_children(number: signal.Signals) -> Iterator[None]:
 
 @contextmanager
 def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
-    """Set variables for the processes that are started meanwhile."""
+    """Set environment variables for processes started within the context."""
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
     try:
@@ -140,11 +140,11 @@ def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _work(fly: Fly, pipe: Connection) -> None:
+def _work(run_episode: EpisodeRunner, pipe: Connection) -> None:
     end_with_parent()
     while True:
         try:
-            flight = pipe.recv()
+            episode = pipe.recv()
         except EOFError:
             return
-        pipe.send(run_one(fly, flight))
+        pipe.send(run_one(run_episode, episode))

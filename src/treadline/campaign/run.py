@@ -1,4 +1,4 @@
-"""One run of a campaign: a scenario and a seed in, a row of the results out, whatever happens on the way."""
+"""Execution of one run: a scenario and a seed in, a row of results out, also for a failed run."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -11,47 +11,48 @@ from treadline.errors import SimulationDiverged
 from treadline.io.plain import plain
 from treadline.scenario import Scenario
 
-Fly = Callable[[Scenario, int, float], Mapping[str, Any]]
-"""Runs a scenario with a seed, watches a held chair for some seconds, and returns verdict and scores.
+EpisodeRunner = Callable[[Scenario, int, float], Mapping[str, Any]]
+"""Function that runs a scenario with a seed, observes a held chair for some seconds, and returns verdict and scores.
 
-It must be importable by name: workers look it up.
+The function must be importable by name, because worker processes import it.
 """
 Row = dict[str, Any]
-"""A run's results as JSON values: ``index``, ``seed``, ``verdict``, ``cause``, what was drawn, scores."""
+"""Results of a run as JSON values: ``index``, ``seed``, ``verdict``, ``cause``, drawn values, scores."""
 
 WATCHED_S, WATCHED_LONG_S = 3.0, 60.0
-"""Time for which a held chair is watched: what a hold ends in is part of the verdict. The longer one is that of pass rule H."""
+"""Time for which a held chair is observed [s], because the outcome of a hold is part of the verdict; the longer is for pass
+rule H."""
 LONG_EVERY = 10
-"""One run in so many is watched for the longer time, by its index."""
+"""Interval of run indices with the longer observation time."""
 
 TIMES = ("cpu_s", "real_time_factor")
-"""What differs from run to run of the same thing, and so is kept apart from the results."""
+"""Columns that vary between repetitions of a run and are stored separately from the results."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
-    """One run to be done."""
+class Episode:
+    """One run to be executed."""
 
     index: int
     seed: int
     scenario: Scenario
     values: dict[str, Any]
-    """What was drawn."""
+    """Drawn values by key."""
 
     @property
     def watched_s(self) -> float:
-        """Time for which the chair is watched if it holds."""
+        """Time for which a held chair is observed [s]."""
         return WATCHED_LONG_S if self.index % LONG_EVERY == 0 else WATCHED_S
 
 
-def run_one(fly: Fly, flight: Flight) -> Row:
-    """Return the row of a run; a run that fails in an unforeseen way is a row too, with the error as its cause.
+def run_one(run_episode: EpisodeRunner, episode: Episode) -> Row:
+    """Return the row of a run; an unexpected error gives a row with the error as cause.
 
-    A thousand runs must not be lost to one: this is the one place where every exception is caught.
+    One failing run must not end a campaign of a thousand, so every exception is caught here and nowhere else.
     """
     started = time.process_time()
     try:
-        result = dict(fly(flight.scenario, flight.seed, flight.watched_s))
+        result = dict(run_episode(episode.scenario, episode.seed, episode.watched_s))
     except SimulationDiverged as error:
         result = {"verdict": "diverged", "cause": str(error)}
     except Exception as error:  # noqa: BLE001 - see above
@@ -59,10 +60,10 @@ def run_one(fly: Fly, flight: Flight) -> Row:
         place = f"{Path(where.filename).name}:{where.lineno}"
         result = {"verdict": "error", "cause": f"{type(error).__name__}: {error} ({place})"}
     result["cpu_s"] = time.process_time() - started
-    return failed(flight, "error", "no verdict") | plain(result) | {"seed": flight.seed}
+    return failed(episode, "error", "no verdict") | plain(result) | {"seed": episode.seed}
 
 
-def failed(flight: Flight, verdict: str, cause: str) -> Row:
-    """Return the row of a run that has no scores."""
-    values: Row = plain(flight.values)
-    return {"index": flight.index, "seed": flight.seed, "verdict": verdict, "cause": cause, **values}
+def failed(episode: Episode, verdict: str, cause: str) -> Row:
+    """Return the row of a run without scores."""
+    values: Row = plain(episode.values)
+    return {"index": episode.index, "seed": episode.seed, "verdict": verdict, "cause": cause, **values}

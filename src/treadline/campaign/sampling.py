@@ -1,4 +1,4 @@
-"""Where in the unit cube run k lies: a function of seed and k alone, however many runs there are and whoever flies them."""
+"""Sampling of the unit cube: the point of run k depends only on seed and k, not on the number of runs or the executor."""
 
 from typing import Literal
 
@@ -11,7 +11,7 @@ Sampling = Literal["random", "sobol"]
 def points(sampling: Sampling, dimension: int, seed: int, count: int) -> Float[np.ndarray, "count dimension"]:
     """Return the first ``count`` points; a longer list begins with a shorter one.
 
-    Sobol's points are scrambled (Owen) with the seed: each is uniform alone, together they leave no gaps.
+    Sobol points are scrambled (Owen) with the seed: each is uniform alone, together they have low discrepancy.
     """
     if sampling == "sobol" and dimension:
         from scipy.stats.qmc import Sobol
@@ -23,5 +23,5 @@ def points(sampling: Sampling, dimension: int, seed: int, count: int) -> Float[n
 
 
 def run_seed(seed: int, index: int) -> int:
-    """Return the seed of all that chance does within run ``index``."""
+    """Return the random seed of run ``index``."""
     return int(np.random.SeedSequence([seed, index, 1]).generate_state(1)[0])

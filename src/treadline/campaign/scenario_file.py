@@ -1,4 +1,4 @@
-"""A scenario as the file that says it, so that a drawn run can be flown again by itself."""
+"""Scenario as TOML text, so that a drawn run can be repeated on its own."""
 
 import json
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ from treadline.scenario import Scenario
 
 
 def scenario_toml(scenario: Scenario, note: str) -> str:
-    """Return the text of a scenario file, each key written out; it reads back as the same scenario, to the last bit."""
+    """Return the text of a scenario file with every key; it reads back as the identical scenario."""
     lines = [f"# {note}"]
     for table, value in scenario.model_dump(exclude_none=True).items():
         tables = value if isinstance(value, tuple) else (value,)
@@ -19,5 +19,5 @@ def scenario_toml(scenario: Scenario, note: str) -> str:
 
 
 def _keys(table: Mapping[str, Any]) -> list[str]:
-    # JSON writes text, numbers, true and false as TOML does: numbers by repr, which loses nothing.
+    # JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss.
     return [f"{key} = {json.dumps(value)}" for key, value in table.items()]

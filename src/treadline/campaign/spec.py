@@ -1,6 +1,6 @@
-"""What a sweep's file says: a base scenario, and draws that change it.
+"""Sweep file: a base scenario, and draws that change it.
 
-A sweep file is a scenario file with ``[[draw]]`` tables. Slope and rise may both be drawn: the run then follows.
+A sweep file is a scenario file with ``[[draw]]`` tables. If slope and rise are both drawn, the run follows from them.
 """
 
 import copy
@@ -16,14 +16,14 @@ import numpy as np
 
 from treadline.angles import DEG
 from treadline.campaign.draws import Draw, check_draw
-from treadline.campaign.places import LABEL, LISTS, Tables, look, put
+from treadline.campaign.scenario_paths import LABEL, LISTS, Tables, get_value, set_value
 from treadline.errors import SettingsError
 from treadline.io.plain import plain
 from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
 from treadline.settings import Settings, parse_toml, settings_of
 
 CORNERS = 256
-"""Corners of the ranges that are tried as the file is read."""
+"""Number of corners of the ranges checked when the file is read."""
 SHAPE = ("stair.slope_deg", "stair.rise_m", "stair.run_m")
 
 
@@ -33,16 +33,16 @@ class _Draws(Settings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawn:
-    """One run's scenario, and the values that make it this one."""
+    """Scenario of one run, and the values that define it."""
 
     scenario: Scenario
     values: dict[str, Any]
-    """By key, in the file's order: a row of the results."""
+    """Drawn values by key, in the order of the file; part of the results."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spec:
-    """A sweep's file, checked."""
+    """Validated sweep file."""
 
     path: Path
     base: Tables
@@ -50,27 +50,27 @@ class Spec:
 
     @property
     def dimension(self) -> int:
-        """Number of values that chance decides: coordinates of the unit cube."""
+        """Number of random variables: coordinates of the unit cube."""
         return sum(draw.is_chance for draw in self.draws)
 
     @property
     def digest(self) -> str:
-        """Fingerprint of what the file says; comments and layout do not count."""
+        """Hash of the file's content without comments and layout."""
         says = {"base": self.base, "draws": [draw.model_dump() for draw in self.draws]}
         return hashlib.sha256(json.dumps(plain(says), sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def at(self, point: Sequence[float], name: str) -> Drawn:
-        """Return the scenario at a point of the unit cube; ``name`` names it in a message.
+        """Return the scenario at a point of the unit cube; ``name`` identifies the run in messages.
 
         Raises:
-            SettingsError: If a scenario must not be so.
+            SettingsError: If the scenario is not allowed.
         """
         shares, tables = iter(point), copy.deepcopy(self.base)
         for number, draw in enumerate(self.draws, 1):
-            # A draw that does not apply uses its coordinate up: what comes after it stays where it is.
+            # An inactive draw still consumes its coordinate, so that later draws keep theirs.
             share = next(shares) if draw.is_chance else 0.0
             if draw.applies(tables):
-                put(tables, draw.key, draw.at(share, tables, f"{self.path}: draw {number} ({draw.key}): {name}"))
+                set_value(tables, draw.key, draw.at(share, tables, f"{self.path}: draw {number} ({draw.key}): {name}"))
         return self._whole(tables, name)
 
     def _whole(self, tables: Tables, name: str) -> Drawn:
@@ -78,32 +78,32 @@ class Spec:
         stair = tables.get("stair", {})
         if "slope_deg" in stair and "rise_m" in stair:
             if "run_m" in stair:
-                raise SettingsError(f"{self.path}: stair.slope_deg, rise_m and run_m are all given; any two say the third")
+                raise SettingsError(f"{self.path}: stair.slope_deg, rise_m and run_m are all given; leave one out")
             stair["run_m"] = stair["rise_m"] / math.tan(stair.pop("slope_deg") * DEG)
         scenario = scenario_of(tables, self.path, where=f"{self.path}: {name}")
         whole = scenario.model_dump()
         keys = dict.fromkeys([draw.key for draw in self.draws if draw.key not in (LABEL, *LISTS)])
         keys |= dict.fromkeys(SHAPE)
-        values = {key: look(whole, key) for key in keys}
+        values = {key: get_value(whole, key) for key in keys}
         return Drawn(scenario=scenario, values=({} if label is None else {LABEL: label}) | values)
 
 
 def read_spec(name: str | Path) -> Spec:
-    """Return the sweep in a file, or the shipped one of that name.
+    """Return the sweep in a file, or the shipped sweep of that name.
 
     Raises:
-        SettingsError: If there is none, or it says something it must not; one line with file, key and value.
+        SettingsError: If there is none, or its content is not allowed; one line with file, key and value.
     """
     path, shipped = Path(name), {found.stem: found for found in SHIPPED.glob("*.toml") if is_sweep(found)}
     if not path.is_file() and str(name) in shipped:
         path = shipped[str(name)]
     elif not path.exists() and str(name) in shipped_scenarios():
-        raise SettingsError(f"{name}: a shipped scenario, which draws nothing; fly it once with treadline climb {name}")
+        raise SettingsError(f"{name}: a shipped scenario without draws; run it once with treadline climb {name}")
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         raise SettingsError(f"{name}: no such file, and no shipped sweep of that name (shipped: {', '.join(sorted(shipped))})")
     tables = parse_toml(path)
     if "draw" not in tables:
-        raise SettingsError(f"{path}: draws nothing; add [[draw]] tables, or fly it once with treadline climb")
+        raise SettingsError(f"{path}: no draws; add [[draw]] tables, or run it once with treadline climb")
     draws = settings_of({"draw": tables.pop("draw")}, _Draws, where=str(path)).draw
     scenario_of(tables, path, where=str(path))
     for number, draw in enumerate(draws, 1):
@@ -114,7 +114,7 @@ def read_spec(name: str | Path) -> Spec:
 
 
 def _try_corners(spec: Spec) -> None:
-    """Ranges that are impossible together show at their ends, before a thousand flights and not after."""
+    """Check the corners of the ranges, so that impossible combinations are reported before any run."""
     rng = np.random.default_rng(0)
     has_ends = np.array([draw.choice is None for draw in spec.draws if draw.is_chance], dtype=bool)
     shape = (CORNERS, spec.dimension)

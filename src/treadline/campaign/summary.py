@@ -1,4 +1,4 @@
-"""What a campaign came to: verdicts with exact bounds, scores, and the runs nearest to harm."""
+"""Summary of a campaign: verdicts with exact bounds, scores, and the worst runs."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,10 +12,10 @@ from treadline.report.channels import channel, suffix
 CONFIDENCE = 0.95
 WORST = 10
 FAILED = ("fell", "diverged", "crashed", "error")
-"""Verdicts that no campaign may have."""
+"""Verdicts that must not occur in a campaign."""
 NOT_SCORES = ("index", "seed", "events")
-WAY = "climbed_m"
-"""Negative on the way down: the shortest way is the worst."""
+DISTANCE = "climbed_m"
+"""Distance score; negative on the way down, and the shortest distance is the worst."""
 SHOWN = (
     "min_stability_margin_deg",
     "max_pitch_rate_deg_s",
@@ -30,16 +30,16 @@ SHOWN = (
     "passenger_lateral_m_s2",
     "duration_s",
 )
-"""Scores of the summary for people, where a run has them; summary.json has all."""
+"""Scores in the printed summary, if present; summary.json has all scores."""
 
 
 def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact two-sided bounds of a share.
+    """Return the exact two-sided confidence bounds of a proportion.
 
-    Clopper and Pearson, 1934: the shares under which ``count`` or more, and ``count`` or fewer, of ``total`` have a
-    probability of half of what is left. It covers at least what it says, also at 0 and at all of them.
+    Clopper and Pearson, 1934: proportions for which ``count`` or more, and ``count`` or fewer, of ``total`` have a probability of
+    half of the complement. The coverage is at least the nominal one, also at 0 and at ``total``.
     """
-    from scipy.special import betaincinv  # the quantile of beta; scipy.stats has it too, and takes a second to import
+    from scipy.special import betaincinv  # quantile of the beta distribution; importing scipy.stats takes a second
 
     tail = 0.5 * (1.0 - confidence)
     low = float(betaincinv(count, total - count + 1, tail)) if count else 0.0
@@ -48,9 +48,15 @@ def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> t
 
 
 def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
-    """Return the summary of flat rows: ``drawn`` names their columns that are no scores, ``choices`` those to count by.
+    """Return the summary of flat rows.
 
-    Scores are those of runs that drove: a refused chair that stands askew on the floor says nothing about heading.
+    Scores include only runs that drove: the heading of a refused chair on the floor has no meaning.
+
+    Args:
+        rows: Flat rows of all runs.
+        drawn: Columns that are not scores.
+        choices: Columns by which verdicts are counted.
+        score: Score that ranks the worst runs.
     """
     verdicts = Counter(row["verdict"] for row in rows)
     return {
@@ -65,28 +71,28 @@ def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str],
 
 
 def worst(rows: Sequence[Row], score: str, count: int = WORST) -> list[Row]:
-    """Return the runs nearest to harm: who fell, who failed, then by the score."""
+    """Return the worst runs: falls, then failures, then by the score."""
     rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1)
     return sorted(rows, key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))[:count]
 
 
 def harm(row: Mapping[str, Any], score: str) -> float:
-    """Return the score as a number whose lowest is the worst; a run without it is harmless."""
+    """Return the score with the sign for which lower is worse; a run without the score is harmless."""
     value = row.get(score)
     if not isinstance(value, int | float):
         return 1e9
-    if score == WAY:
+    if score == DISTANCE:
         return abs(float(value))
-    return float(value) if is_low_bad(score) else -float(value)
+    return float(value) if lower_is_worse(score) else -float(value)
 
 
-def is_low_bad(score: str) -> bool:
-    """Say whether a low score is a bad one: of a margin and of the way made it is, of a rate not."""
-    return score.startswith("min_") or "margin" in score or score == WAY
+def lower_is_worse(score: str) -> bool:
+    """Whether a lower score is worse, as for margins and distances, but not for rates."""
+    return score.startswith("min_") or "margin" in score or score == DISTANCE
 
 
 def lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return the summary for people."""
+    """Return the printed lines of the summary."""
     total = summary["runs"]
     said = [f"{total} runs; shares with {100 * CONFIDENCE:.0f} % bounds:"]
     for name, share in sorted(summary["verdicts"].items(), key=lambda item: -item[1]["count"]):
@@ -102,7 +108,7 @@ def lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def has_rms(score: str) -> bool:
-    """Say whether a root mean square over runs means something: of what is one already, not of a time or a margin."""
+    """Whether an RMS over runs is meaningful: for scores that are RMS values themselves, not for times or margins."""
     return "rms_" in score
 
 
@@ -116,7 +122,7 @@ def _crossed(rows: Sequence[Row], key: str) -> dict[str, dict[str, int]]:
 
 
 def _kind(row: Row) -> str:
-    """Return a cause without its numbers, so that like causes count together."""
+    """Return a cause without its numbers, so that similar causes are counted together."""
     words = [word for word in str(row.get("cause")).split(";")[0].split() if not any(letter.isdigit() for letter in word)]
     return f"{row['verdict']}: {' '.join(words[:8])}"
 
@@ -127,13 +133,13 @@ def _scores(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, dict[str, An
 
 
 def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
-    """Return the figures of a column of numbers, or None if it is none."""
+    """Return the statistics of a numeric column, or None for another column."""
     found = [(float(row[name]), row["index"]) for row in rows if type(row.get(name)) in (int, float)]
     if not found:
         return None
     values = np.array([value for value, _ in found])
-    sizes = np.abs(values) if name == WAY or not is_low_bad(name) else values
-    bad = int(np.argmin(sizes) if is_low_bad(name) else np.argmax(sizes))
+    sizes = np.abs(values) if name == DISTANCE or not lower_is_worse(name) else values
+    bad = int(np.argmin(sizes) if lower_is_worse(name) else np.argmax(sizes))
     return {
         "count": len(found),
         "mean": float(values.mean()),

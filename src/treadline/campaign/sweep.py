@@ -1,10 +1,10 @@
-"""A sweep, whole: draws, flights, journal, tables, summary.
+"""Sweep execution: draws, runs, journal, tables, summary.
 
 ::
 
-    spec.toml, seed ── sampling ──► Flight k ── pool | cluster ──► Row k ──► journal.jsonl ──► runs.csv, summary.json, report.html
+    spec.toml, seed ── sampling ──► Episode k ── pool | cluster ──► Row k ──► journal.jsonl ──► runs.csv, summary.json, report.html
 
-Run k is a function of spec, seed and k alone. So results are the same with one process, four or a cluster, and after a kill.
+Run k depends only on spec, seed and k, so results are identical with one process, four or a cluster, and after a restart.
 """
 
 import json
@@ -20,11 +20,11 @@ from jaxtyping import Float
 
 from treadline.campaign.journal import Journal
 from treadline.campaign.page import write_page
-from treadline.campaign.places import LISTS
 from treadline.campaign.pool import Runners
-from treadline.campaign.run import Flight, Row
+from treadline.campaign.run import Episode, Row
 from treadline.campaign.sampling import Sampling, points, run_seed
 from treadline.campaign.scenario_file import scenario_toml
+from treadline.campaign.scenario_paths import LISTS
 from treadline.campaign.search import budget, generation_size, search
 from treadline.campaign.spec import SHAPE, Spec
 from treadline.campaign.summary import harm, summarise
@@ -40,16 +40,16 @@ MARGIN = "min_stability_margin_deg"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepPlan:
-    """What is to be flown."""
+    """Definition of a sweep: file, number of runs, seed and mode."""
 
     spec: Spec
     runs: int
     seed: int = 0
     sampling: Sampling = "random"
     adversarial: bool = False
-    """Search for the worst score instead of drawing."""
+    """Whether to search for the worst score instead of sampling."""
     score: str = MARGIN
-    """What the worst runs are worst at."""
+    """Score that ranks the worst runs."""
 
     def __post_init__(self) -> None:
         least = generation_size(self.runs) if self.adversarial else 1
@@ -58,26 +58,26 @@ class SweepPlan:
         if self.seed < 0:
             raise SettingsError(f"--seed is {self.seed}; at least 0")
         if self.adversarial and not self.spec.dimension:
-            raise SettingsError(f"{self.spec.path}: chance decides nothing here, so there is nothing to search; draw something")
+            raise SettingsError(f"{self.spec.path}: no random draws, so there is nothing to search; add a draw")
 
     @property
     def total(self) -> int:
-        """Number of runs that will be made."""
+        """Number of runs that will be executed."""
         return budget(self.runs) if self.adversarial else self.runs
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What must be the same for a sweep to be gone on with; more runs may be asked for, but not of a search."""
+        """Identity that must match on resume; the number of runs may grow, except in a search."""
         same = {"spec": self.spec.digest, "seed": self.seed, "sampling": self.sampling}
         return same | ({"search for": self.score, "runs": self.runs} if self.adversarial else {"search for": "nothing"})
 
-    def flight(self, index: int, point: Float[np.ndarray, " dimension"]) -> Flight:
-        """Return run ``index``, at a point of the cube."""
+    def episode(self, index: int, point: Float[np.ndarray, " dimension"]) -> Episode:
+        """Return run ``index`` at a point of the unit cube."""
         drawn = self.spec.at(point.tolist(), f"run {index}")
-        return Flight(index=index, seed=run_seed(self.seed, index), scenario=drawn.scenario, values=drawn.values)
+        return Episode(index=index, seed=run_seed(self.seed, index), scenario=drawn.scenario, values=drawn.values)
 
 
-def fly_sweep(
+def run_sweep(
     plan: SweepPlan,
     folder: Path,
     runners: Runners,
@@ -86,46 +86,46 @@ def fly_sweep(
     begin: Callable[[int], None],
     done: Callable[[Row, int], None],
 ) -> dict[str, Any]:
-    """Fly what is not flown yet; write and return the summary.
+    """Execute the missing runs; write and return the summary.
 
     Args:
-        plan: What is to be flown.
-        folder: Where the results go.
-        runners: Who flies.
-        resume: Go on with the sweep that is there.
-        begin: Hears how many there are to fly.
-        done: Hears each row as it ends, and how many are left.
+        plan: Definition of the sweep.
+        folder: Folder of the results.
+        runners: Executor of the runs.
+        resume: Whether to continue an existing sweep.
+        begin: Called with the number of runs to execute.
+        done: Called with each row as it ends and the number of remaining runs.
     """
     count = generation_size(plan.runs) if plan.adversarial else plan.runs
     cube = points(plan.sampling, plan.spec.dimension, plan.seed, count)
-    first = [plan.flight(index, point) for index, point in enumerate(cube)]  # all are checked before one is flown
-    flown: dict[int, Flight] = {}
+    first = [plan.episode(index, point) for index, point in enumerate(cube)]  # all are validated before the first run
+    started: dict[int, Episode] = {}
     with runners, Journal(folder, plan.identity, resume=resume) as journal:
         _write_what_was_asked(plan, folder)
         begin(_left(plan, journal))
 
-        def fly(flights: Sequence[Flight]) -> None:
-            flown.update((flight.index, flight) for flight in flights)
-            for row in runners.results([flight for flight in flights if flight.index not in journal.rows]):
+        def run_all(episodes: Sequence[Episode]) -> None:
+            started.update((episode.index, episode) for episode in episodes)
+            for row in runners.results([episode for episode in episodes if episode.index not in journal.rows]):
                 journal.add(row)
                 done(row, _left(plan, journal))
 
         try:
             if plan.adversarial:
-                _search(plan, cube, fly, journal)
+                _search(plan, cube, run_all, journal)
             else:
-                fly(first)
+                run_all(first)
         except KeyboardInterrupt:
-            journal.look_again()
+            journal.reload()
             with suppress(SettingsError):
-                write_results(plan, folder, journal.rows, flown)
+                write_results(plan, folder, journal.rows, started)
             raise
-        return write_results(plan, folder, journal.rows, flown)
+        return write_results(plan, folder, journal.rows, started)
 
 
-def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flights: Mapping[int, Flight]) -> dict[str, Any]:
-    """Write tables, scenarios of the worst and of all that did not arrive, summary and page; return the summary."""
-    kept = [rows[index] for index in sorted(rows) if index in flights]
+def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episodes: Mapping[int, Episode]) -> dict[str, Any]:
+    """Write tables, scenarios of the worst runs and of all that did not arrive, summary and page; return the summary."""
+    kept = [rows[index] for index in sorted(rows) if index in episodes]
     files = write_tables(folder, kept)
     drawn = [*dict.fromkeys([draw.key for draw in plan.spec.draws]), *SHAPE]
     choices = dict.fromkeys(draw.key for draw in plan.spec.draws if draw.choice is not None and draw.key not in LISTS)
@@ -133,10 +133,10 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flight
     summary = summarise(flat_rows, drawn, [key for key in choices if "missing" not in key], plan.score)
     wanted = {row["index"] for row in kept if row["verdict"] != "arrived"} | {row["index"] for row in summary["worst"]}
     for old in (folder / "scenarios").glob("*.toml"):
-        old.unlink()  # fewer runs ago it was among the worst
+        old.unlink()  # with fewer runs it was among the worst
     for index in sorted(wanted):
         note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {rows[index]['verdict']}"
-        write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(flights[index].scenario, note))
+        write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(episodes[index].scenario, note))
     for row in summary["worst"]:
         row["replay"] = replay_command(folder, row)
     cpu_s = sum(row.get("cpu_s") or 0.0 for row in kept)
@@ -148,9 +148,9 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], flight
 
 
 def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
-    """Return the command that flies a run again, for a shell."""
+    """Return the shell command that repeats a run."""
     name = f"{row['index']:04d}"
-    scenario, out = folder / "scenarios" / f"{name}.toml", folder / "flown" / name
+    scenario, out = folder / "scenarios" / f"{name}.toml", folder / "reruns" / name
     return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out)])
 
 
@@ -161,15 +161,15 @@ def _left(plan: SweepPlan, journal: Journal) -> int:
 def _search(
     plan: SweepPlan,
     cube: Float[np.ndarray, "count dimension"],
-    fly: Callable[[Sequence[Flight]], None],
+    run_all: Callable[[Sequence[Episode]], None],
     journal: Journal,
 ) -> None:
     found: list[float] = []
 
     def evaluate(generation: Float[np.ndarray, "count dimension"]) -> list[float]:
-        flights = [plan.flight(len(found) + i, point) for i, point in enumerate(generation)]
-        fly(flights)
-        scores = [harm(flat(journal.rows[flight.index]), plan.score) for flight in flights]
+        episodes = [plan.episode(len(found) + i, point) for i, point in enumerate(generation)]
+        run_all(episodes)
+        scores = [harm(flat(journal.rows[episode.index]), plan.score) for episode in episodes]
         found.extend(scores)
         return scores
 
@@ -177,7 +177,7 @@ def _search(
 
 
 def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
-    """Write spec and manifest. More than one commit in it: gone on with by another version, so not all of one kind."""
+    """Write spec and manifest. Several commits in it mean that the sweep was continued with another version."""
     manifest = folder / "manifest.json"
     before = read_json(manifest)["settings"]["commits"] if manifest.exists() else []
     commits = list(dict.fromkeys([*before, git_commit()]))

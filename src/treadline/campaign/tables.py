@@ -1,4 +1,4 @@
-"""Rows as files: ``runs.csv`` always, ``runs.parquet`` where pyarrow is; times apart, for they differ from run to run."""
+"""Result tables: ``runs.csv`` always, ``runs.parquet`` with pyarrow; times separately, because they vary between repetitions."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from treadline.models import write_whole, written_whole
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
-    """Write the results in the order given, and the times beside them; return the files of results."""
+    """Write the results in the given order and the times next to them; return the result files."""
     results = [flat(row) for row in rows]
     _write_csv(folder / "runs.csv", results)
     _write_csv(folder / "times.csv", [{name: row.get(name) for name in ("index", *TIMES)} for row in rows])
@@ -21,7 +21,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
 
 
 def flat(row: Mapping[str, Any], prefix: str = "") -> Row:
-    """Return a row of single values: tables by dotted names, lists of numbers as JSON, events counted, times left out."""
+    """Return a row of single values: tables with dotted names, lists of numbers as JSON, events counted, times left out."""
     values: Row = {}
     for key, value in row.items():
         name = prefix + key
@@ -68,7 +68,7 @@ def _write_parquet(path: Path, rows: Sequence[Row]) -> bool:
 
 
 def _of_one_kind(values: list[Any]) -> list[Any]:
-    """A column of whole and other numbers is one of numbers; any other mixture is one of text."""
+    """Return a column with a single type: mixed numbers become floats, any other mixture strings."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {int, float}:
         return [None if value is None else float(value) for value in values]

@@ -44,8 +44,8 @@ def _keys() -> Answer:
     from pydantic_core import PydanticUndefined
 
     from treadline.faults import EXTENTS
-    from treadline.keys import tables_of
     from treadline.scenario import Scenario, shipped_scenarios
+    from treadline.setting_docs import tables_of
 
     tables = tables_of(Scenario)
     shipped = sorted(shipped_scenarios())

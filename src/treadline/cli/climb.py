@@ -3,6 +3,10 @@
 from pathlib import Path
 
 from treadline.cli.answer import Answer
+from treadline.cli.out import Force, claim
+
+DONE = ("arrived", "end_of_flight", "time_up")
+"""Verdicts with exit code 0."""
 
 
 def climb(
@@ -10,52 +14,47 @@ def climb(
     /,
     *,
     out: Path,
-    controller: Path | None = None,
+    controller: str | None = None,
+    detector: str | None = None,
+    estimator: str | None = None,
     seed: int = 0,
     log_images: bool = False,
+    force: Force = False,
 ) -> Answer:
-    """Climb a flight in the simulator with vision, fusion, LQR, seat levelling and guard.
+    """Simulate one traversal with vision, fusion, LQR, seat levelling and guard.
 
-    What treadline check refuses, and no seat shifted by up to 0.10 m would mend, is not flown: exit code 1, no run folder. With
-    drive.check = false in the scenario the chair finds out by itself.
+    A scenario that fails treadline check, even after shifting the seat by up to 0.10 m, is not run: exit code 1, no run folder.
+    Set drive.check = false in the scenario to run it all the same.
+
+    A controller, detector or estimator of your own is module:Class, path/to/file.py:Class, or the name of an entry point
+    (groups treadline.controllers, treadline.detectors, treadline.estimators); shipped names the shipped block.
 
     Args:
-        scenario: A scenario file, or the name of a shipped one.
-        out: The run folder: log.mcap, series.csv, result.json, manifest.json, flown-controller.json.
-        controller: A file that treadline tune wrote; the shipped one when left out.
-        seed: Of everything that chance decides; the same seed gives the same bytes.
-        log_images: Keep every frame in the log (about 1.7 MB a second at 320×240).
+        scenario: Scenario file, or the name of a shipped scenario.
+        out: Run folder: log.mcap, series.csv, result.json, manifest.json, flown-controller.json.
+        controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
+        detector: Stair detector plug-in. Default: the shipped detector.
+        estimator: Heading estimator plug-in. Default: the shipped Kalman filter.
+        seed: Random seed. The same seed gives byte-identical results.
+        log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.experiments.recorded import recorded_run
-    from treadline.experiments.shipped import shipped_controller
-    from treadline.experiments.traverse import refusals
-    from treadline.mechanics.chair import read_chair
-    from treadline.models import ControllerDesign
-    from treadline.scenario import read_scenario
+    from treadline.setup import resolve
 
+    claim(out, force=force)
     tell_compiling()
-    settings = read_scenario(scenario)
-    chair = read_chair(settings.chair.model)
-    design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)
-    reasons = refusals(settings, design)
-    if reasons:
-        cause = "; ".join(reasons)
+    setup = resolve(scenario, controller, seed, detector=detector, estimator=estimator)
+    if setup.rejections:
+        cause = "; ".join(setup.rejections)
         return Answer(
-            values={"verdict": "refused", "cause": cause, "reasons": reasons, "seed": seed, "events": []},
+            values={"verdict": "refused", "cause": cause, "reasons": list(setup.rejections), "seed": seed, "events": []},
             summary=[f"refused: {cause}"],
             code=1,
         )
-    with SimulatedTime("climb", settings.drive.duration_s) as progress:
-        run = recorded_run(
-            out,
-            settings,
-            controller=design,
-            seed=seed,
-            image_every=1 if log_images else 0,
-            watch=lambda tick: progress.at(tick.t_s),
-        )
+    with SimulatedTime("climb", setup.scenario.drive.duration_s) as progress:
+        run = recorded_run(out, setup, image_every=1 if log_images else 0, watch=lambda tick: progress.at(tick.t_s))
     scores = run.scores
     settled = "did not settle" if scores.settle_s is None else f"settled to ±2° in {scores.settle_s:.1f} s"
     return Answer(
@@ -69,5 +68,5 @@ def climb(
             f"{scores.min_stability_margin_deg:.1f}°, below 7° for {scores.seconds_below_7_deg:.2f} s",
             f"run folder: {out} (treadline report {out} draws it)",
         ],
-        code=0 if run.verdict in ("arrived", "time_up") else 1,
+        code=0 if run.verdict in DONE else 1,
     )

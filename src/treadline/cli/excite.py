@@ -1,11 +1,12 @@
-"""``treadline excite``: random track speeds on the stair."""
+"""``treadline excite``: random belt speeds on the stair."""
 
 from pathlib import Path
 
 from treadline.cli.answer import Answer
+from treadline.cli.out import Force, claim
 
 LONGEST_S = 10.0
-"""Between two samples: the chair climbs two metres in it."""
+"""Longest sampling period [s]: the chair climbs two metres in it."""
 
 
 def excite(
@@ -17,18 +18,19 @@ def excite(
     period: float = 0.25,
     seed: int = 0,
     log_images: bool = False,
+    force: Force = False,
 ) -> Answer:
-    """Drive with random track speeds on the stair and record what the chair does (Section VI.B).
+    """Drive with random belt speeds on the stair and record inputs and outputs for identification (Section VI.B).
 
-    The speeds are not random alone: against the heading a pull is added to the belts' difference, so that the chair stays on the
-    flight. What is recorded is the sum, closed-loop data; how strong the pull is stands in manifest.json, under excitation.
+    A heading feedback is added to the random belt difference, so that the chair stays on the flight. The record holds the sum
+    (closed-loop data); manifest.json holds the feedback gain under excitation.
 
     Args:
-        scenario: A scenario file, or the name of a shipped one; its flight is made long enough.
-        out: The run folder: record.csv and log.mcap.
-        samples: How many input-output samples; at least 57, which treadline identify takes.
+        scenario: Scenario file, or the name of a shipped scenario; its flight is lengthened as needed.
+        out: Run folder: record.csv and log.mcap.
+        samples: Number of input-output samples; at least 57, the minimum of treadline identify.
         period: Time between samples in seconds, a multiple of 0.01.
-        seed: Of everything that chance decides.
+        seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log.
     """
     from treadline.angles import DEG
@@ -41,6 +43,7 @@ def excite(
     from treadline.scenario import read_scenario
     from treadline.signals import TICK_S, on_the_tick
 
+    claim(out, force=force)
     tell_compiling()
     fewest = fewest_samples(len(INPUTS), len(OUTPUTS))
     if samples < fewest:

@@ -1,10 +1,11 @@
-"""``treadline export``: the controller for other places."""
+"""``treadline export``: the controller as C99, as ROS parameters or as JSON."""
 
 from pathlib import Path
 from typing import get_args
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
+from treadline.cli.out import Force, claim
 
 
 def export(
@@ -17,20 +18,21 @@ def export(
     allocation: str = "climb-safe",
     reconstruct: str | None = None,
     speed: float = 0.2,
+    force: Force = False,
 ) -> Answer:
     """Write a controller as C99, as parameters of a ROS node, or as JSON with a log to test a copy with.
 
-    The C code allocates nothing, has no globals and needs no library; with it comes a program that replays a log:
+    The C code allocates no memory, has no globals and needs no library. A self-test program that replays a log is included:
     cc -std=c99 heading_controller.c heading_selftest.c -o heading_selftest && ./heading_selftest
 
     Args:
-        controller: A file that treadline tune wrote.
-        to: c, ros or json.
-        out: The folder for the files.
-        chair: Whose belts' limit holds; the chair the controller was tuned for when left out.
-        allocation: climb-safe, or paper.
-        reconstruct: observer, or static for Eq. (11b); as the controller's file says when left out.
-        speed: Climb speed in m/s: the C code takes it at every step, the others as a setting.
+        controller: Controller file that treadline tune wrote.
+        to: Format: c, ros or json.
+        out: Folder for the files.
+        chair: Chair whose belt speed limit applies. Default: the chair that the controller was tuned for.
+        allocation: Allocation of a turn to the belts: climb-safe, or paper.
+        reconstruct: State reconstruction: observer, or static for Eq. (11b). Default: as in the controller file.
+        speed: Climb speed in m/s: an input of every step in C, a setting in the other formats.
     """
     from treadline.control import ControllerConfig
     from treadline.control.export import Target, exported
@@ -41,6 +43,7 @@ def export(
     target = choice("--to", to, get_args(Target))
     shared = choice("--allocation", allocation, ("climb-safe", "paper"))
     chosen = None if reconstruct is None else choice("--reconstruct", reconstruct, get_args(Reconstruct))
+    claim(out, force=force)
     if not 0.0 < speed <= 0.3:
         raise SettingsError(f"--speed is {speed}; it must be above 0 and at most 0.3 m/s")
     design = ControllerDesign.load(controller)

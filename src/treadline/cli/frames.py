@@ -5,6 +5,7 @@ from typing import Any
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import List, choice
+from treadline.cli.out import Force, claim
 
 
 def frames(
@@ -19,6 +20,7 @@ def frames(
     clutter: str | None = None,
     open_risers: bool = False,
     recipe: Path | None = None,
+    force: Force = False,
 ) -> Answer:
     """Draw frames of stairs, or of places without one, with the truth of each.
 
@@ -49,6 +51,7 @@ def frames(
     from treadline.sim.camera.folder import write_views
     from treadline.sim.camera.recipe import CLUTTER
 
+    claim(out, force=force)
     tell_compiling()
     if not 1 <= count <= 100_000:
         raise SettingsError(f"--count is {count}; it must be from 1 to 100000")

@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice, words
+from treadline.cli.out import Force, claim
 from treadline.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
@@ -37,10 +40,11 @@ def identify(
     update: Path | None = None,
     forgetting: float = 1.0,
     stream: bool | None = None,
-    sums: Path | None = None,
+    gram: Annotated[Path | None, Parameter(name=["--gram", "--sums"])] = None,
     page: Path | None = None,
     no_page: bool = False,
     out: Path = Path("model.json"),
+    force: Force = False,
 ) -> Answer:
     """Fit x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] to recorded runs.
 
@@ -66,10 +70,10 @@ def identify(
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation.
         validate_on: Another log to validate on.
-        update: Sums of earlier data (--sums) to go on from.
+        update: Gram matrix of earlier data (--gram) to continue from.
         forgetting: Factor on the weight of earlier data for each new sample, for example 0.999; 1 forgets nothing.
         stream: Read CSV or Parquet in chunks, in bounded memory; by itself above 256 MB.
-        sums: Where the sums of all data are written, for --update.
+        gram: Write the Gram matrix of all data to this file, for --update (--sums: former name).
         page: Where the page of plots is written; beside the model when left out.
         no_page: Write no page.
         out: Where the model is written, .json or .mat.
@@ -92,14 +96,15 @@ def identify(
         update=update,
         forgetting=forgetting,
     )
-    _check(asked, sums)
+    _check(asked, gram)
     if page is not None and no_page:
         raise SettingsError("give --page or --no-page, not both")
+    claim(out, force=force, kind="file")
     try:
         found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
     except TooFewSamples as error:
         raise TooFewSamples(f"{_titled(logs)}: {error}{_share_kept(asked)}") from None
-    return _answer(found, asked, _written(found, asked, out, sums, None if no_page else page or out.with_suffix(".html")))
+    return _answer(found, asked, _written(found, asked, out, gram, None if no_page else page or out.with_suffix(".html")))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +129,7 @@ class _Asked:
     forgetting: float
 
 
-def _check(asked: _Asked, sums: Path | None) -> None:
+def _check(asked: _Asked, gram: Path | None) -> None:
     from treadline.identification import METHODS, SOLVERS
 
     if not asked.logs:
@@ -134,10 +139,10 @@ def _check(asked: _Asked, sums: Path | None) -> None:
             choice(option, value, allowed)
     if asked.validate is not None and asked.validate_on is not None:
         raise SettingsError("give --validate or --validate-on, not both")
-    if asked.delays is not None and (sums or asked.update) is not None:
-        raise SettingsError("--delays shifts the inputs before they are summed: sums, saved or updated, cannot know it")
+    if asked.delays is not None and (gram or asked.update) is not None:
+        raise SettingsError("--delays cannot be combined with --gram or --update: a Gram matrix does not record shifted inputs")
     if asked.update is None and 0.0 < asked.forgetting < 1.0:
-        raise SettingsError("--forgetting needs earlier sums to forget: give them with --update")
+        raise SettingsError("--forgetting needs earlier data; give them with --update")
     both = [name for name in asked.inputs if name in asked.outputs]
     if both:
         raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")
@@ -177,7 +182,7 @@ def _whole(asked: _Asked) -> "Identified":
             validation=judged,
             prior=None if asked.update is None else Gram.load(asked.update),
             forgetting=asked.forgetting,
-            told=status.say,
+            on_progress=status.say,
         )
         status.say("judging")
         found.report  # noqa: B018 - computed here, where a person sees what takes time
@@ -218,15 +223,15 @@ def _streamed(asked: _Asked) -> "Identified":
         )
 
 
-def _written(found: "Identified", asked: _Asked, out: Path, sums: Path | None, page: Path | None) -> dict[str, str]:
+def _written(found: "Identified", asked: _Asked, out: Path, gram: Path | None, page: Path | None) -> dict[str, str]:
     """Write what was found; return where each file is."""
     from treadline.io.model_files import write_model
 
     write_model(found.model, out)
     written = {"model": str(out)}
-    if sums is not None:
-        found.gram.save(sums)
-        written["sums"] = str(sums)
+    if gram is not None:
+        found.gram.save(gram)
+        written |= {"gram": str(gram), "sums": str(gram)}  # "sums" is the former key, kept for one release
     if page is not None:
         _write_page(found, page, asked.logs)
         written["page"] = str(page)
@@ -247,7 +252,7 @@ def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answ
             f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
             "than the mean)",
             f"one step ahead: {ahead} of the variance",
-            f"written: {', '.join(written.values())}",
+            f"written: {', '.join(dict.fromkeys(written.values()))}",
             *(f"warning: {warning}" for warning in report.warnings),
         ],
     )

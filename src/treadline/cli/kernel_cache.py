@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import treadline
 
@@ -18,7 +19,7 @@ SUFFIX = ".nbs"
 
 def marker_path() -> Path:
     """Return the marker's path; its name changes with the kernels' sources, the compiler and the processor."""
-    from treadline.products import dot
+    from treadline.fma import dot
 
     return Path(dot.stats.cache_path) / f"compiled-{_fingerprint()}{SUFFIX}"
 
@@ -29,7 +30,8 @@ def _fingerprint() -> str:
     import numba
     from llvmlite import binding
 
-    processor = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
+    host: Any = binding  # llvmlite has no type hints
+    processor = [host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
     parts = [numba.__version__, llvmlite.__version__, sys.version, *processor]
     for path in sorted(Path(treadline.__file__).parent.rglob("*.py")):
         if b"njit" in path.read_bytes():

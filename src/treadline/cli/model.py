@@ -4,20 +4,21 @@ from pathlib import Path
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
+from treadline.cli.out import Force, claim
 
 
-def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, seed: int = 0) -> Answer:
+def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, seed: int = 0, force: Force = False) -> Answer:
     """Write the chair, and the stair, as a model file: MJCF for MuJoCo, URDF for ROS, SDF for Gazebo.
 
-    Masses, inertias and geometry are the same in all three; joints stand at zero. URDF holds the chair alone.
-    Look at it: python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
+    Masses, inertias and geometry are the same in all three; joints are at zero. URDF holds the chair only.
+    View it: python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
 
     Args:
-        scenario: A scenario file, or the name of a shipped one.
-        to: mjcf, urdf or sdf.
-        out: The file.
+        scenario: Scenario file, or the name of a shipped scenario.
+        to: Format: mjcf, urdf or sdf.
+        out: File to write.
         chair_only: Leave the stair out of MJCF or SDF.
-        seed: Of the stair's irregularities, where the scenario has any.
+        seed: Random seed of the stair's irregularities.
     """
     import numpy as np
 
@@ -29,6 +30,7 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
     from treadline.scenario import read_scenario
 
     choice("--to", to, ("mjcf", "urdf", "sdf"))
+    claim(out, force=force, kind="file")
     settings = read_scenario(scenario)
     chair, loading = read_chair(settings.chair.model), settings.chair
     # The stair of a run with this seed: the plant draws it from the first of its streams.

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.cli.answer import Answer
+from treadline.cli.out import Force, claim
 
 OUT = Path("camera.toml")
 
@@ -14,7 +15,8 @@ def mount(
     *,
     camera: Path | None = None,
     topics: str | None = None,
-    out: Path | None = None,
+    out: Path = OUT,
+    force: Force = False,
 ) -> Answer:
     """Learn how the camera sits on the chair from ordinary driving on a flight.
 
@@ -29,31 +31,26 @@ def mount(
         log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
         camera: Calibration and mount as meant, in place of the log's CameraInfo and the chair's file.
         topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
-        out: The calibration to write; camera.toml when left out, unless there is one already.
+        out: Calibration file to write. Default: camera.toml.
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import Share
-    from treadline.errors import SettingsError
     from treadline.experiments.mount import MountStudy
     from treadline.io.topics import parse_topics
     from treadline.perception.camera_file import read_camera
 
+    claim(out, force=force, kind="file")
     tell_compiling()
     study = MountStudy(log, camera=None if camera is None else read_camera(camera), topics=parse_topics(topics))
-    path = out or OUT
-    if path.is_dir():
-        raise SettingsError(f"--out {path}: is a folder; give a file")
-    if out is None and path.exists():
-        raise SettingsError(f"{path}: is there already; give --out FILE, the same one to write over it")
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):
             pass
-    lesson = study.lesson()
+    lesson = study.calibration()
     values = lesson.summary()
     if lesson.reason is not None:
         return Answer(values=values | {"path": None}, summary=[f"no mount: {lesson.reason}"], code=1)
-    lesson.write(path)
-    return Answer(values=values | {"path": str(path)}, summary=_lines(values, log, path))
+    lesson.write(out)
+    return Answer(values=values | {"path": str(out)}, summary=_lines(values, log, out))
 
 
 def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import check_times
+from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
     from treadline.mission.config import MissionConfig
     from treadline.nodes.wire import WireTransport
-    from treadline.ports import Plant
-    from treadline.scenario import Scenario
 
 STARTED_BY = "TREADLINE_STARTED_BY"
 """Environment: the process that a node must not outlive."""
@@ -31,7 +30,7 @@ def node(
     /,
     *remappings: str,
     transport: TransportName = "zenoh",
-    controller: Path | None = None,
+    controller: str | None = None,
     plant: PlantName = "mujoco",
     seed: int = 0,
     clock: Literal["sim", "wall"] = "sim",
@@ -42,6 +41,7 @@ def node(
     patience: float = 60.0,
     stick: bool = False,
     out: Path | None = None,
+    force: Force = False,
 ) -> Answer:
     """Run one node: plant, camera, heading, seat, driver, guard or recorder.
 
@@ -67,26 +67,31 @@ def node(
     from treadline.errors import SettingsError
     from treadline.nodes.assembly import node_of
     from treadline.nodes.plant import PlantNode
-    from treadline.nodes.process import Turning, run_plant
+    from treadline.nodes.process import NodeRunner, run_plant
     from treadline.nodes.recorder import RecorderNode
+    from treadline.setup import resolve
 
     if transport == "inproc":
         raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")
     check_times(pace=pace, duration=duration, patience=patience)
-    settings, config = told(scenario, controller)
+    if out is not None:
+        claim(out, force=force, kind="either")
+        make_way(out, force=force)
+    setup = resolve(scenario, controller, seed, open_plant=plant)
+    config = setup.mission
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
     wire.spare = RECORDER_SPARE if name == "recorder" else 1
     try:
-        made = node_of(name, config, plant=lambda: simulated(settings, seed, plant), out=out, stick=stick)
+        made = node_of(name, config, plant=setup.open_plant, out=out, stick=stick)
         if isinstance(made, PlantNode):
             try:
-                t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or settings.drive.duration_s)
+                t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)
             finally:
                 made.close()
             return Answer(values={"node": name, "t_s": t_s}, summary=[f"plant: {t_s:.1f} s simulated"])
         try:
-            Turning(made, wire, clock=clock, patience_s=patience).run(stop)
+            NodeRunner(made, wire, clock=clock, patience_s=patience).run(stop)
         finally:
             if isinstance(made, RecorderNode):
                 made.close()
@@ -96,20 +101,6 @@ def node(
     left_out = made.left_out if isinstance(made, RecorderNode) else None
     summary = [f"{name}: done" + (f", lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
     return Answer(values={"node": name, "lost": lost}, summary=summary)
-
-
-def told(scenario: str, controller: Path | None) -> tuple["Scenario", "MissionConfig"]:
-    """Return the settings, and what a mission is told of them."""
-    from treadline.experiments.shipped import shipped_controller
-    from treadline.experiments.traverse import mission_config
-    from treadline.mechanics.chair import read_chair
-    from treadline.models import ControllerDesign
-    from treadline.scenario import read_scenario
-
-    settings = read_scenario(scenario)
-    chair = read_chair(settings.chair.model)
-    design = shipped_controller(chair.name) if controller is None else ControllerDesign.load(controller)
-    return settings, mission_config(settings, design)
 
 
 def wired(
@@ -142,16 +133,3 @@ def _follow(parent: int, stop: Event) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
     stop.set()
-
-
-def simulated(settings: "Scenario", seed: int, plant: PlantName) -> "Plant":
-    """Return a scenario's chair in a simulator, with the faults that the scenario has."""
-    from treadline.sim.faults import faulty
-
-    if plant == "gazebo":
-        from treadline.gazebo import open_gazebo
-
-        return faulty(open_gazebo(settings, seed), settings, seed)
-    from treadline.sim import open_plant
-
-    return faulty(open_plant(settings, seed), settings, seed)

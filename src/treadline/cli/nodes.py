@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import STARTED_BY, PlantName, TransportName, simulated, stopping, told, wired
+from treadline.cli.node import STARTED_BY, PlantName, TransportName, stopping, wired
 from treadline.cli.numbers import check_times
+from treadline.cli.out import Force, claim, make_way
 from treadline.errors import SettingsError
 
 GONE_S = 4.0
@@ -25,7 +26,7 @@ def nodes(
     /,
     *,
     transport: TransportName = "inproc",
-    controller: Path | None = None,
+    controller: str | None = None,
     plant: PlantName = "mujoco",
     seed: int = 0,
     pace: float = 1.0,
@@ -34,6 +35,7 @@ def nodes(
     domain: int = 0,
     without: Literal["plant"] | None = None,
     out: Path | None = None,
+    force: Force = False,
 ) -> Answer:
     """Run the whole graph of Fig. 7 on a scenario, and tell what came of it.
 
@@ -53,18 +55,23 @@ def nodes(
         out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
     """
     from treadline.attendant import rearms_until_s
+    from treadline.setup import resolve
 
     check_times(pace=pace, duration=duration)
     if without is not None and transport == "inproc":
         raise SettingsError(f"--without {without} needs --transport ros1 or zenoh: in one process nobody else can be the {without}")
-    settings, config = told(scenario, controller)
+    if out is not None:
+        claim(out, force=force, kind="either")
+        make_way(out, force=force)
+    setup = resolve(scenario, controller, seed, open_plant=plant)
+    settings, config = setup.scenario, setup.mission
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":
-        return _in_one_process(config, lambda: simulated(settings, seed, plant), seconds, out, rearms_until_s(settings.operator))
+        return _in_one_process(config, setup.open_plant, seconds, out, rearms_until_s(settings.operator))
     wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
-    options += [] if controller is None else ["--controller", str(controller)]
+    options += [] if controller is None else ["--controller", controller]
     from treadline.nodes.assembly import DRIVING
 
     names = [name for name in DRIVING if name != without] + (["recorder"] if out is not None else [])
@@ -74,7 +81,7 @@ def nodes(
     stop = stopping()
     try:
         for name in names:
-            extra = ["--out", str(out)] if name == "recorder" else []
+            extra = ["--out", str(out), "--force"] if name == "recorder" else []
             command = [sys.executable, "-m", "treadline", "node", name, scenario, *options, *extra]
             environment = os.environ | {STARTED_BY: str(os.getpid())}
             running[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment)  # noqa: S603 - our own command

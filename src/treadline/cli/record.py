@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
-from treadline.cli.node import RECORDER_SPARE, WireName, stopping, told, wired
+from treadline.cli.node import RECORDER_SPARE, WireName, stopping, wired
 from treadline.cli.numbers import check_times
+from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
@@ -24,6 +25,7 @@ def record(
     images: Annotated[bool, Parameter(negative="--no-images")] = True,
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
+    force: Force = False,
 ) -> Answer:
     """Record what the graph's nodes say, or copy a log into another kind of bag.
 
@@ -41,9 +43,13 @@ def record(
         domain: ROS 2's ROS_DOMAIN_ID.
     """
     check_times(duration=duration)
+    claim(out, force=force, kind="either")
     if log is not None:
-        return _copied(log, out)
-    _, config = told(scenario, None)
+        return _copied(log, out, force=force)
+    from treadline.setup import resolve
+
+    make_way(out, force=force)
+    config = resolve(scenario).mission
     wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
     wire.spare = RECORDER_SPARE
     try:
@@ -59,17 +65,17 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     from threading import Timer
 
     from treadline import paper
-    from treadline.nodes.process import Turning
+    from treadline.nodes.process import NodeRunner
     from treadline.nodes.recorder import RecorderNode
 
     node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
     stop = stopping()
     timer = Timer(duration_s, stop.set) if duration_s is not None else None
     try:
-        turning = Turning(node, wire, patience_s=float("inf"))
+        runner = NodeRunner(node, wire, patience_s=float("inf"))
         if timer is not None:
             timer.start()
-        turning.run(stop)
+        runner.run(stop)
     finally:
         if timer is not None:
             timer.cancel()
@@ -77,20 +83,25 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
     return node.count, node.left_out
 
 
-def _copied(log: Path, out: Path) -> Answer:
+def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     """Copy a log, signal by signal in the order of time."""
+    from treadline.errors import SettingsError
     from treadline.io.sensor_log import SensorLog
     from treadline.nodes.bags import open_bag
 
     source = log / "log.mcap" if (log / "log.mcap").is_file() else log
     recording = SensorLog(source)
+    if out.resolve() == source.resolve():
+        raise SettingsError(f"--out {out}: is the log itself; give another")
+    make_way(out, force=force)
     bag = open_bag(out)
     aside: list[Any] = []
     count = 0
     try:
-        for signal in recording.signals(aside.append):
-            for told_signal in (*aside, signal):
+        for taken_s, signal in recording.arrivals(aside.append):
+            for told_signal in aside:
                 bag(told_signal)
+            bag(signal, taken_s)
             count += 1 + len(aside)
             aside.clear()
         for told_signal in aside:

@@ -1,4 +1,4 @@
-"""``treadline replay``: recorded sensors through estimators and controller again."""
+"""``treadline replay``: recorded sensor data processed again by perception, fusion, controller and guard."""
 
 import math
 from contextlib import ExitStack
@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from treadline.cli.answer import Answer
+from treadline.cli.out import Force, claim
 
 
 def replay(
@@ -19,25 +20,33 @@ def replay(
     camera: Path | None = None,
     changes: Annotated[list[str] | None, Parameter(name="--set")] = None,
     topics: str | None = None,
+    controller: str | None = None,
+    detector: str | None = None,
+    estimator: str | None = None,
     keys: bool = False,
     log_images: bool = False,
+    force: Force = False,
 ) -> Answer:
-    """Run a recording through perception, fusion, controller and guard again.
+    """Process a recording again with perception, fusion, controller and guard.
 
-    The log is a run folder (treadline climb --log-images keeps the frames), or an MCAP file or ROS bag of anybody's: depth
-    (sensor_msgs/Image, 16UC1 or 32FC1), colour, CameraInfo and Imu are found by their types. What the mission asks of the
-    tracks is compared with what was asked then. Without images the recorded headings and stair maps stand for them.
+    The log is a run folder (treadline climb --log-images keeps the frames), an MCAP file or a ROS bag. Depth (sensor_msgs/Image,
+    16UC1 or 32FC1), colour, CameraInfo and Imu topics are found by their types. The belt commands are compared with the recorded
+    ones. In a log without images the recorded headings and stair maps are used. Plug-ins of the recorded run must be named again,
+    because their code is run; shipped names the shipped block instead.
 
     treadline replay runs/climb --set filter.gate=16 --set vision=paper --out runs/again
 
     Args:
-        log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
-        out: The run folder to write: manifest.json, log.mcap, series.csv, result.json, flown-controller.json.
-        camera: Calibration and mount that count instead of the log's, as treadline mount writes them; --set goes before it.
-        changes: key=value over what a replay may change; any number of times. --keys lists them.
-        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
-        keys: List the keys of --set with their defaults and meanings, of the log's run if a log is given, and end.
-        log_images: Keep the frames in the new log, too.
+        log: Run folder, an .mcap, .bag or .db3 file, or the folder of a bag.
+        out: Run folder to write: manifest.json, log.mcap, series.csv, result.json, flown-controller.json.
+        camera: Calibration and mount in place of the log's, as treadline mount writes them; --set takes precedence.
+        changes: Setting to change, as key=value; may be repeated. --keys lists the keys.
+        topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
+        controller: Controller file, module:Class, file.py:Class, or entry point name. Default: the controller of the recorded run.
+        detector: Stair detector plug-in, likewise. Default: the shipped detector.
+        estimator: Heading estimator plug-in, likewise. Default: the shipped one.
+        keys: List the keys of --set with defaults and meanings (of the log's run if a log is given) and exit.
+        log_images: Keep the frames in the new log.
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.errors import SettingsError
@@ -52,6 +61,7 @@ def replay(
     from treadline.experiments.replayed import replayed_run
     from treadline.perception.camera_file import read_camera
 
+    claim(out, force=force)
     told = () if camera is None else camera_items(read_camera(camera))
     with _Played() as progress:
         run = replayed_run(
@@ -59,6 +69,9 @@ def replay(
             log,
             changes=(*told, *(changes or ())),
             topics=parse_topics(topics),
+            controller=controller,
+            detector=detector,
+            estimator=estimator,
             log_images=log_images,
             begun=progress.begin,
             watch=lambda tick: progress.at(tick.t_s),
@@ -84,7 +97,7 @@ def _keys(log: Path | None) -> Answer:
 
 
 class _Played:
-    """Shows how far the recording has been played: every ten seconds of it, or every twentieth of a long one."""
+    """Progress of a replay: a line every ten seconds of the recording, or every twentieth of a long one."""
 
     STEP_S, MOST = 10.0, 20
 

@@ -1,9 +1,10 @@
-"""``treadline reproduce``: the whole paper."""
+"""``treadline reproduce``: every figure and table of the paper."""
 
 from pathlib import Path
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
+from treadline.cli.out import Force, claim
 
 
 def reproduce(
@@ -13,18 +14,20 @@ def reproduce(
     workers: int | None = None,
     plant: str = "mujoco",
     seeds: int | None = None,
+    force: Force = False,
 ) -> Answer:
-    """Run the paper's system whole and write one report that puts our figures beside the paper's.
+    """Reproduce the paper and write one report that compares our figures with the paper's.
 
-    Excites, identifies, tunes, climbs, levels and sees on stairs of 25, 28 and 30°; writes report.html, results.json,
+    Excites, identifies, tunes, climbs, levels the seat and detects the stair on 25, 28 and 30°; writes report.html, results.json,
     figures/*.svg and runs/.
 
     Args:
-        out: Folder of the results.
-        quick: Fewer seeds and shorter runs, in under a minute; figures are marked as such.
-        workers: Processes; as many as there are cores when left out.
-        plant: mujoco, or gazebo: Fig. 8, 9, 10 and Table II in Gazebo 11, with a controller identified there, beside MuJoCo.
-        seeds: How many of the plan's seeds to run; one when left out with --plant gazebo, else all.
+        out: Folder of the results. Default: reproduce.
+        quick: Run fewer seeds and shorter runs, in under a minute; the figures are marked as such.
+        workers: Number of processes. Default: the number of cores.
+        plant: Simulator: mujoco, or gazebo (Fig. 8, 9, 10 and Table II in Gazebo 11, with a controller identified there, next to
+            MuJoCo).
+        seeds: Number of the plan's seeds to run. Default: one with --plant gazebo, else all.
     """
     from dataclasses import replace
 
@@ -44,7 +47,8 @@ def reproduce(
     if seeds is not None and not 1 <= seeds <= len(plan.seeds):
         raise SettingsError(f"--seeds is {seeds}; from 1 to {len(plan.seeds)}")
     plan = replace(plan, seeds=plan.seeds[: seeds or (1 if plant == "gazebo" else None)])
-    remove(out, ("results.json", "report.html"))  # of an earlier time: what follows may be interrupted
+    claim(out, force=force)
+    remove(out, ("results.json", "report.html"))  # an interrupted run must not leave an older result
     compile_once()
     if plant == "gazebo":
         from treadline.experiments import gazebo

@@ -3,22 +3,24 @@
 from pathlib import Path
 
 from treadline.cli.answer import Answer
+from treadline.cli.out import Force, claim
 
 
-def seat(scenario: str, /, *, out: Path, seed: int = 0) -> Answer:
-    """Level the seat of a chair that stands on a flight, from parallel to the chassis (Fig. 11).
+def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) -> Answer:
+    """Level the seat of a chair that stands on a flight, starting parallel to the chassis (Fig. 11).
 
-    Belts stand, the seat's loop is closed at t = 0. Exit code 1 if the seat does not settle within a degree.
+    The belts are stopped; the seat's loop is closed at t = 0. Exit code 1 if the seat does not settle within one degree.
 
     Args:
-        scenario: A scenario file, or the name of a shipped one; its stair and chair are what counts.
-        out: The run folder: log.mcap, series.csv, result.json, manifest.json.
-        seed: Of everything that chance decides.
+        scenario: Scenario file, or the name of a shipped scenario; only its stair and chair are used.
+        out: Run folder: log.mcap, series.csv, result.json, manifest.json.
+        seed: Random seed. The same seed gives byte-identical results.
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.experiments.fig11 import level_seat
     from treadline.scenario import read_scenario
 
+    claim(out, force=force)
     tell_compiling()
     levelled = level_seat(out, seed, read_scenario(scenario))
     settle = levelled["settle_s"]

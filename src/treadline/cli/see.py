@@ -6,6 +6,7 @@ from typing import Any, get_args
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import List, choice
+from treadline.cli.out import Force, claim
 
 MANY = 20
 """Frames of a folder from which on progress is told."""
@@ -21,6 +22,7 @@ def see(
     method: str = "robust",
     threshold: str | None = None,
     out: Path | None = None,
+    force: Force = False,
 ) -> Answer:
     """Find the stair in an RGB-D frame and say the heading.
 
@@ -45,6 +47,8 @@ def see(
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
     from treadline.perception.images import alone
 
+    if out is not None:
+        claim(out, force=force)
     tell_compiling()
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))

@@ -1,13 +1,15 @@
-"""``treadline sweep``: many traversals, drawn from what a file says."""
+"""``treadline sweep``: many traversals, sampled from the distributions in a file."""
 
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
+from treadline.cli.out import Force, claim
 from treadline.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -21,54 +23,74 @@ def sweep(
     runs: int,
     seed: int = 0,
     out: Path = Path("sweep"),
+    controller: str | None = None,
+    detector: str | None = None,
+    estimator: str | None = None,
     sampling: Literal["random", "sobol"] = "random",
     workers: int | None = None,
     cluster: str | None = None,
     resume: bool = False,
     adversarial: bool = False,
     score: str = "min_stability_margin_deg",
+    force: Force = False,
 ) -> Answer:
-    """Draw scenarios from a file's distributions, fly each, and count what became of them.
+    """Sample scenarios from a file's distributions, run each, and summarise the outcomes.
 
-    Writes runs.csv (and runs.parquet where pyarrow is installed), summary.json, report.html, spec.toml, manifest.json, and
-    under scenarios/ each run that did not arrive and the ten worst, with the command that flies it again. The exit code is
-    1 when a run fell or failed.
+    Writes runs.csv (and runs.parquet where pyarrow is installed), summary.json, report.html, spec.toml and manifest.json. Under
+    scenarios/ lie the ten worst runs and each run that did not arrive, with the command that repeats it. The exit code is 1 when
+    a run fell or failed.
 
     Args:
-        spec: A scenario file with [[draw]] tables, or the name of a shipped one: envelope, outside.
-        runs: How many; a sweep that is there is lengthened with --resume. A search flies whole generations of them.
-        seed: Of the draws and of all that chance does in the runs; run k is the same however many there are.
-        out: Folder of the results.
-        sampling: Each run by itself, or Sobol's points, which leave no gaps.
-        workers: Processes; as many as there are cores when left out.
+        spec: Scenario file with [[draw]] tables, or the name of a shipped one: envelope, outside.
+        runs: Number of runs; --resume lengthens an existing sweep. An adversarial search runs whole generations.
+        seed: Random seed of the samples and of the runs; run k does not depend on the number of runs.
+        out: Folder of the results. Default: sweep.
+        controller: Controller file, module:Class, file.py:Class, or entry point name. Default: the controller shipped for the
+            vehicle.
+        detector: Stair detector plug-in, likewise. Default: the shipped detector.
+        estimator: Heading estimator plug-in, likewise. Default: the shipped Kalman filter.
+        sampling: Independent random samples, or a Sobol sequence.
+        workers: Number of processes. Default: the number of cores.
         cluster: Address of a Dask scheduler, or "local" to start one here.
-        resume: Go on with the sweep in the folder, which must be this one.
-        adversarial: Look for the worst score within the ranges instead of drawing.
-        score: What the worst runs are worst at, and what the adversary looks for.
+        resume: Continue the sweep in the folder, which must be the same sweep.
+        adversarial: Search for the worst score within the ranges instead of sampling.
+        score: Score that ranks the worst runs, and that the adversarial search minimises.
     """
     from treadline.campaign.cluster import Cluster
+    from treadline.campaign.journal import NAME
     from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
-    from treadline.campaign.sweep import SweepPlan, fly_sweep
+    from treadline.campaign.sweep import SweepPlan, run_sweep
     from treadline.cli.compiling import compile_once
     from treadline.errors import SettingsError
+    from treadline.io.runs import remove
     from treadline.processes import default_workers
+    from treadline.setup import resolved_controller, resolved_plugin
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
     choice("--score", score, scores())
+    if resume and force:
+        raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
+    claim(out, force=force, resume=resume)
+    resolved_controller(controller)  # loaded once here, so that a mistake is found before a process starts
+    resolved_plugin("detector", detector)
+    resolved_plugin("estimator", estimator)
+    run = RunScenario(controller=controller, detector=detector, estimator=estimator)
     plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
     count = min(workers or default_workers(), plan.total)
     compile_once()
-    runners = Pool(fly, count) if cluster is None else Cluster(fly, cluster, count)
+    runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
+    if force:
+        remove(out, (NAME,))
     if plan.total < runs:
-        sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search flies whole generations\n")
+        sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search runs whole generations\n")
     try:
         with _Left() as progress:
-            summary = fly_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
     except KeyboardInterrupt as stopped:
-        stopped.add_note("the same command with --resume goes on with it")
+        stopped.add_note("the same command with --resume continues it")
         raise
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
     worst = summary["worst"][0]
@@ -77,7 +99,7 @@ def sweep(
         values=values,
         summary=[
             *lines(summary),
-            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {_short(worst[score])}; fly it again with",
+            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {_short(worst[score])}; repeat it with",
             f"  {worst['replay']}",
             f"results: {out}/runs.csv; report: {summary['report']}" + (f"; {rate:.0f} runs per CPU hour" if rate else ""),
         ],
@@ -94,18 +116,28 @@ def scores() -> tuple[str, ...]:
     return tuple(field.name for field in fields(Scores) if field.name != "phases")
 
 
-def fly(scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
-    """Return what one traversal came to; here the campaign gets its simulator, as the mission gets its plant."""
-    from treadline.experiments.shipped import shipped_controller
-    from treadline.experiments.traverse import traverse
-    from treadline.mechanics.chair import read_chair
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScenario:
+    """Function from a scenario and a seed to the summary of one run: what a campaign's processes call.
 
-    controller = shipped_controller(read_chair(scenario.chair.model).name)
-    return traverse(scenario, controller=controller, seed=seed, after_hold_s=watched_s).summary()
+    Plug-ins are named by text, so that each process loads them itself.
+    """
+
+    controller: str | None = None
+    detector: str | None = None
+    estimator: str | None = None
+
+    def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
+        """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
+        from treadline.experiments.traverse import run_episode
+        from treadline.setup import resolve
+
+        setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
+        return run_episode(setup, after_hold_s=watched_s).summary()
 
 
 class _Left:
-    """Progress by runs, with the time that is left: the pace so far, for those still to come."""
+    """Progress by runs, with the remaining time estimated from the mean time per run."""
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
@@ -119,7 +151,7 @@ class _Left:
             self._progress.__exit__(None, None, None)
 
     def begin(self, left: int) -> None:
-        """Start the clock; of a sweep that is gone on with, only what is left counts."""
+        """Start the clock; of a resumed sweep only the remaining runs count."""
         self._started = time.monotonic()
         if left:
             self._progress = Progress("sweep", left)

@@ -1,10 +1,11 @@
-"""``treadline tune``: from a model to a controller."""
+"""``treadline tune``: LQR gain and observer of an identified model."""
 
 from pathlib import Path
 from typing import get_args
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import List, choice, numbers
+from treadline.cli.out import Force, claim
 
 
 def tune(
@@ -18,23 +19,24 @@ def tune(
     reconstruct: str = "observer",
     vehicle: str = "wheelchair",
     out: Path = Path("controller.json"),
+    force: Force = False,
 ) -> Answer:
     """Compute the LQR gain (Eq. 10) and the observer for an identified model.
 
     Args:
-        model: The JSON file that treadline identify wrote.
-        state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1. It weighs the model's states in the model's own basis, which
-            identify leaves open: for the paper's weights give identify --method okid-era.
-        output_weight: Diagonal of Q on the outputs instead (heading, yaw rate); 1,0 where neither is given.
-        input_weight: Diagonal of R on the inputs, or one number for all; left out: 0.02.
-        period: Control period in seconds, a multiple of 0.01; another one than the model's resamples it.
-        reconstruct: observer, or static for Eq. (11b).
-        vehicle: The chair this controller is for, a shipped one's name or a chair's .toml; another chair refuses it.
-        out: Where the controller is written.
+        model: Model file (JSON) that treadline identify wrote.
+        state_weight: Diagonal of Q on the states, as in Eq. (13): 1,1. The basis of the states is the model's own, which identify
+            leaves open: for the paper's weights give identify --method okid-era.
+        output_weight: Diagonal of Q on the outputs instead (heading, yaw rate). Default: 1,0.
+        input_weight: Diagonal of R on the inputs, or one number for all. Default: 0.02.
+        period: Control period in seconds, a multiple of 0.01. Default: the model's; another period resamples the model.
+        reconstruct: State reconstruction: observer, or static for Eq. (11b).
+        vehicle: Chair that the controller is for: the name of a shipped chair, or a chair file. Another chair rejects it.
+        out: Controller file to write. Default: controller.json.
     """
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
-    from treadline.control.doubt import doubt
+    from treadline.control.design_warning import design_warning
     from treadline.errors import SettingsError
     from treadline.mechanics.chair import read_chair
     from treadline.models import LinearModel, Reconstruct
@@ -44,6 +46,7 @@ def tune(
         raise SettingsError("give --state-weight or --output-weight, not both")
     if out.resolve() == model.resolve():
         raise SettingsError(f"--out {out}: is the model itself; a controller would be written over it: give another")
+    claim(out, force=force, kind="file")
     loaded = LinearModel.load(model)
     try:
         chair = read_chair(vehicle).name
@@ -59,7 +62,7 @@ def tune(
         vehicle=chair,
     )
     controller.save(out)
-    warning = doubt(controller)
+    warning = design_warning(controller)
     poles = closed_loop_poles(controller)
     radius = max(abs(pole) for pole in poles)
     return Answer(

@@ -1,4 +1,4 @@
-"""From a linear model to belt speeds that keep the chair square."""
+"""Heading control: from a linear model to belt speeds that keep the chair aligned with the stair."""
 
 from treadline.control.heading import ControllerConfig, HeadingController
 from treadline.control.lqr import closed_loop_poles, lqr_gain

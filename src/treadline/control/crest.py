@@ -1,12 +1,12 @@
-"""Over the crest on a flipper: the front track section reaches the landing first and lets the chair down onto it.
+"""Crossing the crest with a flipper: the flipper reaches the landing first and lowers the chair onto it.
 
-Paper: Section II.A, Fig. 3(b) ("variable angle of attack"); sequence and figures are ours, see
-docs/decisions/0013-flipper.md. ``ImuSample, FlipperReading, TrackReading -> CrestCommand``.
+Paper: Section II.A, Fig. 3(b) ("variable angle of attack"); the sequence is our own, see docs/decisions/0013-flipper.md.
+``ImuSample, FlipperReading, TrackReading -> CrestCommand``.
 
-Without a flipper a chair whose centre of mass passes the last nosing falls freely onto its front. With it, five stages:
-climb; slow down and lay the flipper in line with the belts; stand still and reach down until the tip carries; drive on, the
-flipper keeping its hold, until the centre of mass has passed; lead the pitch down. The tip's load is told by motor torque,
-and by the pitch where the flipper lifts the chair.
+Without a flipper a chair whose centre of mass passes the last nosing falls onto its front. With a flipper there are five
+stages: climb; slow down and align the flipper with the belts; stand still and reach down until the tip carries load; drive
+on with the flipper holding until the centre of mass has passed; lower the pitch. The tip load is measured by motor torque,
+and by the pitch when the flipper lifts the chair.
 """
 
 from dataclasses import dataclass
@@ -21,75 +21,77 @@ from treadline.signals import FlipperReading
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
 LATER_M = 0.03
-"""Of the centre of mass past the nosing before the lead; as much further before the next try, if the chair did not follow."""
+"""Distance of the centre of mass past the nosing before the pitch is lowered, and the increment per retry [m]."""
 NEAR_M = 0.06
-"""Of the centre of mass before the nosing: no further while the tip is unloaded."""
+"""Distance of the centre of mass before the nosing at which the chair waits while the tip is unloaded [m]."""
 PROPPED_RAD = 4.0 * DEG
-"""Above the pitch at which it began to reach: the flipper stands on something else than the landing, and lifts the chair."""
+"""Pitch above the start of reaching at which the flipper is lifting the chair and does not stand on the landing [rad]."""
 EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
-"""Above where the landing is expected: a tip that stands there stands on the nosing, which is then so far ahead of the front
-pulley, for belts that slip outrun the chair."""
+"""Angle above the expected landing at which the tip stands on the nosing instead [rad], and the nosing's distance ahead of the
+front pulley in that case [m]; slipping belts overestimate the progress."""
 CARRIED_M = 1.2
-"""Run by the belts while the tip was to carry, from which on they slip: 0.8 m are enough with all errors at once."""
+"""Belt travel with the tip loaded above which the belts are slipping [m]; 0.8 m suffice with all errors combined."""
 NOT_FOLLOWED_RAD = 0.4 * DEG
-"""Of pitch behind the lead, nothing under the tip. The load alone does not tell: a tip that is thrust forward over ground that
-grips hangs by its friction, and the motor holds next to nothing (36 to 45° below the level, friction 0.7 to 1)."""
+"""Pitch lag behind the reference with an unloaded tip [rad]. The load alone is not sufficient: a tip pushed forward over ground
+with high friction is supported by friction, with almost no motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
 LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
-"""Of pitch behind the lead, from which on a chair that does not lean on the tip is led slowly: it would fall after a faster
-flipper, and onto it with 2.6 to 2.8 m/s² at its passenger."""
+"""Pitch lag [rad] above which a chair that does not lean on the tip is lowered slowly, and that rate [rad/s]: it would fall after
+a faster flipper and land on it with 2.6 to 2.8 m/s² at the passenger."""
 LIES_S = 1.0
-"""Nearly level for so long, nothing under the tip: the belts lie on the landing, though gravity's error hides the level."""
+"""Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrestConfig(Loading):
-    """The chair, what is believed of its load, and the pace."""
+    """Chair, assumed load and speeds of the crest sequence."""
 
     cruise_m_s: float = 0.2
     crest_m_s: float = 0.1
     lead_m_s: float = 0.03
-    """While the pitch goes down: the further the chair goes, the more the flipper has to carry."""
+    """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
     slow_within_m: float = 0.5
-    """Of the centre of mass before the nosing."""
+    """Distance of the centre of mass before the nosing at which the chair slows down [m]."""
     reach_from_m: float = 0.08
-    """Of the front pulley past the nosing, before the chair can fall from a high nosing behind it onto the last: 0.16 m at the
-    soonest, where nothing would meet its tip. A tip that reaches down 15 cm too early stands on the nosing, and goes on."""
+    """Distance of the front pulley past the nosing at which the flipper reaches down [m], before the chair can tip from a high
+    nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and
+    retries."""
     reach_rad_s: float = 16.0 * DEG
     meet_rad_s: float = 8.0 * DEG
-    """At which the tip meets the landing where it is expected: at 16 °/s it struck it with 3 m/s² under a light chair."""
+    """Flipper rate at the expected contact with the landing [rad/s]: 16 °/s caused 3 m/s² under a light chair."""
     lead_rad_s: float = 10.0 * DEG
     slide_m_s: float = 0.06
-    """Of the tip over the landing as the chair goes down: belts turn all alike, so it slides there. Reaching far down it is thrust
-    into a ground that grips (36° and friction 1), sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
+    """Sliding speed of the tip over the landing while the chair is lowered [m/s]. A tip reaching far down onto ground with high
+    friction (36° and friction 1) sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
     lead_rad_s2: float = 30.0 * DEG
-    """How fast the lead begins: half a metre from the nosing this is 0.3 m/s² at the passenger."""
+    """Angular acceleration of the reference at the start [rad/s²]: 0.3 m/s² at the passenger, half a metre from the nosing."""
     soften_per_s: float = 2.5
-    """Lead per angle that is left: the last 4° go slower."""
+    """Rate of the reference per remaining angle [1/s]: slower over the last 4°."""
     touch_rad_s: float = 4.0 * DEG
-    """At which the belts touch the landing: 5 cm/s at the seat."""
+    """Rate at which the belts touch the landing [rad/s]: 5 cm/s at the seat."""
     press_n: float = 130.0
-    """Load that the tip keeps while the chair drives on."""
+    """Tip load maintained while the chair drives on [N]."""
     press_rad_s_n: float = 0.1 * DEG
-    """Flipper rate per newton that is missing."""
+    """Flipper rate per missing load [rad/s/N]."""
     trim_per_s: float = 2.0
-    """Flipper rate per angle by which the pitch is behind its lead."""
+    """Flipper rate per pitch lag behind the reference [1/s]."""
     behind_rad: float = 2.0 * DEG
-    """A lead never runs further ahead of the pitch."""
+    """Largest lead of the reference over the pitch [rad]."""
     level_rad: float = 0.7 * DEG
     patience_s: float = 8.0
-    """For a tip that carries: a motor that is dead, or a landing that is not there, gets no further."""
+    """Time to wait for a loaded tip [s]; a dead motor or a missing landing exceeds it."""
     stow_rad_s: float = 12.0 * DEG
 
 
 CrestCommand = PitchCommand[Stage]
-"""What the crest asks of belts and flipper."""
+"""Belt speed and flipper rate commanded by the crest sequence."""
 
 
 class Crest(Sequencer[Stage]):
-    """Sequencer of one crossing.
+    """State machine for one crossing of the crest.
 
     Args:
-        nosing_ahead_m: Of the last nosing ahead of mid-track along the belts, at the first step; from the stair map.
+        config: Chair, load and speeds.
+        nosing_ahead_m: Distance of the last nosing ahead of mid-track along the belts, at the first step; from the stair map.
     """
 
     UNTOUCHED = frozenset({"climb", "slow"})
@@ -100,13 +102,13 @@ class Crest(Sequencer[Stage]):
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
         self._waited_s = self._reached_rad = 0.0
         self._carried_m = 0.0
-        """Run by the belts while the tip was to carry."""
+        """Belt travel while the tip was to carry load [m]."""
         self._tries = 0
-        """How often the tip has stood on the nosing, in place of the landing."""
+        """Number of attempts in which the tip stood on the nosing instead of the landing."""
         self._lead_from_m = LATER_M
 
     def nosing_seen(self, ahead_m: float) -> None:
-        """Take a better place of the last nosing, as long as no contact tells it."""
+        """Update the position of the last nosing, as long as no contact has measured it."""
         if self._tries == 0:
             self._see(ahead_m)
 
@@ -118,7 +120,7 @@ class Crest(Sequencer[Stage]):
         match self._stage:
             case "reach" | "carry" if cause := self._gets_no_further(pitch):
                 self._stage, self._cause = "barred", cause
-            case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.arm_m:
+            case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.length_m:
                 self._stage = "slow"
             case "slow" if self._past_m > config.reach_from_m:
                 self._stage, self._reached_rad = "reach", pitch
@@ -128,7 +130,7 @@ class Crest(Sequencer[Stage]):
                 self._stage = "lead"
                 self._lead_from(pitch)
             case "lead" if self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD):
-                # The chair has not followed: its centre of mass is further back than believed. Reach for the landing again.
+                # The chair has not followed: its centre of mass is further back than assumed. Reach for the landing again.
                 self._stage = "carry"
                 self._lead_from_m = beyond + LATER_M
             case "carry" | "lead" if pitch < config.level_rad:
@@ -141,7 +143,7 @@ class Crest(Sequencer[Stage]):
                 pass
 
     def _gets_no_further(self, pitch: float) -> str:
-        """Return why the chair would not get over, as far as is felt; nothing where it may."""
+        """Return the reason why the crossing cannot succeed by current measurements, or an empty string."""
         config = self._config
         if self._waited_s > config.patience_s:
             return f"nothing carried the flipper in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
@@ -152,7 +154,7 @@ class Crest(Sequencer[Stage]):
         return ""
 
     def _meet(self, pitch: float, flipper: FlipperReading) -> None:
-        """Tell by where the tip stands on what it stands."""
+        """Classify the contact of the tip by its position: landing or nosing."""
         if self._to_go(pitch, flipper) <= EARLY_RAD:
             self._stage = "carry"
             self._ahead_m = self._by_the_flipper(pitch, flipper)
@@ -160,11 +162,11 @@ class Crest(Sequencer[Stage]):
         self._stage = "slow" if self._may_go_on else "barred"
         self._tries += 1
         self._ahead_m = self._geometry.pivot_m + EARLY_M
-        self._cause = f"the flipper stood on the last nosing, try {self._tries}: the belts slip, or it was believed too near"
+        self._cause = f"the flipper stood on the last nosing, try {self._tries}: the belts slip, or its position was wrong"
 
     @property
     def _may_go_on(self) -> bool:
-        """Say whether one more try leaves the centre of mass behind the nosing, had its place been right from the first."""
+        """Whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
         goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
         return plumb(self._loading, self._reached_rad) < self._geometry.pivot_m - goes_m
 
@@ -191,11 +193,11 @@ class Crest(Sequencer[Stage]):
         return -min(max(config.soften_per_s * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
 
     def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
-        """Return how far the flipper is above where its tip is expected to meet the landing."""
+        """Return the flipper's angle above the expected contact of its tip with the landing."""
         return flipper.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
 
     def _is_lifted(self, pitch: float) -> bool:
-        """Return whether the flipper has pitched the chair up: a light one is lifted before it weighs on its tip as it should."""
+        """Return whether the flipper has pitched the chair up: a light chair is lifted before the tip carries the nominal load."""
         return pitch > self._reached_rad + LIFTED_RAD
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
@@ -212,7 +214,7 @@ class Crest(Sequencer[Stage]):
         config = self._config
         self._refine(pitch, flipper, dt_s)
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
-        slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # a wrong place is no division
+        slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # avoids division by zero
         smoothly = config.slide_m_s / slides_m
         lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
         fastest = WAITS_RAD_S if lags else config.lead_rad_s
@@ -221,5 +223,5 @@ class Crest(Sequencer[Stage]):
         per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
         trim = config.trim_per_s * (self._lead_rad - pitch)
         if self._tip.load_n < UNLOADED_N:
-            trim = max(trim, 0.0)  # no gap grows under a chair that does not follow
+            trim = max(trim, 0.0)  # the flipper must not move away from a chair that does not follow
         return per_pitch * (trim - self._lead_rad_s) + per_metre * speed

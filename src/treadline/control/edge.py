@@ -1,12 +1,13 @@
-"""Down over the edge, rearwards, on a flipper: the flipper stands on the landing and lifts the chair's front first.
+"""Descending over the edge rearwards with a flipper: the flipper stands on the landing and first lifts the chair's front.
 
-The crest run backwards (``control/crest.py``); sequence and figures are ours, see
-docs/decisions/0013-flipper.md. ``ImuSample, FlipperReading, TrackReading -> EdgeCommand``.
+The crest sequence in reverse (``control/crest.py``); the sequence is our own, see docs/decisions/0013-flipper.md.
+``ImuSample, FlipperReading, TrackReading -> EdgeCommand``.
 
-Without a flipper a chair whose centre of mass is backed over the edge falls onto the flight. With it, five stages: back to
-the edge; stand still and press the tip on the landing; lift the front until the belts point down the flight, centre of
-mass still on the landing's side of the nosing; back on until the belts lie; stow the flipper. What the tip carries tells
-where the centre of mass is: the belts keep it where the flipper can still lower the chair onto the landing again.
+Without a flipper a chair whose centre of mass passes the edge falls onto the flight. With a flipper there are five stages:
+back to the edge; stand still and press the tip on the landing; lift the front until the belts are parallel to the flight,
+with the centre of mass still on the landing's side of the nosing; back on until the belts lie; stow the flipper. The tip
+load measures the position of the centre of mass: the belts keep it where the flipper can still lower the chair onto the
+landing.
 """
 
 import math
@@ -22,76 +23,79 @@ from treadline.signals import FlipperReading
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
 CLOSE_RAD = 0.5 * DEG
-"""To the pitch it is lifted to."""
+"""Pitch error at which the lift is complete [rad]."""
 SUNK_RAD = 4.0 * DEG
-"""Below the pitch it was lifted to: the flipper has given way."""
+"""Pitch below the lifted pitch at which the flipper has yielded [rad]."""
 PROPPED_RAD = 3.0 * DEG
-"""Above that pitch: the flipper stands where it is to fold, and props the chair up as it backs."""
+"""Pitch above the lifted pitch at which the flipper props the chair up instead of folding [rad]."""
 BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
-"""Of the motor's torque, beyond which the flipper gives way to a chair whose belts lie, and how fast at all of it. With less, a
-chair whose centre of mass passes a high nosing falls to its rear; with more, the tip drags one on little friction down the
-flight."""
+"""Share of the motor's torque above which the flipper yields to a chair whose belts lie, and its rate at full torque [rad/s]. With
+a lower share, a chair whose centre of mass passes a high nosing falls to its rear; with a higher share, the tip drags the
+chair down a flight with low friction."""
 STOWED_RAD = 5.0 * DEG
-"""To where the flipper is to be."""
+"""Angle error at which the flipper counts as stowed [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeConfig(Loading):
-    """The chair, what is believed of its load, and the pace."""
+    """Chair, assumed load and speeds of the edge sequence."""
 
     cruise_m_s: float = 0.2
     edge_m_s: float = 0.1
     slow_within_m: float = 0.5
-    """Of the place where the tip is pressed down."""
+    """Distance before the pressing position at which the chair slows down [m]."""
     early_m: float = 0.25
-    """Before the chair stands where it can be lifted all the way: 15 cm too late and 10 cm of centre of mass are borne."""
+    """Margin before the last position from which the chair can be lifted completely [m]: covers 15 cm of delay and 10 cm of error
+    of the centre of mass."""
     keep_m: float = 0.05
-    """Of the centre of mass on the landing's side of the nosing, once the front is lifted."""
+    """Distance of the centre of mass on the landing's side of the nosing after the lift [m]."""
     keep_per_s: float = 1.0
-    """Belt speed per metre by which the centre of mass is off ``keep_m``."""
+    """Belt speed per deviation of the centre of mass from ``keep_m`` [1/s]."""
     lift_m_s: float = 0.08
     reach_rad_s: float = 12.0 * DEG
     lift_rad_s: float = 9.0 * DEG
     lift_rad_s2: float = 20.0 * DEG
-    """How fast the lift begins."""
+    """Angular acceleration at the start of the lift [rad/s²]."""
     soften_per_s: float = 2.0
-    """Lead per angle that is left."""
+    """Rate of the reference per remaining angle [1/s]."""
     trim_per_s: float = 2.0
-    """Flipper rate per angle by which the pitch is behind its lead."""
+    """Flipper rate per pitch lag behind the reference [1/s]."""
     yield_per_s: float = 6.0
-    """The same where the pitch is above it: belts that slip back over the nosing prop the chair up by its flipper."""
+    """Flipper rate per pitch lead over the reference [1/s]: slipping belts let the flipper prop the chair up."""
     behind_rad: float = 1.0 * DEG
-    """A lead never runs further ahead of the pitch."""
+    """Largest lead of the reference over the pitch [rad]."""
     steeper_rad: float = 1.5 * DEG
-    """Than the slope the front is lifted: a chair lifted too little falls the rest, and that is 3 m/s² from 2.5° on."""
+    """Lift above the slope [rad]: a chair lifted too little falls the remaining angle, with 3 m/s² from 2.5°."""
     near_rad: float = 3.0 * DEG
-    """Below the slope, from where on the belts may meet the next nosing."""
+    """Pitch below the slope from which the belts may touch the next nosing [rad]."""
     touched_m: float = 0.12
-    """Of the centre of mass further from the nosing than it was, as the tip's load tells: the chair turns about the next one."""
+    """Increase of the centre of mass's distance from the nosing, measured by the tip load, at which the chair pivots about the next
+    nosing [m]."""
     touched_s: float = 0.1
     patience_s: float = 8.0
-    """For one more degree, and for the flipper to be stowed: a motor that is too weak, or dead, gets no further."""
+    """Time to gain one degree, and to stow the flipper [s]; a weak or dead motor exceeds it."""
     spare_rad: float = 3.0 * DEG
-    """Of the flipper's range."""
+    """Margin to the end of the flipper's range [rad]."""
     settle_m_s: float = 0.05
     seek_rad_s: float = 4.0 * DEG
-    """At which a tip that does not carry is lowered onto the landing."""
+    """Rate at which an unloaded tip is lowered onto the landing [rad/s]."""
     leave_m: float = 0.06
-    """Of the front pulley before the nosing, where the flipper is stowed: until then the tip steadies the chair on uneven nosings,
-    and soon the flipper lies on the first of them."""
+    """Distance of the front pulley before the nosing at which the flipper is stowed [m]: until then the tip stabilises the chair on
+    uneven nosings; shortly after, the flipper would touch the first of them."""
     stow_rad_s: float = 25.0 * DEG
 
 
 EdgeCommand = PitchCommand[Stage]
-"""What the edge asks of belts and flipper."""
+"""Belt speed and flipper rate commanded by the edge sequence."""
 
 
 class Edge(Sequencer[Stage]):
-    """Sequencer of one way down over the edge, facing up.
+    """State machine for one descent over the edge, facing up.
 
     Args:
-        nosing_behind_m: Of the landing's nosing behind mid-track along the belts, at the first step; from the stair map.
-        slope_rad: Of the flight; from the stair map.
+        config: Chair, load and speeds.
+        nosing_behind_m: Distance of the landing's nosing behind mid-track along the belts, at the first step; from the stair map.
+        slope_rad: Slope of the flight [rad]; from the stair map.
     """
 
     UNTOUCHED = frozenset({"approach"})
@@ -112,11 +116,11 @@ class Edge(Sequencer[Stage]):
         self._least_m, self._touched_s = math.inf, 0.0
 
     def nosing_seen(self, behind_m: float) -> None:
-        """Take a better place of the nosing, as long as no contact tells it."""
+        """Update the position of the nosing, as long as no contact has measured it."""
         self._see(-behind_m)
 
     def turn_back(self) -> bool:
-        """Let the chair down on the landing again, as long as the flipper can; say whether it can."""
+        """Lower the chair onto the landing again, if the flipper still can; return whether it can."""
         on_the_landing = self._stage == "settle" and self._com_beyond(self._slope_rad) > 0.0
         self._turns_back |= on_the_landing or self._stage in ("press", "lift", "lower")
         return self._turns_back
@@ -126,7 +130,7 @@ class Edge(Sequencer[Stage]):
         return -self._ahead_m
 
     def _begin(self, stage: Stage, pitch: float) -> None:
-        """Begin to turn the chair, from where it is."""
+        """Begin to turn the chair from the current pitch."""
         self._stage = stage
         self._lead_from(pitch)
         self._highest_rad, self._waited_s = pitch, 0.0
@@ -159,7 +163,7 @@ class Edge(Sequencer[Stage]):
                 pass
 
     def _gives_up(self) -> bool:
-        """Tell whether the chair is to be let down again: it was told to, or the flipper gets no further."""
+        """Whether the chair is to be lowered again: on request, or because the flipper makes no progress."""
         return self._turns_back or (self._stage != "settle" and self._waited_s > self._config.patience_s)
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
@@ -185,44 +189,44 @@ class Edge(Sequencer[Stage]):
                 self._watch(pitch, dt_s)
                 return (-config.edge_m_s if self._is_up(flipper, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, flipper)
 
-    def _left_over(self, pitch: float) -> float:
-        """Return how far before the nosing the whole lift leaves the centre of mass, by what the tip carries now."""
+    def _com_margin(self, pitch: float) -> float:
+        """Return the distance of the centre of mass before the nosing after the complete lift, estimated from the tip load."""
         config = self._config
         reach = self._geometry.reach(pitch, self._past_m)
         before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
         return before + plumb(config, self._slope_rad) - plumb(config, pitch)
 
     def _settle(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
-        """Return the flipper rate that keeps the front on its tip while the chair backs onto the nosings; it yields to load."""
+        """Return the flipper rate that keeps the front on the tip while the chair backs onto the nosings; yields under load."""
         share = max(-flipper.torque_n_m / self._most_n_m, 0.0)
         rate = self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
 
     def _touches(self, pitch: float, dt_s: float) -> bool:
-        """Say whether the belts have met the next nosing: lifted on, the chair would turn about that one and lean on its tip."""
+        """Whether the belts have touched the next nosing: lifted further, the chair would pivot about that nosing."""
         config = self._config
         if pitch < self._slope_rad - config.near_rad:
             return False
-        left_over = self._left_over(pitch)
-        self._least_m = min(self._least_m, left_over)
-        self._touched_s = self._touched_s + dt_s if left_over > self._least_m + config.touched_m else 0.0
+        margin = self._com_margin(pitch)
+        self._least_m = min(self._least_m, margin)
+        self._touched_s = self._touched_s + dt_s if margin > self._least_m + config.touched_m else 0.0
         if self._touched_s < config.touched_s:
             return False
         self._lifted_rad = max(pitch, self._slope_rad)
         return True
 
     def _balance(self, pitch: float) -> float:
-        """Return the belt speed that keeps the centre of mass where the whole lift leaves it before the nosing."""
+        """Return the belt speed that keeps the centre of mass at its distance before the nosing after the complete lift."""
         config = self._config
-        speed = config.keep_per_s * (config.keep_m - self._left_over(pitch))
+        speed = config.keep_per_s * (config.keep_m - self._com_margin(pitch))
         highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
         return min(max(speed, -config.lift_m_s), highest)
 
     def _lower(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
-        """Return the flipper rate that lets the chair down on the landing, as long as it leans on the tip.
+        """Return the flipper rate that lowers the chair onto the landing, as long as the chair leans on the tip.
 
-        A chair that lies on the flight does not follow a flipper that is raised, and would fall onto it as it drives back over the
-        nosing: the tip seeks the landing until it carries.
+        A chair that lies on the flight does not follow a rising flipper, and would fall onto it when driving back over the nosing;
+        an unloaded tip is therefore lowered until it carries load.
         """
         if self._tip.load_n >= UNLOADED_N:
             return self._turn(self._level_rad - LIFTED_RAD, pitch, flipper, speed, dt_s)
@@ -232,7 +236,7 @@ class Edge(Sequencer[Stage]):
         return per_metre * speed - self._config.seek_rad_s
 
     def _turn(self, target: float, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
-        """Return the flipper rate that leads the pitch to a target, tip on the landing."""
+        """Return the flipper rate that moves the pitch to a target, tip on the landing."""
         config = self._config
         self._refine(pitch, flipper, dt_s)
         self._watch(pitch, dt_s)
@@ -251,13 +255,13 @@ class Edge(Sequencer[Stage]):
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
     def _watch(self, pitch: float, dt_s: float) -> None:
-        """Count how long the pitch has not grown by a degree."""
+        """Update the time since the pitch last grew by a degree."""
         self._waited_s += dt_s
         if pitch > self._highest_rad + LIFTED_RAD:
             self._highest_rad, self._waited_s = pitch, 0.0
 
     def _is_up(self, flipper: FlipperReading, angle_rad: float) -> bool:
-        """Tell whether the flipper is up so far, or dead: then it trails over the nosing, for its brake lets it rise slowly."""
+        """Whether the flipper is raised far enough, or dead: a dead flipper is dragged over the nosing and rises slowly."""
         return flipper.angle_rad > angle_rad or self._waited_s > self._config.patience_s
 
     def _stow(self, angle_rad: float, flipper: FlipperReading) -> float:

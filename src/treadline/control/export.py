@@ -1,7 +1,7 @@
-"""The heading controller for other places: as C99, as parameters of a ROS node, as JSON.
+"""Export of the heading controller: C99, parameters of a ROS node, or JSON.
 
-``ControllerDesign, ControllerConfig -> {file name: text}``. Each comes with a log and what the controller here answers to it, so
-that the copy can prove itself where it runs.
+``ControllerDesign, ControllerConfig -> {file name: text}``. Each export contains a log with the responses of this
+controller, so that the copy can be verified on the target.
 """
 
 import json
@@ -14,8 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import SLOWEST_BACKING, SLOWEST_CLIMBING, BeltLimits, inner_speed_ratio
-from treadline.control.heading import FASTEST_TURN_RAD_S, YAW_RATE_SIGMA_RAD_S, ControllerConfig, HeadingController, share_kept
+from treadline.control.allocate import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, BeltLimits, inner_speed_ratio
+from treadline.control.heading import FASTEST_TURN_RAD_S, YAW_RATE_SIGMA_RAD_S, ControllerConfig, HeadingController, inner_ratio_of
 from treadline.control.observer import DISTURBANCE_LIMIT
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
@@ -24,10 +24,10 @@ from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 SOURCES = Path(__file__).parents[1] / "data" / "export"
 TOLERANCE_M_S = 1e-6
-"""Between the copy's belt speeds and ours: a hundredth of a drive's resolution, a million times what rounding differs by."""
+"""Tolerance on the copy's belt speeds [m/s]: a hundredth of a drive's resolution, a million times the rounding error."""
 REHEARSAL_STEPS = 400
 SEED = 4
-SPOILT_PLANS: dict[int, dict[str, Any]] = {
+INVALID_PLANS: dict[int, dict[str, Any]] = {
     90: {"heading_rad": math.nan},
     91: {"speed_m_s": math.nan},
     92: {"min_inner_speed_ratio": math.nan},
@@ -35,14 +35,14 @@ SPOILT_PLANS: dict[int, dict[str, Any]] = {
     94: {"speed_m_s": 1e3},
     95: {"min_inner_speed_ratio": -2.0},
 }
-"""By step of the rehearsal: what no plan says, and what a copy must stand still for."""
+"""Invalid plans by step of the rehearsal, for which a copy must stop."""
 
 Target = Literal["c", "ros", "json"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
-    """One period: what the controller was told, and what it answered."""
+    """One control period: input of the controller and its response."""
 
     estimate: HeadingEstimate | None
     plan: MotionPlan
@@ -55,16 +55,19 @@ def exported(
     """Return the files of one target: name and text.
 
     Args:
-        log: What the copy is tested with; a rehearsal on the design's own model when left out.
+        target: Format of the export.
+        design: Controller design.
+        config: Limits, allocation and period.
+        log: Test data of the copy; a rehearsal on the design's own model when left out.
     """
     writers: dict[Target, Callable[..., dict[str, str]]] = {"c": c_files, "ros": ros_files, "json": json_files}
     return writers[target](design, config, rehearsal(design, config) if log is None else log)
 
 
 def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
-    """Return a drive on the design's own model that passes every branch of the controller.
+    """Return a drive on the design's own model that covers every branch of the controller.
 
-    From 30° up, a belt 2 % fast, noise; no estimate, estimates and plans that are no numbers, let alone for a while, a new heading,
+    From 30°, one belt 2 % fast, with noise; missing and non-finite estimates and plans, suspended steering, a new target heading,
     standing, backing down.
     """
     driver, model = HeadingController(design, config), design.model
@@ -74,7 +77,7 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
     for k in range(steps):
         t_s = k * config.period_s
         y = model.C @ x + np.array([0.002, 0.01]) * rng.standard_normal(2)
-        plan = replace(_rehearsed(k / steps, t_s, config.climb_speed_m_s), **SPOILT_PLANS.get(k, {}))
+        plan = replace(_rehearsed(k / steps, t_s, config.climb_speed_m_s), **INVALID_PLANS.get(k, {}))
         estimate = _seen(k, t_s, y)
         answer = driver.step(estimate, t_s, plan)
         exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
@@ -104,7 +107,7 @@ def _seen(k: int, t_s: float, y: Float[np.ndarray, " 2"]) -> HeadingEstimate | N
 
 
 def c_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
-    """Return the controller as C99: source, header, numbers, and a test that replays the log."""
+    """Return the controller as C99: source, header, constants, and a test that replays the log."""
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("heading_*.[ch]"))} | {
         "heading_numbers.h": _numbers(design, config),
         "heading_log.h": _log(log),
@@ -117,8 +120,8 @@ def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
         "HEADING_PERIOD_S": repr(design.period_s),
         "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
         "HEADING_MAX_MEAN_M_S": repr(BeltLimits(climb_speed_m_s=0.0, max_speed_m_s=config.max_speed_m_s).max_mean_m_s),
-        "HEADING_SLOWEST_CLIMBING": repr(SLOWEST_CLIMBING),
-        "HEADING_SLOWEST_BACKING": repr(SLOWEST_BACKING),
+        "HEADING_SLOWEST_CLIMBING": repr(INNER_RATIO_CLIMBING),
+        "HEADING_SLOWEST_BACKING": repr(INNER_RATIO_BACKING),
         "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
         "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
         "HEADING_YAW_RATE_SIGMA_RAD_S": repr(YAW_RATE_SIGMA_RAD_S),
@@ -131,12 +134,12 @@ def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
 
 
 def is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
-    """Say whether the state comes from one output (Eq. 11b) and not from an observer."""
+    """Whether the state is reconstructed from one output (Eq. 11b) instead of an observer."""
     return (config.reconstruct or design.reconstruct) == "static"
 
 
 def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
-    """Return what the controller computes with, under the names of the equations."""
+    """Return the matrices of the controller under the names of the equations."""
     model = design.model
     if is_static(design, config):
         inverse = static_reconstruction(model.C, model.D, design.K)
@@ -156,7 +159,7 @@ def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Fl
 
 
 def _braces(matrix: Float[np.ndarray, "..."]) -> str:
-    """Return an array as C initialises one; doubles keep all their digits."""
+    """Return an array as a C initialiser; doubles keep all digits."""
     return repr(matrix.tolist()).replace("[", "{").replace("]", "}")
 
 
@@ -164,7 +167,7 @@ def _log(log: Sequence[Exchange]) -> str:
     rows = ",\n    ".join(_row(exchange) for exchange in log)
     return _guarded(
         "HEADING_LOG_H",
-        "What treadline was told, and what it answered.",
+        "Inputs and responses of treadline's controller.",
         [
             f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
             f"#define HEADING_LOG_LENGTH {len(log)}",
@@ -181,9 +184,9 @@ def _log(log: Sequence[Exchange]) -> str:
 def _row(exchange: Exchange) -> str:
     seen, plan, answer = exchange.estimate, exchange.plan, exchange.answer
     heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
-    told = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, share_kept(plan)))
-    said = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
-    return f"{{{{{_truth(seen is not None)}, {_truth(plan.turn_m_s is None)}, {told}}}, {{{said}, {_truth(answer.brake)}}}}}"
+    steps = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, inner_ratio_of(plan)))
+    outputs = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
+    return f"{{{{{_truth(seen is not None)}, {_truth(plan.turn_m_s is None)}, {steps}}}, {{{outputs}, {_truth(answer.brake)}}}}}"
 
 
 def _literal(value: float) -> str:
@@ -206,11 +209,11 @@ TOPICS = {
     "tracks_state": "/tracks/state",
     "diagnostics": "/diagnostics",
 }
-"""Those of the graph of Fig. 7."""
+"""Topics of the graph in Fig. 7."""
 
 
 def ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
-    """Return a parameter file for the controller's node; ROS knows lists of numbers only, so matrices go row by row."""
+    """Return a parameter file for the controller's node; ROS parameters are flat lists, so matrices are stored row by row."""
     del log
     lines = [
         f"# The heading controller of '{design.vehicle}'. Written by `treadline export`. Matrices row by row; SI units.",
@@ -226,15 +229,15 @@ def ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[
 
 
 def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
-    """Return design, settings and the log in one file."""
-    told = [
+    """Return design, settings and log in one file."""
+    steps = [
         {
             "steers": exchange.plan.turn_m_s is None,
             "heading_rad": _number(exchange.estimate, "heading_rad"),
             "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
-            "speed_m_s": _said(exchange.plan.speed_m_s),
-            "target_heading_rad": _said(exchange.plan.heading_rad),
-            "min_inner_speed_ratio": _said(share_kept(exchange.plan)),
+            "speed_m_s": _json_number(exchange.plan.speed_m_s),
+            "target_heading_rad": _json_number(exchange.plan.heading_rad),
+            "min_inner_speed_ratio": _json_number(inner_ratio_of(exchange.plan)),
             "left_m_s": exchange.answer.left_m_s,
             "right_m_s": exchange.answer.right_m_s,
             "brake": exchange.answer.brake,
@@ -245,30 +248,30 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
         "settings": settings_of(design, config),
         "matrices": {name: matrix.tolist() for name, matrix in matrices(design, config).items()},
         "provenance": design.provenance,
-        "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": told},
+        "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": steps},
     }
     return {"heading_controller.json": json.dumps(values, indent=1, allow_nan=False) + "\n"}
 
 
 def _number(estimate: HeadingEstimate | None, name: str) -> float | None:
-    return None if estimate is None else _said(float(getattr(estimate, name)))
+    return None if estimate is None else _json_number(float(getattr(estimate, name)))
 
 
-def _said(value: float) -> float | None:
-    """Return what JSON can say: neither a missing estimate nor NaN is a number, and both stop the chair."""
+def _json_number(value: float) -> float | None:
+    """Return a JSON value: None for NaN and Inf, which stop the chair like a missing estimate."""
     return value if math.isfinite(value) else None
 
 
 def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
-    """Return how the design is driven."""
+    """Return the settings of the controller."""
     limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
     return {
         "vehicle": design.vehicle,
         **asdict(config),
         "reconstruct": "static" if is_static(design, config) else "observer",
         "max_mean_m_s": limits.max_mean_m_s,
-        "slowest_climbing": SLOWEST_CLIMBING,
-        "slowest_backing": SLOWEST_BACKING,
+        "slowest_climbing": INNER_RATIO_CLIMBING,
+        "slowest_backing": INNER_RATIO_BACKING,
         "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
         "disturbance_limit_m_s": DISTURBANCE_LIMIT,
         "yaw_rate_sigma_rad_s": YAW_RATE_SIGMA_RAD_S,

@@ -1,7 +1,7 @@
-"""The heading controller: the estimate and the plan in, belt speeds out, once per period.
+"""Heading controller: estimate and plan in, belt speeds out, once per period.
 
-Paper: Section V, Eq. (11). ``HeadingEstimate, MotionPlan -> TrackCommand``. The plan says how fast (backing down is negative) and
-which heading; without one it is the configured climb speed and zero.
+Paper: Section V, Eq. (11). ``HeadingEstimate, MotionPlan -> TrackCommand``. The plan gives speed (negative when backing down)
+and target heading; without a plan the configured climb speed and zero heading apply.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.allocate import SLOWEST_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
+from treadline.control.allocate import INNER_RATIO_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
 from treadline.control.lqr import closed_loop_poles
 from treadline.control.observer import Observer
 from treadline.control.reconstruct import static_reconstruction
@@ -21,33 +21,35 @@ from treadline.models import ControllerDesign, Reconstruct
 from treadline.signals import PERIOD_ROUNDING_S, HeadingEstimate, MotionPlan, TrackCommand
 
 YAW_RATE_SIGMA_RAD_S = SIGMA_Y[1]
-"""Standard deviation of the yaw rate as the estimator delivers it."""
+"""Standard deviation of the estimated yaw rate [rad/s]."""
 FASTEST_TURN_RAD_S = 35.0
-"""Full scale of the gyro, 2000 °/s: ten times what the tracks can do (Table I: 3.07 rad/s)."""
+"""Gyro full scale, 2000 °/s [rad/s]: ten times the capability of the tracks (Table I: 3.07 rad/s)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerConfig:
-    """How a design is driven."""
+    """Limits, allocation and period of the controller."""
 
     climb_speed_m_s: float = 0.2
     max_speed_m_s: float = 1.0
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
     reconstruct: Reconstruct | None = None
-    """None: as the design says."""
+    """State reconstruction; None for the design's choice."""
     period_s: float = 0.25
 
 
 class HeadingController:
-    """u = u₀ - K x̂ on both belts, within their limits.
+    """State feedback u = u₀ - K x̂ on both belts, within their limits.
 
     Raises:
         PeriodMismatch: If the design was made for another period.
-        ShapeMismatch: If its model does not go from two belts to heading and yaw rate.
-        NotStabilisable: If the loop it closes is too slow, or unstable.
-        NotDetectable: If its observer does not converge.
-        NotInvertible: If static reconstruction is asked of a model that does not allow it.
+        ShapeMismatch: If its model does not map two belts to heading and yaw rate.
+        NotStabilisable: If the closed loop is unstable or too slow.
+        NotDetectable: If the observer does not converge.
+        NotInvertible: If static reconstruction is requested but impossible for the model.
     """
+
+    follows_plan = True
 
     def __init__(self, design: ControllerDesign, config: ControllerConfig) -> None:
         check_design(design, config.period_s)
@@ -65,25 +67,25 @@ class HeadingController:
 
     @property
     def period_s(self) -> float:
-        """Time between calls."""
+        """Control period [s]."""
         return self._config.period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
-        """Answer one estimate; without one, or with numbers that no chair and no plan can have, stand still.
+        """Return the command for one estimate; stop without an estimate, or with implausible numbers.
 
-        Where the plan turns the chair itself, or lets it alone because it does not turn as it steers, it stands still too, and what
-        it has learned of the belts is void.
+        While the plan turns the chair itself or suspends steering, the command is also stop, and the estimated disturbance is
+        reset.
         """
         if plan is not None and plan.turn_m_s is not None:
             self._last = None
             self._observer.forget()
             return TrackCommand.stop(t_s)
         speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
-        target, share = 0.0 if plan is None else plan.heading_rad, share_kept(plan)
+        target, share = 0.0 if plan is None else plan.heading_rad, inner_ratio_of(plan)
         # NaN fails every comparison.
         sane = abs(speed) <= self._config.max_speed_m_s and abs(target) <= math.pi and abs(share) <= 1.0
         if estimate is None or not usable(estimate) or not sane:
-            # The state is seen again in one period; what the belts' mismatch is took many.
+            # The state is observed again within one period; the belt mismatch took many, so it is kept.
             self._last = None
             return TrackCommand.stop(t_s)
         y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
@@ -101,7 +103,7 @@ class HeadingController:
 
     def _asked(self, y: Float[np.ndarray, " 2"], speed_m_s: float) -> Float[np.ndarray, " 2"]:
         model = self._design.model
-        # The speed is the plan's, not that of the day the model was identified.
+        # The speed is the plan's, not the speed during identification.
         centre = np.full(model.B.shape[1], speed_m_s)
         if self._inverse is not None:
             return np.asarray(centre - self._design.K @ (self._inverse @ (y - model.output_offset)))
@@ -118,31 +120,31 @@ class HeadingController:
 
 
 def in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
-    """Say whether the inner belt sticks, so that a belt difference does not turn the chair.
+    """Whether the inner belt sticks, so that a belt speed difference does not turn the chair.
 
-    The model predicts a yaw rate that is significant at three standard deviations, and none is measured. Such a chair tells nothing
-    about a mismatch of its belts: a disturbance estimate that went on would wind up.
+    The predicted yaw rate is significant at three standard deviations, but the measured one is not. A sticking chair contains no
+    information about belt mismatch, and the disturbance estimate would wind up (anti-windup).
     """
     return abs(predicted_rad_s) > 3.0 * YAW_RATE_SIGMA_RAD_S and abs(measured_rad_s) < YAW_RATE_SIGMA_RAD_S
 
 
-def share_kept(plan: MotionPlan | None) -> float:
-    """Return the share of the climb speed that the slower belt keeps."""
-    return SLOWEST_CLIMBING if plan is None or plan.min_inner_speed_ratio is None else plan.min_inner_speed_ratio
+def inner_ratio_of(plan: MotionPlan | None) -> float:
+    """Return the inner belt speed ratio of a plan."""
+    return INNER_RATIO_CLIMBING if plan is None or plan.min_inner_speed_ratio is None else plan.min_inner_speed_ratio
 
 
 def usable(estimate: HeadingEstimate) -> bool:
-    """Say whether an estimate is a number that a chair can have; NaN and Inf are not."""
+    """Whether an estimate is plausible; NaN and Inf are not."""
     return abs(estimate.heading_rad) <= math.pi and abs(estimate.heading_rate_rad_s) <= FASTEST_TURN_RAD_S
 
 
 def check_design(design: ControllerDesign, period_s: float) -> None:
-    """Check that a design, perhaps from a file, fits the chair's loop.
+    """Check that a design, possibly from a file, fits the chair.
 
     Raises:
-        PeriodMismatch: If it was made for another period.
-        ShapeMismatch: If its model does not go from two belts to heading and yaw rate.
-        NotStabilisable: If the loop it closes is too slow, or unstable.
+        PeriodMismatch: If the design was made for another period.
+        ShapeMismatch: If its model does not map two belts to heading and yaw rate.
+        NotStabilisable: If the closed loop is unstable or too slow.
     """
     model = design.model
     if abs(design.period_s - period_s) > PERIOD_ROUNDING_S or abs(model.dt_s - design.period_s) > PERIOD_ROUNDING_S:
@@ -158,6 +160,6 @@ def check_design(design: ControllerDesign, period_s: float) -> None:
     radius = float(np.abs(closed_loop_poles(design)).max())
     if not radius < RADIUS_LIMIT:
         raise NotStabilisable(
-            f"the design's closed loop has spectral radius {radius:.3f}, the limit is {RADIUS_LIMIT}: its gain does not belong "
-            "to its model; tune it again"
+            f"the design's closed loop has spectral radius {radius:.3f}, the limit is {RADIUS_LIMIT}: its gain does not match "
+            "its model; tune it again"
         )

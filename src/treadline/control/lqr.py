@@ -9,7 +9,7 @@ from treadline.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMisma
 from treadline.models import ControllerDesign
 
 SYMMETRY = 1e-9
-"""Relative asymmetry of a weight that is still rounding."""
+"""Relative asymmetry of a weight attributed to rounding."""
 
 
 def lqr_gain(
@@ -22,23 +22,22 @@ def lqr_gain(
 
     Paper: Eq. (10), (11a), (13), (14).
 
-    Solves the Riccati equation for P, the cost still to pay from a state (``J = x' P x``), then
-    ``K = (R + B'PB)^-1 B'PA``.
+    Solves the Riccati equation for P, the cost-to-go from a state (``J = x' P x``), then ``K = (R + B'PB)^-1 B'PA``.
 
     Args:
         A: State transition, one control period per step.
         B: Effect of the belt speeds (left, right) [m/s] on the next state.
-        Q: Price of the state, positive semi-definite.
-        R: Price of the input [1/(m/s)^2], positive definite.
+        Q: State weight, positive semi-definite.
+        R: Input weight [1/(m/s)^2], positive definite.
 
     Returns:
         K: Belt speed per unit of state [m/s].
 
     Raises:
-        RecordError: If one holds anything but real numbers.
-        ShapeMismatch: If they are no matrices, or do not fit each other.
-        NotFinite: If one holds NaN or Inf.
-        NotDefinite: If Q or R is not as definite as it must be.
+        RecordError: If an argument is not numeric.
+        ShapeMismatch: If an argument is not a matrix, or the shapes do not match.
+        NotFinite: If an argument contains NaN or Inf.
+        NotDefinite: If Q is not positive semi-definite or R not positive definite.
         NotStabilisable: If no gain makes ``A - BK`` stable.
     """
     A, B, Q, R = matrix("A", A), matrix("B", B), matrix("Q", Q), matrix("R", R)

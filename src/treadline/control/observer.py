@@ -1,8 +1,8 @@
-"""The observer: the state from all outputs so far, and from what the belts were really told.
+"""State observer with disturbance estimation, driven by the saturated belt speeds.
 
-It runs on the input after saturation, so that a limit reached never winds anything up. Beside the model's state it
-carries a constant difference between asked and acting inputs (a belt that runs 2 % fast): without it, a proportional
-law leaves the heading off by what the mismatch needs. See docs/decisions/0004-offset-free-heading.md.
+The observer uses the input after saturation, so that limits cause no windup. In addition to the model's state it estimates a
+constant difference between commanded and effective inputs (a belt that runs 2 % fast), without which a proportional law
+leaves a heading offset. See docs/decisions/0004-offset-free-heading.md.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from treadline.errors import NotDetectable
 from treadline.models import LinearModel
 
 DISTURBANCE_LIMIT = 0.2
-"""A belt difference [m/s] beyond it is no mismatch: turning on a 30° stair teaches 0.15, a chair that the guard slows more and
-more."""
+"""Largest belt speed difference attributed to mismatch [m/s]: turning on a 30° stair gives 0.15, a chair slowed by the guard
+increasingly more."""
 
 
 def kalman_gain(
@@ -27,13 +27,15 @@ def kalman_gain(
     """Return the steady-state predictor gain L of ``x[k+1] = A x[k] + L (y[k] - C x[k])``.
 
     Args:
-        process: Covariance of what drives the state each period.
-        measurement: Covariance of the outputs' noise.
+        A: State transition matrix.
+        C: Output matrix.
+        process: Covariance of the process noise per period.
+        measurement: Covariance of the measurement noise.
 
     Raises:
         NotDetectable: If no gain makes ``A - LC`` stable.
     """
-    # A mode at the stability limit that no output shows: by rounding the equation has a solution, of no use, or none.
+    # For an unobservable mode at the stability limit, rounding may give a useless solution of the equation, or none.
     try:
         P = solve_discrete_are(A.T, C.T, process, measurement)
     except (LinAlgError, ValueError) as error:
@@ -53,7 +55,7 @@ def _not_detectable(A: Float[np.ndarray, "n n"]) -> NotDetectable:
 def with_disturbance(
     model: LinearModel, direction: Float[np.ndarray, " m"]
 ) -> tuple[Float[np.ndarray, "n1 n1"], Float[np.ndarray, "p n1"]]:
-    """Return A and C of the model with a constant input disturbance as its last state."""
+    """Return A and C of the model with a constant input disturbance as last state."""
     n = model.order
     A = np.eye(n + 1)
     A[:n, :n], A[:n, n] = model.A, model.B @ direction
@@ -82,10 +84,10 @@ class Observer:
         self.disturbance = 0.0
 
     def check(self) -> None:
-        """Check that the error dies out.
+        """Check that the estimation error decays.
 
         Raises:
-            NotDetectable: If it does not.
+            NotDetectable: If the error does not decay.
         """
         A, C, gain = self._model.A, self._model.C, self._gain
         if self._disturbance_gain is not None:
@@ -96,24 +98,26 @@ class Observer:
             raise NotDetectable(f"the design's observer has spectral radius {radius:.3f} and never converges; tune it again")
 
     def forget(self) -> None:
-        """Forget what the disturbance was learned to be; the state is taken anew by ``start``."""
+        """Reset the estimated disturbance; ``start`` initialises the state."""
         self.disturbance = 0.0
 
     def start(self, y: Float[np.ndarray, " p"]) -> None:
-        """Take the state that explains an output best, at the model's operating point; the disturbance stays as learned."""
+        """Initialise the state by least squares from an output, at the model's operating point; the disturbance is kept."""
         self.state = np.linalg.pinv(self._model.C) @ (y - self._model.output_offset)
 
     def predicted(self, u: Float[np.ndarray, " m"]) -> Float[np.ndarray, " p"]:
-        """Return the output that the model predicts for an input."""
+        """Return the model's predicted output for an input."""
         model = self._model
         acting = u - model.input_offset + self.disturbance * self._direction
         return np.asarray(model.output_offset + model.C @ self.state + model.D @ acting)
 
     def update(self, u: Float[np.ndarray, " m"], y: Float[np.ndarray, " p"], *, learn: bool) -> None:
-        """Go one period on, with the input that really acted.
+        """Advance one period with the effective input.
 
         Args:
-            learn: Whether the disturbance may change; while an input is at its limit, or in the dead zone, it must not.
+            u: Effective input of the period.
+            y: Output at the start of the period.
+            learn: Whether the disturbance estimate is updated; must be False for a saturated input or in the dead zone.
         """
         model = self._model
         acting = u - model.input_offset + self.disturbance * self._direction

@@ -1,4 +1,4 @@
-"""Static reconstruction: the state from one output, as the paper has it (Eq. 11b)."""
+"""Static state reconstruction from one output, as in the paper (Eq. 11b)."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,7 +6,7 @@ from jaxtyping import Float
 from treadline.errors import NotInvertible
 
 CONDITION_LIMIT = 1e6
-"""Beyond it, one unit in the last place of a 16-bit sensor moves the state by its own size."""
+"""Condition number above which one unit in the last place of a 16-bit sensor changes the state by its own size."""
 
 
 def static_reconstruction(
@@ -14,7 +14,7 @@ def static_reconstruction(
 ) -> Float[np.ndarray, "n p"]:
     """Return the matrix that gives the state from an output: ``x_k = (C - DK)^-1 y_k``.
 
-    Paper: Eq. (11b). It exists only where there are as many outputs as states; it passes all noise.
+    Paper: Eq. (11b). Exists only with as many outputs as states; the noise is not filtered.
 
     Raises:
         NotInvertible: If C - DK is not square, or close to singular.

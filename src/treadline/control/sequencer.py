@@ -1,4 +1,4 @@
-"""What crest and edge share: a clock, the place of the nosing, the load on the flipper's tip, one command a tick.
+"""Base of the crest and edge sequences: clock, nosing position, tip load, one command per tick.
 
 ``ImuSample, FlipperReading, TrackReading -> PitchCommand``. ``control/crest.py`` and ``control/edge.py`` add their stages.
 """
@@ -15,35 +15,37 @@ from treadline.signals import FlipperCommand, FlipperReading, ImuSample, TrackRe
 
 StageT = TypeVar("StageT", bound=str)
 STEP_MAX_S = 0.1
-"""A longer pause is not time in which belts or flipper were waited for."""
+"""Longest time step [s]; a longer pause does not count as waiting for belts or flipper."""
 REFINE_S = 0.2
-"""In which the flipper's angle corrects the nosing's place."""
+"""Time constant with which the flipper's angle corrects the nosing position [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)  # with slots, an alias such as CrestCommand could not make one (Python 3.11)
 class PitchCommand(Generic[StageT]):
-    """What a crossing asks of belts and flipper."""
+    """Belt speed and flipper rate commanded by a sequence."""
 
     t_s: float
     stage: StageT
     speed_m_s: float
-    """Of both belts; negative backs down."""
+    """Speed of both belts [m/s]; negative backs down."""
     flipper: FlipperCommand
     tip_n: float
-    """Load on the flipper's tip, as the torque tells it."""
+    """Load on the flipper's tip from motor torque [N]."""
     cause: str = ""
-    """Why a stage begins again, or the chair is barred; empty otherwise."""
+    """Reason for a retry or for stopping; otherwise empty."""
 
 
 class Sequencer(ABC, Generic[StageT]):
-    """One crossing of the landing's nosing, stage by stage.
+    """State machine for one crossing of the landing's nosing.
 
     Args:
-        nosing_ahead_m: Of that nosing ahead of mid-track along the belts, at the first step.
+        loading: Chair and load.
+        stage: Initial stage.
+        nosing_ahead_m: Distance of that nosing ahead of mid-track along the belts, at the first step.
     """
 
     UNTOUCHED: ClassVar[frozenset[str]]
-    """Stages in which no contact tells where the nosing is."""
+    """Stages without a contact that determines the position of the nosing."""
 
     def __init__(self, loading: Loading, stage: StageT, nosing_ahead_m: float) -> None:
         self._loading = loading
@@ -56,10 +58,10 @@ class Sequencer(ABC, Generic[StageT]):
         self._ahead_m = nosing_ahead_m
         self._t_s: float | None = None
         self._lead_rad = self._lead_rad_s = 0.0
-        """Where the flipper leads the pitch to, and how fast."""
+        """Reference of the pitch [rad] and its rate [rad/s]."""
 
     def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading) -> PitchCommand[StageT]:
-        """Answer one tick's readings. A braked chair is held: nobody obeys, so nothing is waited for, and nothing speeds up."""
+        """Return the command for one tick. While the brake is on, time does not advance and the reference is held."""
         dt_s = 0.0 if self._t_s is None else min(max(imu.t_s - self._t_s, 0.0), STEP_MAX_S)
         self._t_s = imu.t_s
         speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
@@ -83,41 +85,41 @@ class Sequencer(ABC, Generic[StageT]):
 
     @abstractmethod
     def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
-        """Enter the next stage where it is due."""
+        """Enter the next stage when its condition holds."""
 
     @abstractmethod
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
-        """Return belt speed and flipper rate."""
+        """Return belt speed [m/s] and flipper rate [rad/s]."""
 
     def _lead_from(self, pitch: float) -> None:
-        """Lead the pitch from here, from rest."""
+        """Restart the pitch reference at the given pitch, from rest."""
         self._lead_rad, self._lead_rad_s = pitch, 0.0
 
     @property
     def _past_m(self) -> float:
-        """Of the flipper's axis beyond the nosing, along the belts."""
+        """Distance of the flipper's axis beyond the nosing, along the belts [m]."""
         return self._geometry.pivot_m - self._ahead_m
 
     def _com_beyond(self, pitch: float) -> float:
-        """Return how far the plumb line through the centre of mass is beyond the nosing, along the belts."""
+        """Return the distance of the centre of mass's plumb line beyond the nosing, along the belts [m]."""
         return plumb(self._loading, pitch) - self._ahead_m
 
     def _towards(self, angle_rad: float, flipper: FlipperReading) -> float:
-        """Return the rate that brings the flipper to an angle above the belts."""
+        """Return the rate that moves the flipper to an angle above the belts."""
         return FLIPPER_PER_S * (angle_rad - flipper.angle_rad)
 
     def _see(self, ahead_m: float) -> None:
-        """Take a better place of the nosing, as long as no contact tells it."""
+        """Update the position of the nosing, as long as no contact has measured it."""
         if self._stage in self.UNTOUCHED:
             self._ahead_m = ahead_m
 
     def _refine(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
-        """Let the flipper's angle tell where the nosing is: belts on it, tip on the landing."""
+        """Correct the position of the nosing from the flipper's angle: belts on the nosing, tip on the landing."""
         if self._tip.load_n > UNLOADED_N:
             self._ahead_m += (self._by_the_flipper(pitch, flipper) - self._ahead_m) * (1.0 - math.exp(-dt_s / REFINE_S))
 
     def _by_the_flipper(self, pitch: float, flipper: FlipperReading) -> float:
-        """Return how far ahead the nosing is, the tip on the landing; as known before where the belts lie too level to tell."""
+        """Return the distance of the nosing ahead with the tip on the landing; the previous value for nearly horizontal belts."""
         if pitch <= SMALL_RAD:
             return self._ahead_m
         return self._geometry.pivot_m - self._geometry.past(pitch, flipper.angle_rad)

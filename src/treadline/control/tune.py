@@ -1,6 +1,6 @@
-"""From an identified model to a controller: weights in, gain and observer out.
+"""Controller tuning: weights in, LQR gain and observer out.
 
-The default weights were chosen on seeds from 100 on, at 25, 28 and 30°; the seeds that are reported are others.
+The default weights were chosen on seeds from 100 on, at 25, 28 and 30°; the reported seeds are different.
 """
 
 import math
@@ -20,20 +20,20 @@ from treadline.models import ControllerDesign, LinearModel, Reconstruct
 from treadline.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 
 OUTPUT_WEIGHT = (1.0, 0.0)
-"""Price of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
+"""Weights of heading [1/rad²] and yaw rate [1/(rad/s)²]."""
 INPUT_WEIGHT = 0.02
-"""Price of a belt speed [1/(m/s)²]."""
+"""Weight of a belt speed [1/(m/s)²]."""
 RADIUS_LIMIT = 0.98
-"""A slower closed loop would not correct a heading within its climb."""
+"""Largest spectral radius of the closed loop; a slower loop would not correct a heading within a climb."""
 
 BELT_DISTURBANCE_M_S = 0.02
-"""What slip and nosings do to a belt's effect, per period: process noise of the observer."""
+"""Standard deviation of the belt speed disturbance by slip and nosings, per period [m/s]: process noise of the observer."""
 MISMATCH_WALK_M_S = 0.001
-"""How fast the constant difference between the belts may change, per period."""
+"""Standard deviation of the change of the belt mismatch, per period [m/s]."""
 SIGMA_Y = (0.15 * DEG, 0.6 * DEG)
-"""Noise of heading [rad] and yaw rate [rad/s] as the estimator delivers them."""
+"""Standard deviations of the estimated heading [rad] and yaw rate [rad/s]."""
 BELT_DIFFERENCE = np.array([-0.5, 0.5])
-"""Unit of the disturbance: right belt faster than the left by 1 m/s."""
+"""Direction of the disturbance: right belt faster than the left by 1 m/s."""
 
 
 def tune(
@@ -49,14 +49,17 @@ def tune(
     """Return the controller of a model: LQR gain (Eq. 10) and an observer with a constant input disturbance.
 
     Args:
+        model: Model from two belts to heading and yaw rate.
         state_weight: Diagonal of Q on the states, as in Eq. (13).
         output_weight: Diagonal of Q on the outputs instead: heading, yaw rate.
         input_weight: Diagonal of R, or one number for all inputs.
-        period_s: Control period, a multiple of the mission's tick of 0.01 s; another one than the model's resamples it.
+        period_s: Control period, a multiple of the mission's tick of 0.01 s; the model is resampled to it if different.
+        reconstruct: State from an ``observer``, or ``static`` from one output (Eq. 11b).
+        vehicle: Name of the chair.
 
     Raises:
         ModelError: If the model cannot be stabilised or observed, or a weight is not definite.
-        SettingsError: If weights are given twice, or the period, given or the model's own, is no multiple of the tick.
+        SettingsError: If both weights are given, or the period is not a multiple of the tick.
     """
     if state_weight is not None and output_weight is not None:
         raise SettingsError("give a state weight or an output weight, not both")
@@ -64,7 +67,7 @@ def tune(
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
     _check_period(model, period_s)
     model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else resampled(model, period_s)
-    # Square is zero by definition; the mean heading of the day the data were taken is not where to go.
+    # The target heading is zero by definition, not the mean heading of the identification data.
     model = replace(model, output_offset=np.zeros(model.C.shape[0]))
     Q = _state_price(model, state_weight, output_weight)
     R = _input_price(model, input_weight)
@@ -86,15 +89,15 @@ def tune(
             f"the closed loop's spectral radius is {radius:.3f}, the limit {RADIUS_LIMIT}; lower the input weight"
         )
     if reconstruct == "static":
-        static_reconstruction(model.C, model.D, K)  # raises where Eq. (11b) has no answer
+        static_reconstruction(model.C, model.D, K)  # raises an error if Eq. (11b) has no solution
     return design
 
 
 def resampled(model: LinearModel, period_s: float) -> LinearModel:
-    """Return the model at another period, inputs held between samples.
+    """Return the model at another period, with inputs held between samples.
 
     Raises:
-        PeriodMismatch: If the model has no continuous counterpart (a pole at or left of zero).
+        PeriodMismatch: If the model has no continuous counterpart (a real pole at or below zero).
     """
     n, m = model.B.shape
     poles = np.linalg.eigvals(model.A)
@@ -125,7 +128,7 @@ def _check_period(model: LinearModel, period_s: float | None) -> None:
     if on_the_tick(wanted):
         return
     nearest = max(1, round(wanted / TICK_S)) * TICK_S
-    what = "the model's period, which is the controller's where none is given," if period_s is None else "the control period"
+    what = "the model's period, used as the control period by default," if period_s is None else "the control period"
     raise SettingsError(f"{what} is {wanted:.9g} s; it must be a multiple of {TICK_S} s: give --period {nearest:.6g}")
 
 
@@ -143,7 +146,7 @@ def _state_price(model: LinearModel, state: Sequence[float] | None, output: Sequ
     if len(given) != model.C.shape[0]:
         raise ShapeMismatch(f"the output weight has {len(given)} numbers, the model {model.C.shape[0]} outputs")
     Q = model.C.T @ np.diag(np.asarray(given, dtype=float)) @ model.C
-    # Symmetrised, and a floor so small that it prices nothing but keeps the Riccati equation regular.
+    # Symmetrised, with a negligible floor that keeps the Riccati equation regular.
     return np.asarray(0.5 * (Q + Q.T) + 1e-9 * np.trace(Q) * np.eye(model.order))
 
 
@@ -169,6 +172,6 @@ def _observer(model: LinearModel) -> tuple[Float[np.ndarray, "n p"], Float[np.nd
     try:
         gain = kalman_gain(A, C, noise, measurement)
     except NotDetectable:
-        # Outputs that do not show the mismatch in the long run cannot teach it.
+        # The outputs do not show the mismatch at steady state, so it cannot be estimated.
         return kalman_gain(model.A, model.C, alone, measurement), None
     return gain[:n], gain[n]

@@ -1,4 +1,4 @@
-"""What a simulated chair carries: drives, sensors and their errors, whichever simulator moves the bodies.
+"""Actuator and sensor models of a simulated chair, independent of the simulator.
 
-``sim`` (MuJoCo) and ``gazebo`` hand over where the chair is; from here on the two are the same chair.
+``sim`` (MuJoCo) and ``gazebo`` supply the state of the chair; all other models are common to both simulators.
 """

@@ -1,4 +1,4 @@
-"""The chair's instruments: ``ChairState -> readings, Truth``, once a tick, whichever simulator moved the chair."""
+"""Sensor models of the chair: state at a tick in, readings and ground truth out; independent of the simulator."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,32 +12,36 @@ from treadline.devices import kernels
 from treadline.devices.imu import IMUS, Imu
 from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.stability import centre_of_mass, payload_place
+from treadline.mechanics.stability import payload_com, seat_mass_kg
 from treadline.mechanics.staircase import Staircase
-from treadline.mechanics.tipping import Support, tipping_margins
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackReading
 
 CAMERA_TICKS = 10
+"""Ticks per camera frame."""
 CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
-"""Table I: 10 Hz."""
+"""Frame period of the camera [s] (Table I: 10 Hz)."""
 SUPPORT_TICKS = 25
-"""How long a contact counts as support: on a rocking chair contacts come and go, in a quarter of a second it drives 5 cm."""
+"""Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
+in a quarter of a second."""
 ROCKING_M = 0.015
-"""Between a nosing and the belts, at which it still counts as support: the chair tips onto it within a degree and a half."""
+"""Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
 TIP_GAP_M = 0.010
-"""Gap between the front tip and the ground that still counts as support: 0.4 m ahead of the front pulley the chair tips onto it
-within 1.5°, as it does onto a nosing within ``ROCKING_M``. Whether the flipper's motor can carry the load is not asked."""
+"""Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
+so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
+SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
+"""Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+"""Standard deviation of the seat pitch reading [rad]."""
 FLIPPER_TORQUE_NOISE_N_M = 2.0
-"""Of the torque that the flipper's drive tells from its current: 1 % of full torque."""
+"""Standard deviation of the flipper torque estimated from motor current [N m]: 1 % of full torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChairState:
-    """Where a simulated chair is at a tick, and what its drives do."""
+    """State of a simulated chair and its actuators at a tick."""
 
     tick: int
     p_WB: Float[np.ndarray, " 3"]
@@ -47,50 +51,53 @@ class ChairState:
     seat_rad: float
     stroke_m: float
     belts_m_s: Float[np.ndarray, " 2"]
-    """As run, mismatch included."""
+    """Actual belt speeds [m/s], mismatch included."""
     brake_on: bool
     flipper_rad: float
     flipper_torque_n_m: float
     reach_m: Float[np.ndarray, " 4"]
-    """Of the belts' contacts since the last tick from B: front, rear, left, right, each outward."""
+    """Reach of the belt contacts since the last tick from B [m]: front, rear, left, right, each positive outward."""
     contact_force_share: float = math.nan
-    """As in ``Truth``; NaN where the simulator does not report it."""
+    """Contact force over weight, see ``Truth``; NaN if the simulator does not report it."""
     airborne_share: float = math.nan
     contact_residual_m_s2: float = math.nan
     hull_contacts: int = 0
-    """Most contacts of hull, seat and passenger at once since the last tick; always 0 where the simulator lets them pass."""
+    """Largest simultaneous number of contacts of hull, seat and passenger since the last tick; 0 if the simulator does not model
+    these contacts."""
     traction_n: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
-    """Force of the stair on each belt along it, forward [N], mean over the last tick; zero where a simulator does not tell it."""
+    """Forward force of the stair on each belt [N], mean over the last tick; zero if the simulator does not report it."""
     power_w: float = 0.0
-    """Drawn from the battery."""
+    """Electric power drawn from the battery [W]."""
 
     @property
     def t_s(self) -> float:
-        """Time on the mission clock."""
+        """Mission time [s]."""
         return self.tick * TICK_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Streams:
-    """One source of chance per sensor, so that one may change without the others."""
+    """Independent random generators, one per sensor, so that a change of one sensor leaves the others unchanged."""
 
     imu: np.random.Generator
     seat: np.random.Generator
     flipper: np.random.Generator
     link: np.random.Generator
-    """Latency and loss of the camera's readings."""
+    """Generator of latency and loss of camera readings."""
 
 
 Look = Callable[[ChairState], Sequence[Reading]]
-"""The powered camera."""
+"""Camera model: readings from a chair state."""
 
 
 class Instruments:
-    """Reads a chair's state as its sensors do, and as it is."""
+    """Simulated sensors: converts chair states into readings and ground truth."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
-        self._seated = scenario.chair.leaning()
+        self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
+        self._numbers = _numbers(chair, scenario.chair)
+        self._fixed_rad = chair.tracks.approach_angle_deg * DEG
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
         self._look = look
@@ -111,27 +118,27 @@ class Instruments:
         self._grips = None if np.all(grips == staircase.friction) else grips
         self._velocity_W = np.zeros(3)
         self._reaches = np.zeros((SUPPORT_TICKS, 4))
-        """What was touched of late, a ring."""
+        """Ring buffer of recent contact reaches [m]."""
         self._ticks = 0
 
     def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
-        """Forget what came before."""
+        """Reset all memory at the start of a run."""
         self._velocity_W = velocity_W
         self._ticks = 0
         self._link.clear()
 
     def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
-        """Return what the sensors say at a tick, and the truth.
+        """Return the readings at a tick, and the ground truth.
 
         Args:
-            grip: Share of its friction that the stair has left.
+            grip: Remaining fraction of the stair's friction.
         """
         truth, t_s = self._truth_of(state, grip), state.t_s
         readings: list[Reading] = [self._imu_sample(state)]
         pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
         readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
-        right_m_s = truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch)
-        left, right = (encoder.speed_m_s(v) for encoder, v in zip(self._encoders, (truth.left_m_s, right_m_s), strict=True))
+        left = self._encoders[0].speed_m_s(truth.left_m_s)
+        right = self._encoders[1].speed_m_s(truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch))
         readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
         if self._chair.flipper is not None:
             torque = state.flipper_torque_n_m + FLIPPER_TORQUE_NOISE_N_M * float(self._streams.flipper.standard_normal())
@@ -144,38 +151,19 @@ class Instruments:
     def _imu_sample(self, state: ChairState) -> ImuSample:
         acceleration = (state.velocity_W - self._velocity_W) / TICK_S
         self._velocity_W = state.velocity_W
-        moving = bool(abs(state.belts_m_s[0]) + abs(state.belts_m_s[1]) > 0.01)
+        left, right = state.belts_m_s.tolist()
+        moving = abs(left) + abs(right) > 0.01
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
-    def _support_of(self, state: ChairState) -> Support:
-        """Return the support: recent contacts, nosings that the belts rock onto, and the front tip within 10 mm of the ground."""
-        if self._ticks == 0:
-            self._reaches[:] = state.reach_m
-        self._reaches[self._ticks % SUPPORT_TICKS] = state.reach_m
-        self._ticks += 1
-        tracks = self._chair.tracks
-        half_run_m = 0.5 * tracks.flat_run_m
-        front, rear, left, right = kernels.support(self._reaches, self._nosings_W, state.p_WB, state.R_WB, half_run_m, ROCKING_M)
-        angle = tracks.approach_angle_deg * DEG if self._chair.flipper is None else state.flipper_rad
-        tip_m = kernels.tip_support(
-            self._surfaces,
-            half_run_m + tracks.approach_m * math.cos(angle),
-            tracks.pulley_radius_m + tracks.approach_m * math.sin(angle),
-            0.5 * tracks.gauge_m,
-            tracks.pulley_radius_m,
-            state.p_WB,
-            state.R_WB,
-            TIP_GAP_M,
-        )
-        return Support(front_m=max(front, tip_m), rear_m=rear, left_m=left, right_m=right)
-
-    def _loading_at(self, t_s: float) -> Chair:
-        """Return the load with the passenger where the sway has it; comfort is judged by the seat, not by one's own sway."""
+    def _payload_at(self, t_s: float) -> Float[np.ndarray, " 3"]:
+        """Return the payload's centre in the seat frame with the sway [m]; comfort is judged without the sway."""
         chair = self._scenario.chair
-        return chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s)) if chair.sways else self._seated
+        if not chair.sways:
+            return self._seated
+        return np.array(payload_com(self._chair, chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s))))
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:
-        """Return the least friction along and across of the steps under the flat run, or the stair's where there are none."""
+        """Return the least friction (along, across) of the steps under the flat run, or the stair's default without steps."""
         if self._grips is None:
             return self._staircase.friction
         under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m
@@ -185,45 +173,65 @@ class Instruments:
         return float(along), float(across)
 
     def _truth_of(self, state: ChairState, grip: float) -> Truth:
-        angle = state.seat_rad
         R_SW, p_WS, along_m = self._frames[self._staircase.flight_at(state.p_WB, state.R_WB)]
-        heading, heading_rate, x_m, y_m = kernels.on_stair(R_SW, p_WS, state.R_WB, state.p_WB, state.rate_B)
+        place, self._ticks = self._ticks % SUPPORT_TICKS if self._ticks else -1, self._ticks + 1
+        heading, yaw, heading_rate, pitch, roll, x_m, y_m, seat_pitch, margin, *passenger = kernels.truth(
+            R_SW,
+            p_WS,
+            state.R_WB,
+            state.p_WB,
+            state.rate_B,
+            state.seat_rad,
+            self._fixed_rad if self._chair.flipper is None else state.flipper_rad,
+            state.reach_m,
+            place,
+            self._reaches,
+            self._nosings_W,
+            self._surfaces,
+            self._numbers,
+            self._seated,
+            self._payload_at(state.t_s),
+            SUPPORT_WITHIN_M,
+        )
         x_m += along_m
-        (forward_x, _, _), (forward_y, _, _), (forward_z, left_z, up_z) = state.R_WB.tolist()
         along, across = self._friction_at(x_m)
-        passenger_W = state.p_WB + state.R_WB @ np.array(payload_place(self._chair, self._seated, angle))
+        (left_m_s, right_m_s), (left_n, right_n) = state.belts_m_s.tolist(), state.traction_n.tolist()
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
-            yaw_rad=math.atan2(forward_y, forward_x),
+            yaw_rad=yaw,
             heading_rate_rad_s=heading_rate,
-            pitch_rad=_arcsine(forward_z),
-            roll_rad=_arcsine(left_z),
+            pitch_rad=pitch,
+            roll_rad=roll,
             pitch_rate_rad_s=-float(state.rate_B[1]),
             x_m=x_m,
             y_m=y_m,
-            seat_pitch_rad=_arcsine(forward_z * math.cos(angle) - up_z * math.sin(angle)),
-            left_m_s=float(state.belts_m_s[0]),
-            right_m_s=float(state.belts_m_s[1]),
-            stability_margin_rad=tipping_margins(
-                centre_of_mass(self._chair, self._loading_at(state.t_s), angle, state.flipper_rad),
-                (forward_z, left_z, up_z),
-                self._support_of(state),
-            ).worst,
+            seat_pitch_rad=seat_pitch,
+            left_m_s=left_m_s,
+            right_m_s=right_m_s,
+            stability_margin_rad=margin,
             friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
-            passenger_x_m=float(passenger_W[0]),
-            passenger_y_m=float(passenger_W[1]),
-            passenger_z_m=float(passenger_W[2]),
+            passenger_x_m=passenger[0],
+            passenger_y_m=passenger[1],
+            passenger_z_m=passenger[2],
             contact_force_share=state.contact_force_share,
             airborne_share=state.airborne_share,
             contact_residual_m_s2=state.contact_residual_m_s2,
             hull_contacts=float(state.hull_contacts),
-            left_force_n=float(state.traction_n[0]),
-            right_force_n=float(state.traction_n[1]),
+            left_force_n=left_n,
+            right_force_n=right_n,
             power_w=state.power_w,
         )
 
 
-def _arcsine(value: float) -> float:
-    """Return the angle whose sine is a component of a unit vector, rounding left out."""
-    return math.asin(max(-1.0, min(1.0, value)))
+def _numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
+    """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
+    tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
+    numbers = np.empty(kernels.CHAIR)
+    numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
+    numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
+    numbers[kernels.HINGE : kernels.HINGE + 3] = hinge_x + loading.seat_shift_m, hinge_y, hinge_z
+    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(loading), chair.masses.chassis_kg
+    numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
+    numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
+    return numbers

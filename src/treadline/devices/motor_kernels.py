@@ -1,25 +1,24 @@
-"""Belt motors, brakes and battery, compiled: what a load leaves of the speed that the speed loop asks for.
+"""Belt motors, brakes and battery, compiled: limits of force and power on the speed commanded by the speed loop.
 
-A permanent-magnet motor behind a gear gives, at the belt, a force that falls linearly with speed::
+A permanent-magnet motor with a gear gives a force at the belt that decreases linearly with speed::
 
     F_max(v) = F_peak · u - (F_peak / v_0) · v,      u = battery voltage / nominal voltage
 
-and never more than F_peak, or the continuous force once it is hot (first-order heating by the square of the force). The copper
-loss is F² v_0 / F_peak: at stall all of F_peak · v_0 is heat. A brake, or a motor that stands, holds up to ``BRAKE_HOLD`` and
-slips beyond.
+limited to F_peak, or to the continuous force when hot (first-order heating by the square of the force). The copper loss is F² v_0 /
+F_peak: at stall, F_peak · v_0 is converted to heat. A brake, or a motor at standstill, holds up to ``BRAKE_HOLD`` and slips above.
 
-Both belts together obey ``m dv/dt = F - F_c`` with F_c the traction that the contact solve returned for the ticks before. Taken as
-it is, F_c would make the loop unstable: a belt that grips carries the chair's mass M, F_c = L + M dv/dt, and each tick would
-multiply an error by -M/m. So the part that the last changes of speed explain is taken out, L = F_c - M a, and put on the left
-(added mass): ``(m + M) dv/dt = F - L``. For belts that grip this is exact; an error in M decays by |M_s - M| / (m + M_s) per tick,
-below one for all M up to m + 2 M_s. For belts that slide, F_c is constant and the same equation reaches dv/dt = (F - F_c) / m with
-the ratio M / (m + M) per tick. A load within the limits leaves the speeds as asked for.
+Both belts together obey ``m dv/dt = F - F_c`` with the traction F_c from the contact solution of the previous ticks. Used directly,
+F_c would make the loop unstable: a gripping belt carries the chair's mass M, F_c = L + M dv/dt, and each tick would multiply an
+error by -M/m. Therefore the part explained by the last changes of speed is subtracted, L = F_c - M a, and moved to the left side
+(added mass): ``(m + M) dv/dt = F - L``. For gripping belts this is exact; an error in M decays by |M_s - M| / (m + M_s) per tick,
+below one for all M up to m + 2 M_s. For sliding belts F_c is constant and the same equation approaches dv/dt = (F - F_c) / m with
+the ratio M / (m + M) per tick. A load within the limits leaves the commanded speeds unchanged.
 
-How the belts share a load is another matter. Friction across the nosings locks the yaw of a chair that drives straight, and a
-gripping belt then meets a wall: the least difference of speed moves the load from one belt to the other, up to the friction cone.
-In explicit steps that is a relay, and it chatters (left and right in opposite phase, 150 N at 50 Hz, was measured). So the limits
-act on the sum first, as a load that one belt cannot take passes to the other; what exceeds one belt's own limit then yields with
-``LOCKED`` times the inertia, and the traction is the mean of two ticks, which is blind to a chatter of period two.
+The distribution of a load between the belts needs a separate treatment. Friction across the nosings locks the yaw of a chair
+driving straight: the smallest difference of speed moves the load from one belt to the other, up to the friction cone. In explicit
+steps this is a relay with chattering (measured: left and right in opposite phase, 150 N at 50 Hz). Therefore the limits act on the
+sum first, because a load exceeding the limit of one belt passes to the other; the remainder above a belt's own limit then acts on
+``LOCKED`` times the inertia, and the traction is the mean of two ticks, which cancels oscillations with a period of two ticks.
 """
 
 import math
@@ -30,36 +29,35 @@ from numba import njit
 from treadline.devices.kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
 from treadline.signals import TICK_S
 
-# Constants of a chair's motors; an array without entries is a drive without limits.
+# Motor parameters; an empty array is a drive without limits.
 PEAK, NO_LOAD, CONTINUOUS, THERMAL_S, MOVING_KG, CARRIED_KG, BRAKE_HOLD = 0, 1, 2, 3, 4, 5, 6
 NOMINAL_V, FULL_V, EMPTY_V, RESISTANCE, CAPACITY_J = 7, 8, 9, 10, 11
 MOTOR = 12
-# State: traction of the last tick and of the one before, force of motor or brake, speed change of the last tick and of the one
-# before, heat (1: as the continuous force makes), all by side; electric power, battery voltage, charge, energy drawn from the
-# battery and work done on the belts.
+# State, by side: traction of the last two ticks, force of motor or brake, speed change of the last two ticks, heat (1: steady state
+# at the continuous force). Common: electric power, battery voltage, charge, energy drawn from the battery, work done on the belts.
 TRACTION, OLD_TRACTION, FORCE, CHANGE, OLD_CHANGE, HEAT = 0, 2, 4, 6, 8, 10
 POWER, VOLTAGE, CHARGE, ENERGY_J, WORK_J = 12, 13, 14, 15, 16
 ELECTRIC = 17
-# Constants of the seat's actuator: force at stall, rate without load, force that it holds; stiffness of the seat on it, and damping
-# over stiffness.
+# Parameters of the seat actuator: stall force, no-load rate, holding force; stiffness of the seat mount, ratio of damping to
+# stiffness.
 PUSH, RATE, HOLD, STIFFNESS, DAMPING_S = 0, 1, 2, 3, 4
 STANDS_M_S = 1e-4
-"""Rate below which the seat's actuator counts as standing: its screw holds."""
+"""Rate below which the seat actuator counts as stationary [m/s]: its screw is self-locking."""
 LOCKED = 16.0
-"""Inertia against a difference of the belts over that against their mean: 100 N yield by 1 mm/s per tick, a sixteenth of 63 kg."""
+"""Ratio of the inertia for the belts' difference to that for their mean: 100 N yield by 1 mm/s per tick, a sixteenth of 63 kg."""
 
 
 @njit(cache=True)
 @no_type_check
 def beyond(value, low, high):
-    """Return by how much a value exceeds an interval, signed."""
+    """Return the signed excess of a value over an interval."""
     return value - min(max(value, low), high)
 
 
 @njit(cache=True)
 @no_type_check
 def bounds_of(side, speed, held, motor, electric):
-    """Return the lowest and highest force of a belt's motor, or of what holds it."""
+    """Return the lowest and highest force of a belt's motor or brake."""
     if held:
         return -motor[BRAKE_HOLD], motor[BRAKE_HOLD]
     limit = motor[PEAK] if electric[HEAT + side] < 1.0 else min(motor[CONTINUOUS], motor[PEAK])
@@ -70,7 +68,7 @@ def bounds_of(side, speed, held, motor, electric):
 @njit(cache=True)
 @no_type_check
 def load_of(side, motor, electric):
-    """Return the load on a belt without the part that carries the chair's mass through the last changes of speed."""
+    """Return the load on a belt without the inertial force of the chair's mass due to the last changes of speed."""
     traction = 0.5 * (electric[TRACTION + side] + electric[OLD_TRACTION + side])
     change = 0.5 * (electric[CHANGE + side] + electric[OLD_CHANGE + side])
     return traction - motor[CARRIED_KG] * change / TICK_S
@@ -79,12 +77,12 @@ def load_of(side, motor, electric):
 @njit(cache=True)
 @no_type_check
 def limit_belts(before, asked, held, motor, electric):
-    """Bring the belts' speeds from ``before`` to ``asked`` as far as motors and brakes can; ``asked`` is changed in place.
+    """Move the belt speeds from ``before`` towards ``asked`` within the limits of motors and brakes; ``asked`` is changed in place.
 
     Args:
         before: speeds at the last tick (left, right).
         held: whether brake or gear holds each belt.
-        motor: constants as named above.
+        motor: parameters as named above.
         electric: state as named above; changed in place.
     """
     inertia = motor[MOVING_KG] + motor[CARRIED_KG]
@@ -105,7 +103,7 @@ def limit_belts(before, asked, held, motor, electric):
         electric[HEAT + side] += (heating - electric[HEAT + side]) * TICK_S / motor[THERMAL_S]
         if not held[side]:
             electric[WORK_J] += force * asked[side] * TICK_S
-            # What a motor that is driven back generates is burnt in its windings and controller: none returns to the battery.
+            # No regeneration: a back-driven motor dissipates its power in windings and controller.
             power += max(force * asked[side] + force * force * motor[NO_LOAD] / motor[PEAK], 0.0)
     draw(power, motor, electric)
 
@@ -113,7 +111,7 @@ def limit_belts(before, asked, held, motor, electric):
 @njit(cache=True)
 @no_type_check
 def draw(power, motor, electric):
-    """Take electric power from the battery for a tick: its voltage sags by current times resistance."""
+    """Draw electric power from the battery for one tick; the voltage drops by current times resistance."""
     open_v = motor[EMPTY_V] + electric[CHARGE] * (motor[FULL_V] - motor[EMPTY_V])
     # V = V_open - R P / V; beyond V_open² / 4R no battery of this resistance delivers the power.
     voltage = 0.5 * (open_v + math.sqrt(max(open_v * open_v - 4.0 * motor[RESISTANCE] * power, 0.0)))
@@ -127,14 +125,14 @@ def draw(power, motor, electric):
 @njit(cache=True)
 @no_type_check
 def limit_seat(actual, turning, state, seat, angles, actuator):
-    """Return the torque that the seat's actuator has now, and let its stroke yield to more; ``state`` is changed in place.
+    """Return the available torque of the seat actuator; beyond it the stroke yields. ``state`` is changed in place.
 
     Args:
-        actual: the seat's angle; ``turning``: its rate.
-        state: of the drives, rows as in ``devices.kernels``.
-        seat: stroke's lower end, upper end, spacing of ``angles``.
+        actual: seat angle; ``turning``: its rate.
+        state: actuator state, rows as in ``devices.kernels``.
+        seat: lower and upper end of the stroke, spacing of ``angles``.
         angles: seat angle over the stroke.
-        actuator: constants as named above.
+        actuator: parameters as named above.
     """
     rate = abs(state[STROKE_RATE])
     force = actuator[HOLD] if rate < STANDS_M_S else actuator[PUSH] * max(1.0 - rate / actuator[RATE], 0.0)
@@ -142,7 +140,7 @@ def limit_seat(actual, turning, state, seat, angles, actuator):
     higher = table(state[STROKE] + step, seat[0], step, angles)
     lower = table(state[STROKE] - step, seat[0], step, angles)
     slope = (higher - lower) / (2.0 * step)
-    # Virtual work: force times stroke is torque times angle. At an end of the table the slope is half, or none.
+    # Virtual work: force times stroke equals torque times angle. At the ends of the table the slope is halved or zero.
     torque = force / max(abs(slope), 1e-3)
     # The servo's torque is stiffness times deflection less damping times rate.
     free, most = actual + actuator[DAMPING_S] * turning, torque / actuator[STIFFNESS]

@@ -1,14 +1,13 @@
-"""A camera without images: what a stair detector would say of a frame from where the chair stands.
+"""Statistical camera: the output of a stair detector, simulated without images.
 
-``(t, pose) -> HeadingMeasurement and StairMap, or nothing``. ``devices/outlook.py`` tells which nosings, walls and ends a frame
-would show. ``exact`` hands them over almost as they are, for ``vision = "truth"``; otherwise they err as the detector did on
-rendered frames of whole traversals: as often refused or missed, as far off, and as alike from one frame to the next. The numbers
-come from ``data/cameras/statistical.json``, which ``benchmarks/statistical.py`` fits and holds against other drives.
+``(t, pose) -> HeadingMeasurement and StairMap, or nothing``. ``devices/visibility.py`` computes the nosings, walls and flight ends
+in view. With ``exact`` they are reported almost without error, for ``vision = "truth"``; otherwise with the errors of the detector
+on rendered frames of full traversals: the same rates of rejection and misses, error sizes, and correlation between frames. The
+parameters are in ``data/cameras/statistical.json``; ``benchmarks/statistical.py`` fits them and validates them on other runs.
 """
 
 import json
 import math
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -17,31 +16,31 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.angles import DEG
-from treadline.devices.outlook import LEAST_NOSINGS, Geometry, Outlook, TurningGeometry, Wall
+from treadline.devices.visibility import LEAST_NOSINGS, Geometry, TurningGeometry, Visibility, Wall
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import HeadingMeasurement, PinholeCamera, StairMap
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
-"""Noise of ``exact``: small, so that a filter has something to weigh."""
+"""Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
 LEAST_WALL = 0.03
-"""Share of the coarse image that a wall fills where it is surely seen."""
+"""Fraction of the coarse image filled by a wall above which the wall is always detected."""
 LONGEST_RUN_M = 0.52
-"""``perception.nosings.STEP_RUN_M``: to a detector, what is longer is no step."""
+"""Longest run of a step accepted by the detector [m], as in ``perception.nosings.STEP_RUN_M``."""
 FAR_END_M = 2.5
-"""Depth from which an end that is in view is often not told."""
+"""Depth above which a visible end of the flight is often missed [m]."""
 COUNTS = (2, 3, 4, 6)
-"""Nosings told, from which on another cell of a table holds."""
+"""Lower limits of the classes of reported-nosing count."""
 
 
 class StatisticalCamera:
-    """Says what a stair detector would say.
+    """Camera model with the output of a stair detector.
 
     Args:
-        exact: Tell what is in view as it is, but for a trace of noise.
+        exact: Report the visible stair with negligible noise.
     """
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
-        self._geometry = (TurningGeometry if staircase.turn else Geometry)(staircase, calibration)
+        self._geometry = (TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)
@@ -49,15 +48,15 @@ class StatisticalCamera:
     def look(
         self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
     ) -> tuple[HeadingMeasurement | StairMap, ...]:
-        """Return heading and map of one instant; nothing where a frame would be refused."""
-        seen = self._geometry.outlook(R_WB, p_WB)
+        """Return heading and map of one instant; nothing if the detector would reject the frame."""
+        seen = self._geometry.visibility(R_WB, p_WB)
         if self._errors is not None:
-            return self._errors.told(t_s, seen, R_WB, p_WB)
+            return self._errors.report(t_s, seen, R_WB, p_WB)
         if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS:
             return ()
-        return self._told_exactly(t_s, seen)
+        return self._exact_report(t_s, seen)
 
-    def _told_exactly(self, t_s: float, seen: Outlook) -> tuple[HeadingMeasurement | StairMap, ...]:
+    def _exact_report(self, t_s: float, seen: Visibility) -> tuple[HeadingMeasurement | StairMap, ...]:
         nosings = seen.nosings_B[seen.seen]
         nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
         heading = seen.heading_rad + EXACT_SIGMA_RAD * float(self._rng.standard_normal())
@@ -79,11 +78,13 @@ class StatisticalCamera:
 
 
 LATENTS = ("accept", "heading", "sigma", "slope", "pitch", "along", "height", "ends", "left", "right", "where")
+"""Names of the latent normal variables of a frame."""
 OF_NOSINGS = ("told", "along", "height")
+"""Names of the latent normal variables of each nosing."""
 
 
 class _Wander:
-    """Normal numbers, each with a part that stays all drive, one that changes with the way, and one of the frame's own."""
+    """Correlated normal variables: sum of a part constant over the run, a part varying with distance, and a part of each frame."""
 
     def __init__(self, shares: Float[np.ndarray, "k 2"], way_m: Float[np.ndarray, " k"], rng: np.random.Generator) -> None:
         own = np.maximum(1.0 - shares.sum(axis=1), 0.0)
@@ -94,7 +95,7 @@ class _Wander:
         self._place: Float[np.ndarray, " 3"] | None = None
 
     def at(self, p_WB: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
-        """Return the numbers of a frame taken here."""
+        """Return the variables for a frame at this position."""
         fresh, own = self._rng.standard_normal((2, len(self._way_m)))
         if self._place is not None:
             alike = np.exp(-float(np.linalg.norm(p_WB - self._place)) / self._way_m)
@@ -103,16 +104,8 @@ class _Wander:
         return np.asarray(self._stays * self._drive + self._changes * self._slow + self._own * own)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Told:
-    """Which of an outlook's nosings are told, and with which normal numbers they err."""
-
-    which: Int[np.ndarray, " k"]
-    latents: Float[np.ndarray, "3 k"]
-
-
 class _Errors:
-    """What keeps a detector from telling what is in view; as long as a drive."""
+    """Error model of the detector for the duration of a run."""
 
     def __init__(self, kind: str, steps: int, rng: np.random.Generator) -> None:
         self._kind = kind
@@ -125,18 +118,18 @@ class _Errors:
         numbers = np.array(shared)
         self._wander = _Wander(numbers[:, :2], numbers[:, 2], rng)
 
-    def told(
-        self, t_s: float, seen: Outlook | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    def report(
+        self, t_s: float, seen: Visibility | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
     ) -> tuple[HeadingMeasurement | StairMap, ...]:
-        """Return what is told of what is in view."""
-        # A metre ahead of the chair: a turn changes the view as a way does.
+        """Return the simulated detector output for the visible stair."""
+        # The reference point is a metre ahead of the chair, so that a rotation decorrelates the errors like a translation.
         normal = self._wander.at(p_WB + R_WB[:, 0])
         if seen is None:
             return ()
         table = self._tables[f"{seen.direction} {self._kind}"]
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
-        accept = table["accept"]["score"][seen.doubt]
+        accept = table["accept"]["score"][seen.acceptance_row]
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > LONGEST_RUN_M:
             return ()
         of_nosings = normal[len(LATENTS) :].reshape(len(OF_NOSINGS), -1)[:, seen.numbers]
@@ -171,9 +164,9 @@ class _Errors:
     def _value(self, quantiles: list[float], normal: float) -> float:
         return float(np.interp(normal, self._grid, quantiles))
 
-    def _which(self, table: dict[str, Any], seen: Outlook, normal: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
-        """Return the places of the nosings told: the two best at least, for the frame was accepted."""
-        row, column = told_cell(seen)
+    def _which(self, table: dict[str, Any], seen: Visibility, normal: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
+        """Return the indices of the reported nosings: at least the two best, because the frame was accepted."""
+        row, column = reported_cell(seen)
         spare = np.array(table["score"])[row, column] - normal
         spare[np.argsort(spare)[-LEAST_NOSINGS:]] = np.inf
         return np.flatnonzero(spare > 0.0)
@@ -181,12 +174,12 @@ class _Errors:
     def _nosings(
         self,
         table: dict[str, Any],
-        seen: Outlook,
+        seen: Visibility,
         which: Int[np.ndarray, " k"],
         own: Float[np.ndarray, "2 k"],
         common: Float[np.ndarray, " 2"],
     ) -> Float[np.ndarray, "k 3"]:
-        """Return the nosings told, each off by what all are and by what it is itself."""
+        """Return the reported nosings with common and individual errors."""
         normal = np.sqrt(self._common) * common[:, None] + np.sqrt(1.0 - self._common) * own
         cells = np.searchsorted(DEPTHS_M, seen.depths_m[which])
         nosings = seen.nosings_B[which]
@@ -203,22 +196,22 @@ class _Errors:
 
 
 DEPTHS_M, MARGINS_PX, WALL_SHARES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5), (-20.0, -10.0, 0.0, 5.0, 10.0, 20.0), (0.005, 0.03, 0.1)
-"""Where one cell of a table ends and the next begins."""
+"""Class limits of the error tables: depth [m], margin [px], wall fraction."""
 
 
 def cell_of(count: int) -> int:
-    """Return the cell of a table that holds for so many nosings told."""
+    """Return the table cell for a number of reported nosings."""
     return max(int(np.searchsorted(COUNTS, count, side="right")) - 1, 0)
 
 
-def told_cell(seen: Outlook) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Return row and column of each nosing in the table of how often it is told."""
+def reported_cell(seen: Visibility) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Return row and column of each nosing in the table of detection probability."""
     return np.searchsorted(MARGINS_PX, seen.margins_px), np.searchsorted(DEPTHS_M, seen.depths_m)
 
 
-def end_class(seen: Outlook, last_told: int) -> int:
-    """Return what there is to tell of the flight's end: not in view, in view without what is beyond, with it, far away."""
-    if last_told != seen.last:
+def end_class(seen: Visibility, last_reported: int) -> int:
+    """Return the visibility class of the flight's end: not in view (0), no view beyond (1), view beyond (2), far away (3)."""
+    if last_reported != seen.last:
         return 0
     if not seen.ends:
         return 1
@@ -227,6 +220,6 @@ def end_class(seen: Outlook, last_told: int) -> int:
 
 @cache
 def fitted_numbers() -> dict[str, Any]:
-    """Return the numbers that a fit to rendered frames left."""
+    """Return the parameters fitted to rendered frames."""
     text = files("treadline").joinpath("data", "cameras", "statistical.json").read_text(encoding="utf-8")
     return dict(json.loads(text))

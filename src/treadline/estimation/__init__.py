@@ -1,4 +1,4 @@
-"""Heading between frames: vision, gyro and their disagreement; and how the camera sits on the chair."""
+"""Heading estimation from vision and gyro, sensor fault detection, and camera mount calibration."""
 
 from treadline.estimation.filter import FilterConfig, HeadingFilter
 from treadline.estimation.health import HeadingHealth

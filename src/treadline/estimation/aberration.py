@@ -1,6 +1,6 @@
-"""What the paper calls "an aberration in θ": a jump that no chair can make.
+"""Outlier rule for what the paper calls "an aberration in θ": a jump larger than the chair can make.
 
-The paper gives no rule; this one compares how far the vision says the chair turned with how far the IMU says it did.
+The paper gives no rule; this rule compares the turn between frames by vision with the turn by the IMU.
 """
 
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from treadline.angles import DEG, wrap
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AberrationRule:
-    """A measurement further than this from where the gyro put the heading is an aberration."""
+    """Threshold on the difference between a measured heading and the gyro's prediction."""
 
     jump_rad: float = 5.0 * DEG
 
-    def breaks(self, seen_rad: float, expected_rad: float) -> bool:
-        """Say whether a heading seen is an aberration."""
+    def is_aberration(self, seen_rad: float, expected_rad: float) -> bool:
+        """Whether a measured heading deviates from the expected heading by more than the threshold."""
         return abs(wrap(seen_rad - expected_rad)) > self.jump_rad

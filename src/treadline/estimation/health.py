@@ -1,4 +1,4 @@
-"""What the heading filter knows to be wrong with its sensors, for whoever must act on it."""
+"""Sensor faults detected by the heading filter, and the detectors' building blocks."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -8,89 +8,90 @@ from treadline.angles import wrap
 from treadline.signals import ImuSample, TrackReading
 
 PRIOR_FRAMES, SCATTER_FRAMES = 10, 300
-"""Weight, in frames, of the belief that neighbouring frames share their errors, and the most that their scatter may weigh: 30 s."""
+"""Prior weight of fully correlated frame errors, and largest weight of the measured scatter, in frames (30 s)."""
 NEIGHBOURS_S = 0.35
 SCATTER_GATE = 9.0
 SCATTER_ALL = 0.8
-"""From this share on all of it counts as the frame's own: 300 frames tell it to a tenth."""
+"""Measured share from which the variance counts as fully independent; 300 frames determine the share to 10 %."""
 FaultKind = Literal["stuck", "disagreement", "drift", "jump"]
-"""The gravest first: it is told where several are known."""
+"""Kinds of sensor faults in descending severity; the most severe active fault is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadingHealth:
-    """The filter's state of mind at one instant."""
+    """State of the heading filter's fault detection at one instant."""
 
     t_s: float
     fault: FaultKind | None
-    """``drift``: the gyro's bias has stepped. ``jump``: the gyro has jumped. ``stuck``: it repeats itself since the belts ran.
-    These three are found out and mended as far as vision can. ``disagreement``: vision and gyro differ, who errs is open."""
+    """Most severe active fault. ``drift``: step of the gyro bias; ``jump``: jump of the gyro; ``stuck``: constant gyro reading
+    while the belts move. These three are corrected as far as vision permits. ``disagreement``: vision and gyro differ, cause
+    unknown."""
     since_s: float | None
-    """When the fault was found."""
+    """Time at which the fault was detected [s]."""
     cause: str | None
-    """What was seen, with its number."""
+    """Description of the evidence, with its number."""
     disagreement_rad: float
-    """Last heading seen less the one expected, if it was refused; else zero."""
+    """Last vision heading minus prediction [rad] if rejected, else zero."""
     unseen_s: float
-    """Since a heading was last accepted."""
+    """Time since the last accepted heading [s]."""
     bias_rad_s: float
     scale: float
     walk_rad_rts: float
-    """What the gyro is believed to random-walk in a second."""
+    """Estimated gyro angle random walk [rad/√s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """A fault that is known."""
+class DetectedFault:
+    """Active fault."""
 
     kind: FaultKind
     since_s: float
     until_s: float
-    """When it is no longer told, unless it is found again; infinite for one that must be forgiven."""
+    """Time after which the fault is no longer reported [s]; infinite for a fault that must be cleared."""
     cause: str
 
 
-class Faults:
-    """All faults that are known: one that comes and goes hides no other."""
+class ActiveFaults:
+    """All active faults; simultaneous faults are kept separately."""
 
     def __init__(self) -> None:
-        self._found: dict[FaultKind, Found] = {}
+        self._found: dict[FaultKind, DetectedFault] = {}
 
-    def tell(self, kind: FaultKind, t_s: float, until_s: float, cause: str) -> None:
-        """Note a fault; one that goes on keeps the time at which it was found."""
+    def report(self, kind: FaultKind, t_s: float, until_s: float, cause: str) -> None:
+        """Report a fault; a continuing fault keeps its time of detection."""
         before = self._found.get(kind)
         since_s = before.since_s if before is not None and t_s <= before.until_s else t_s
-        self._found[kind] = Found(kind=kind, since_s=since_s, until_s=until_s, cause=cause)
+        self._found[kind] = DetectedFault(kind=kind, since_s=since_s, until_s=until_s, cause=cause)
 
-    def forgive(self, kind: FaultKind) -> None:
-        """End a fault."""
+    def clear(self, kind: FaultKind) -> None:
+        """Clear a fault."""
         self._found.pop(kind, None)
 
-    def knows(self, kind: FaultKind, t_s: float) -> bool:
-        """Say whether there is such a fault now."""
+    def is_active(self, kind: FaultKind, t_s: float) -> bool:
+        """Whether a fault of this kind is active."""
         return kind in self._found and t_s <= self._found[kind].until_s
 
-    def gravest(self, t_s: float) -> Found | None:
-        """Return the gravest fault that is there now."""
-        return next((self._found[kind] for kind in get_args(FaultKind) if self.knows(kind, t_s)), None)
+    def most_severe(self, t_s: float) -> DetectedFault | None:
+        """Return the most severe active fault."""
+        return next((self._found[kind] for kind in get_args(FaultKind) if self.is_active(kind, t_s)), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StuckRule:
-    """When a gyro is stuck."""
+    """Thresholds of the stuck-gyro detector."""
 
     for_s: float = 0.2
     same_rad_s: float = 1e-9
-    """No sensor with noise repeats all three rates this closely."""
+    """Largest change of the rates that counts as a repetition [rad/s]; noise exceeds it on all three axes."""
     moving_m_s: float = 0.02
     belts_s: float = 0.3
-    """How old a belt's reading may be to tell that the chair moves …"""
+    """Largest age of a belt reading as evidence of motion [s]."""
     late_s: float = 0.05
-    """… and for how long after it the chair does."""
+    """Time after a belt reading for which the chair is assumed to move [s]."""
 
 
-class StuckWatch:
-    """Tells a gyro that repeats itself from a chair that stands."""
+class StuckGyroDetector:
+    """Distinguishes a stuck gyro from a standing chair."""
 
     def __init__(self, rule: StuckRule) -> None:
         self._rule = rule
@@ -101,33 +102,33 @@ class StuckWatch:
         self._stuck_since_s: float | None = None
 
     def belts(self, reading: TrackReading) -> None:
-        """Note whether the belts run."""
+        """Take a belt reading and note whether the belts move."""
         if max(abs(reading.left_m_s), abs(reading.right_m_s)) > self._rule.moving_m_s:
             if self._moved_s is None or reading.t_s - self._moved_s > self._rule.belts_s:
                 self._moves_since_s = reading.t_s
             self._moved_s = reading.t_s
 
     def stuck_s(self, sample: ImuSample) -> float:
-        """Return for how long the gyro has repeated itself under a chair that moves; zero where it may be honest.
+        """Return how long the gyro has repeated its reading while the chair moves [s]; zero for a plausible reading.
 
-        Once found it stays so on a chair that stops, until the gyro says something else.
+        A detected fault persists after the chair stops, until the gyro reading changes.
         """
         rates = sample.angular_velocity_rad_s.tolist()
         if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
             self._rates, self._since_s, self._stuck_since_s = rates, sample.t_s, None
         moved_s = self._moved_s
         if self._stuck_since_s is None and moved_s is not None and abs(sample.t_s - moved_s) <= self._rule.belts_s:
-            # What it repeated before the belts ran, or after they had stopped, tells nothing.
+            # Repetitions before the belts started or after they stopped are not evidence.
             since_s = max(self._since_s, self._moves_since_s)
             if min(sample.t_s, moved_s + self._rule.late_s) - since_s >= self._rule.for_s - 1e-6:
                 self._stuck_since_s = since_s
         return 0.0 if self._stuck_since_s is None else sample.t_s - self._stuck_since_s
 
 
-class Scatter:
-    """How much of vision's declared variance is each frame's own: what neighbours differ by, less what the gyro turned.
+class IndependentShare:
+    """Independent share of vision's declared variance, estimated from the difference of neighbouring frames minus the gyro turn.
 
-    The rest they share (nosings that are askew, calibration, gravity), and no number of them averages it out.
+    The remaining share is common to neighbouring frames (skewed nosings, calibration, gravity) and not reduced by averaging.
     """
 
     def __init__(self) -> None:
@@ -136,7 +137,7 @@ class Scatter:
         self._last: tuple[float, float] | None = None
 
     def own(self, t_s: float, still_rad: float, sigma_rad: float) -> float:
-        """Take a heading, the turning since taken out; return the share of its variance that is its own, from 0 to 1."""
+        """Take a heading with the turn removed; return the independent share of its variance, from 0 to 1."""
         if self._last is not None and t_s - self._last[0] <= NEIGHBOURS_S:
             squared = 0.5 * (wrap(still_rad - self._last[1]) / sigma_rad) ** 2
             if squared <= SCATTER_GATE:
@@ -146,8 +147,8 @@ class Scatter:
         return min(self._own / SCATTER_ALL, 1.0)
 
 
-class Memory:
-    """How far the gyro has turned, for the last second or so: late frames are looked up in it."""
+class TurnHistory:
+    """Recent history of the integrated gyro turn, for late frames."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
@@ -160,7 +161,7 @@ class Memory:
             self._turned.popleft()
 
     def at(self, t_s: float) -> tuple[float, float] | None:
-        """Return the last sample at or before a time, or the oldest; None if there is none."""
+        """Return the last sample at or before a time, or the oldest sample; None if the history is empty."""
         if not self._turned:
             return None
         then = self._turned[0]

@@ -1,21 +1,21 @@
-"""The bank's sums, compiled: what it does a hundred times a second."""
+"""Compiled kernels of the multiple-model Kalman filter, called at 100 Hz."""
 
 from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
-from treadline.products import dot
+from treadline.fma import dot
 
 STATES = 4
 
 
 @njit(cache=True)
 @no_type_check
-def tell(x, P, weights, walk):
-    """Return heading, bias, scale, variances of the walk and of the heading, the heading to be seen and its variance.
+def moments(x, P, weights, walk):
+    """Return heading, bias, scale, variance of walk and heading, predicted vision heading and its variance.
 
-    Each is the mean over the levels, weighed by how well they foretell; variances include the differences between the levels.
+    Each is the weighted mean over the noise levels; variances include the spread between levels.
     """
     heading, shown = x[:, 0], x[:, 0] + x[:, 3]
     among, shown_among = heading - dot(weights, heading), shown - dot(weights, shown)
@@ -34,11 +34,17 @@ def tell(x, P, weights, walk):
 @njit(cache=True)
 @no_type_check
 def propagate(x, P, weights, walk, rate, dt, bias_walk, keep, shared):
-    """Turn each level by what the gyro measured; ``x`` and ``P`` are changed in place. Return the transition of errors.
+    """Propagate each level by the gyro rate, updating ``x`` and ``P`` in place. Return the error transition matrix.
 
     Args:
-        walk: Variance of each level's heading per second; ``bias_walk`` is that of the bias.
-        keep: Share of the shared error that stays; ``shared`` is its variance.
+        x, P: States and covariances per level.
+        weights: Weights of the levels.
+        walk: Variance of each level's heading per second; ``bias_walk`` is the variance of the bias.
+        rate: Gyro rate [rad/s].
+        dt: Time step [s].
+        bias_walk: Variance of the bias per second.
+        keep: Decay factor of the shared error; ``shared`` is its stationary variance.
+        shared: Stationary variance of the shared error.
     """
     turned = dt * (rate - x[:, 1]) * (1.0 - x[:, 2])
     x[:, 0] += turned

@@ -1,12 +1,12 @@
-"""How the camera really sits on the chair, learned from a minute of driving on a flight.
+"""Camera mount calibration: the camera's orientation on the chair from a minute of driving on a flight.
 
-``StairAxes | ImuSample | TrackReading -> MountEstimate``. On the flight the belts lie on the nosing plane, so the plane's normal is
-the chair's own z axis wherever the chair heads: pitch and roll follow from the camera alone. Gravity, which the treads show to the
-camera and the IMU tells the chair, adds the mount's yaw; an IMU that errs by a constant tilt looks the same as long as the chair
-keeps one heading, so yaw (and that tilt) come with turns, and are told only once they are known.
+``StairAxes | ImuSample | TrackReading -> MountEstimate``. On the flight the belts lie on the nosing plane, so the normal of
+the plane is the chair's z axis for any heading: pitch and roll follow from the camera alone. Gravity, measured by the
+camera from the treads and by the IMU, adds the mount's yaw. At a constant heading a constant IMU tilt cannot be
+distinguished from the mount's yaw; both become observable with turns and are reported only then.
 
-The axes must come from frames looked at without gravity (``StairDetector.look(frame)``): a detector that is told gravity through
-the mount as believed leans its edges towards it, and the mount would then confirm itself.
+The axes must come from frames processed without gravity (``StairDetector.look(frame)``). With gravity transformed by the
+assumed mount, the detector would bias its edges towards the assumption, and the calibration would confirm itself.
 """
 
 import math
@@ -23,66 +23,68 @@ PITCH, ROLL, YAW = 0, 1, 2
 TILT = slice(3, 5)
 BELTS = slice(5, 7)
 TREADS = 7
-"""Unknowns: the mount's angles, the IMU's tilt about x_B and y_B, the nosings' normal along x_B and y_B, the treads' slope."""
+"""Index of the unknown slope of the treads; before it the mount's angles, the IMU's tilt about x_B and y_B, and the
+components of the nosing plane's normal along x_B and y_B."""
 STEP_RAD = 1e-6
-"""For derivatives: far above rounding, far below any curvature."""
+"""Step of the finite differences [rad]: far above rounding, small against the curvature."""
 BISQUARE = 4.685
-"""Tukey's constant: 95 % efficient on normal errors, deaf to what lies further out (in sigma)."""
+"""Tukey's bisquare constant [sigma]: 95 % efficient for normal errors, no weight for outliers."""
 ITERATIONS = 12
 FIRST = 3
-"""Iterations that have the whole mount error to go: an outlier is then what lies far from the median."""
+"""Number of initial iterations with outliers defined relative to the median, because the mount error is still large."""
 DONE_RAD = 1e-7
 STANDING_M_S = 0.01
 PAIRED_S = 0.05
-"""An IMU sample further than this from a frame in time does not belong to it."""
+"""Largest time between a frame and its IMU sample [s]."""
 AVERAGED_S = 0.1
-"""To either side of a frame, over which the IMU's samples are averaged."""
+"""Half width of the averaging window of IMU samples around a frame [s]."""
 UNIT = 1e-3
 SQUARE = 0.02
-"""Cosine of what still counts as square: a degree."""
+"""Largest cosine between axes that count as perpendicular (one degree)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountConfig:
-    """What is believed beforehand, and what a frame must be like to count."""
+    """Priors of the mount calibration and acceptance limits for frames."""
 
     camera: PinholeCamera
-    """Its calibration, with the mount as it was meant."""
+    """Camera calibration with the nominal mount."""
     mount_sigma_rad: float = 5.0 * DEG
-    """Of each of the mount's angles."""
+    """Prior sigma of each mount angle [rad]."""
     tilt_sigma_rad: float = 0.35 * DEG
-    """Of the IMU's constant tilt about each axis: half a degree in all."""
+    """Prior sigma of the IMU's constant tilt about each axis [rad]: half a degree in all."""
     belts_sigma_rad: float = 0.06 * DEG
-    """Of the angle between z_B and the nosing plane's normal that no driving averages out: soft rubber under an uneven load,
-    and what the camera's depth does to planes."""
+    """Sigma of the constant angle between z_B and the nosing plane's normal [rad]: soft rubber under an uneven load, and
+    distortion of planes in the depth image; not reduced by averaging."""
     treads_sigma_rad: float = 0.1 * DEG
-    """Of the treads' constant slope: stairs are built to shed water."""
+    """Sigma of the treads' constant slope [rad]: treads are built with a slope for drainage."""
     gravity_sigma_rad: float = 0.05 * DEG
-    """Of the IMU's tilt from moment to moment."""
+    """Sigma of the IMU's instantaneous tilt [rad]."""
     slope_gate_rad: float = 3.0 * DEG
-    """Between the slope seen and the slope felt: beyond it the chair is not on the flight it sees. Half a degree of tilt and a
-    nosing 20 mm too high stay inside."""
+    """Largest difference between the slope by vision and by the IMU [rad]; beyond it the chair is not on the visible flight. Half a
+    degree of tilt and a nosing 20 mm too high stay within the gate."""
     least_slope_rad: float = 10.0 * DEG
     rocking_rad_s: float = 5.0 * DEG
-    """Pitch and roll rate, mean of 0.2 s, beyond which the chair is mounting, cresting or falling from one nosing to the next."""
+    """Pitch and roll rate, averaged over 0.2 s, above which the chair is mounting, cresting or tipping between nosings [rad/s]."""
     mount_gate_rad: float = 15.0 * DEG
-    """Between the normal seen and the one meant: beyond it, it is not the stair's."""
+    """Largest angle between the measured and the nominal normal [rad]; beyond it the plane is not the stair's."""
     axis_sigma_rad: float = 3.0 * DEG
-    """Axes less sure than this say nothing."""
+    """Largest sigma of an axis that is used [rad]."""
     block_s: float = 3.0
-    """Errors of frames further apart than two blocks are strangers: at 0.2 m/s the chair has passed three nosings."""
+    """Block length for the covariance [s]; errors of frames more than two blocks apart are independent: at 0.2 m/s the chair has
+    passed three nosings."""
     least_blocks: int = 8
     every_s: float = 1.0
-    """Between two solutions."""
+    """Time between two solutions [s]."""
     memory_frames: int = 1800
-    """Three minutes at 10 Hz."""
+    """Largest number of frames kept: three minutes at 10 Hz."""
     yaw_known_rad: float = 0.5 * DEG
-    """Yaw is told when its sigma is below this."""
+    """Largest sigma of the yaw at which the yaw is reported [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountEstimate:
-    """The mount's angles as ``PinholeCamera`` counts them, each with its sigma."""
+    """Mount angles in the convention of ``PinholeCamera``, each with its sigma."""
 
     t_s: float
     pitch_rad: float
@@ -90,27 +92,27 @@ class MountEstimate:
     pitch_sigma_rad: float
     roll_sigma_rad: float
     yaw_rad: float | None
-    """None while the chair has not turned enough to tell it from the IMU's tilt."""
+    """Mount yaw [rad]; None until turns separate it from the IMU's tilt."""
     yaw_sigma_rad: float | None
     imu_tilt_rad: tuple[float, float]
-    """Rotation about x_B and y_B that takes the IMU's idea of down to the true one."""
+    """Rotation about x_B and y_B from the IMU's down direction to the true one [rad]."""
     imu_tilt_sigma_rad: tuple[float, float]
     frame_count: int
-    """Frames that count."""
+    """Number of frames with nonzero weight."""
 
 
 def calibrated(camera: PinholeCamera, estimate: MountEstimate) -> PinholeCamera:
-    """Return the camera with the mount as estimated; yaw stays as it was while it is unknown."""
+    """Return the camera with the estimated mount; an unknown yaw stays unchanged."""
     yaw = camera.mount_yaw_rad if estimate.yaw_rad is None else estimate.yaw_rad
     return replace(camera, mount_pitch_rad=estimate.pitch_rad, mount_roll_rad=estimate.roll_rad, mount_yaw_rad=yaw)
 
 
 class MountCalibrator:
-    """Collects frames on the flight, and solves for the mount once a second."""
+    """Collects frames on the flight and solves for the mount once a second."""
 
     def __init__(self, config: MountConfig) -> None:
         self._config = config
-        self._felt: deque[tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]] = deque(maxlen=200)
+        self._imu_samples: deque[tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]] = deque(maxlen=200)
         self._frames: deque[Float[np.ndarray, " 16"]] = deque(maxlen=config.memory_frames)
         self._standing = False
         self._solved_s = -math.inf
@@ -118,10 +120,10 @@ class MountCalibrator:
         self.dropped_count = 0
 
     def step(self, signal: StairAxes | ImuSample | TrackReading) -> MountEstimate | None:
-        """Take one signal; return the newest estimate, or None while there is none.
+        """Take one signal; return the latest estimate, or None before the first.
 
-        Belts are asked for one thing: a chair that stands sees the same nosings in every frame, and learns nothing from
-        repeating it. Without a ``TrackReading`` it is taken to drive.
+        Belt readings exclude frames of a standing chair, which repeat the same nosings. Without a ``TrackReading`` the chair is
+        assumed to move.
         """
         match signal:
             case ImuSample():
@@ -129,18 +131,18 @@ class MountCalibrator:
             case TrackReading():
                 self._standing = max(abs(signal.left_m_s), abs(signal.right_m_s)) < STANDING_M_S
             case StairAxes():
-                self._see(signal)
+                self._add_frame(signal)
         return self._estimate
 
     def _update(self, sample: ImuSample) -> None:
         finite = np.isfinite(sample.orientation).all() and np.isfinite(sample.angular_velocity_rad_s).all()
-        newer = not self._felt or sample.t_s > self._felt[-1][0]
+        newer = not self._imu_samples or sample.t_s > self._imu_samples[-1][0]
         length = float(np.linalg.norm(sample.orientation))
         if not (finite and math.isfinite(sample.t_s) and newer and abs(length - 1.0) < UNIT):
             return
-        self._felt.append((sample.t_s, -rotation_of(sample.orientation / length)[2], sample.angular_velocity_rad_s))
+        self._imu_samples.append((sample.t_s, -rotation_of(sample.orientation / length)[2], sample.angular_velocity_rad_s))
 
-    def _see(self, axes: StairAxes) -> None:
+    def _add_frame(self, axes: StairAxes) -> None:
         gravity_B = self._gravity_at(axes.t_s)
         newer = not self._frames or axes.t_s > self._frames[-1][0]
         if (
@@ -157,11 +159,11 @@ class MountCalibrator:
             self._estimate = solve_mount(np.array(self._frames), self._config)
 
     def _gravity_at(self, t_s: float) -> Float[np.ndarray, " 3"] | None:
-        """Return down in B when a frame was taken; None if the IMU does not know, or the chair was rocking."""
+        """Return the down direction in B at the time of a frame; None without IMU samples or while the chair is rocking."""
         if not math.isfinite(t_s):
             return None
-        near = [(abs(felt[0] - t_s), felt[1], felt[2]) for felt in self._felt if abs(felt[0] - t_s) <= AVERAGED_S]
-        if not near or min(near, key=lambda felt: felt[0])[0] > PAIRED_S:
+        near = [(abs(sample[0] - t_s), sample[1], sample[2]) for sample in self._imu_samples if abs(sample[0] - t_s) <= AVERAGED_S]
+        if not near or min(near, key=lambda sample: sample[0])[0] > PAIRED_S:
             return None
         rates = np.array([rate for _, _, rate in near])
         if np.linalg.norm(rates[:, :2].mean(axis=0)) > self._config.rocking_rad_s:
@@ -170,22 +172,23 @@ class MountCalibrator:
         return np.asarray(down / np.linalg.norm(down))
 
     def _on_flight(self, axes: StairAxes, gravity_B: Float[np.ndarray, " 3"]) -> bool:
-        """Say whether the chair lies on the stair that it sees; whatever the mount, both slopes then agree."""
+        """Whether the chair lies on the visible stair: the slopes by vision and IMU agree for any mount."""
         config = self._config
         seen = math.acos(_cosine(-float(axes.normal_C @ axes.down_C)))
-        felt = math.acos(_cosine(-float(gravity_B[2])))
+        imu_slope = math.acos(_cosine(-float(gravity_B[2])))
         meant = math.acos(_cosine(float((config.camera.R_BC @ axes.normal_C)[2])))
-        return abs(seen - felt) <= config.slope_gate_rad and seen >= config.least_slope_rad and meant <= config.mount_gate_rad
+        return abs(seen - imu_slope) <= config.slope_gate_rad and seen >= config.least_slope_rad and meant <= config.mount_gate_rad
 
 
 def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> MountEstimate | None:
-    """Return the mount that explains the frames best, or None if they are too few.
+    """Return the mount with the best fit to the frames, or None for too few frames.
 
-    Gauss–Newton on four residuals a frame, weighed by Tukey's bisquare over their own spread. Sigma comes from the scores of whole
-    blocks of time, so that errors which neighbours share count as they are, plus the constants that no block can show.
+    Gauss–Newton on four residuals per frame, weighted by Tukey's bisquare of their scale. The covariance is estimated from the
+    scores of time blocks, which includes the correlation between neighbouring frames, plus the priors of the constants.
 
     Args:
-        frames: A row each: time, edge, down and normal in C, down in B, sigma of edge, down and normal.
+        frames: One row per frame: time, edge, down and normal in C, down in B, sigma of edge, down and normal.
+        config: Priors and limits.
     """
     blocks = np.unique((frames[:, 0] // config.block_s).astype(np.int64), return_inverse=True)[1]
     count = int(blocks.max()) + 1
@@ -207,22 +210,22 @@ def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Mount
             break
     scores = np.zeros((count, x.size))
     np.add.at(scores, blocks, np.einsum("kri,kr,kr->ki", jacobian, weights, residuals))
-    # Neighbouring blocks share what happened at their border. The unknowns fitted take five blocks' worth of freedom, and a spread
-    # told by few is itself unsure: the variance of Student's law with two thirds of the rest as degrees of freedom.
+    # Neighbouring blocks are correlated at their border. The fitted unknowns remove five blocks of freedom, and the covariance of
+    # a few blocks is itself uncertain: variance of Student's distribution with two thirds of the rest as degrees of freedom.
     shared = scores[1:].T @ scores[:-1]
     freedom = max((count - 5.0) / 1.5, 3.0)
-    spread = (scores.T @ scores + shared + shared.T) * (count / (count - 5.0)) * (freedom / (freedom - 2.0)) + prior
-    P = np.linalg.solve(H, np.linalg.solve(H, spread).T)
+    score_covariance = (scores.T @ scores + shared + shared.T) * (count / (count - 5.0)) * (freedom / (freedom - 2.0)) + prior
+    P = np.linalg.solve(H, np.linalg.solve(H, score_covariance).T)
     sigma = np.sqrt(np.maximum(np.diag(P), np.diag(np.linalg.inv(H))))
-    told = bool(sigma[YAW] <= config.yaw_known_rad)
+    yaw_known = bool(sigma[YAW] <= config.yaw_known_rad)
     return MountEstimate(
         t_s=float(frames[-1, 0]),
         pitch_rad=float(x[PITCH]),
         roll_rad=float(x[ROLL]),
         pitch_sigma_rad=float(sigma[PITCH]),
         roll_sigma_rad=float(sigma[ROLL]),
-        yaw_rad=float(x[YAW]) if told else None,
-        yaw_sigma_rad=float(sigma[YAW]) if told else None,
+        yaw_rad=float(x[YAW]) if yaw_known else None,
+        yaw_sigma_rad=float(sigma[YAW]) if yaw_known else None,
         imu_tilt_rad=(float(x[TILT][0]), float(x[TILT][1])),
         imu_tilt_sigma_rad=(float(sigma[TILT][0]), float(sigma[TILT][1])),
         frame_count=int(np.count_nonzero(weights.min(axis=1) > 0.0)),
@@ -239,9 +242,10 @@ def _prior(config: MountConfig) -> tuple[Float[np.ndarray, " 8"], Float[np.ndarr
 
 
 def _residuals(x: Float[np.ndarray, " 8"], frames: Float[np.ndarray, "k 16"]) -> Float[np.ndarray, "k 4"]:
-    """Return what the unknowns leave unexplained [rad].
+    """Return the residuals [rad].
 
-    The normal against z_B, about the edge and across it; the edge against the level; the treads' down against the IMU's.
+    The normal relative to z_B, about the edge and across it; the edge relative to horizontal; the treads' down direction relative
+    to the IMU's.
     """
     R_BC = rotation_z(x[YAW]) @ rotation_y(x[PITCH]) @ rotation_x(x[ROLL]) @ CAMERA_AXES_IN_CHAIR
     edge, down, normal = (frames[:, at : at + 3] @ R_BC.T for at in (1, 4, 7))
@@ -266,7 +270,7 @@ def _jacobian(x: Float[np.ndarray, " 8"], frames: Float[np.ndarray, "k 16"]) -> 
 
 def _sigmas(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Float[np.ndarray, "k 4"]:
     edge, down, normal = frames[:, 13:16].T
-    # The edge's error out of the plane is not told: taken for as large as that in it, so any direction has the same.
+    # No sigma is given for the edge's error out of the plane; it is assumed equal to the in-plane sigma.
     return np.column_stack(
         [normal, edge, np.hypot(edge, config.gravity_sigma_rad), np.hypot(down, config.gravity_sigma_rad)],
     )
@@ -277,7 +281,7 @@ def _bisquare(residuals: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, "k 4"]:
 
 
 def _is_frame(axes: StairAxes, config: MountConfig) -> bool:
-    """Say whether the axes are three unit vectors with an edge square to both others, and sure enough to count."""
+    """Whether the axes are unit vectors with the edge perpendicular to both others, and accurate enough."""
     vectors = np.stack([axes.edge_C, axes.down_C, axes.normal_C])
     sigmas = (axes.edge_sigma_rad, axes.down_sigma_rad, axes.normal_sigma_rad)
     if not (np.isfinite(vectors).all() and all(0.0 < sigma <= config.axis_sigma_rad for sigma in sigmas)):

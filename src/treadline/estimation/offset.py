@@ -1,7 +1,7 @@
-"""The paper's fusion: the offset between the heading seen and the IMU's yaw.
+"""Heading by the paper's fusion: an offset between the vision heading and the IMU's yaw.
 
-Paper: Section III.B, Eq. (5). Its yaw is about gravity, while heading turns about the nosing plane's normal: on a 28°
-stair, 30° of heading are 33.2° of yaw. The mode is kept as printed; ``HeadingFilter`` is what drives.
+Paper: Section III.B, Eq. (5). The IMU's yaw is about gravity, the heading about the nosing plane's normal: on a 28° stair a
+heading of 30° is a yaw of 33.2°. This mode is implemented as printed; ``HeadingFilter`` is the default estimator.
 """
 
 import math
@@ -14,16 +14,16 @@ from treadline.estimation.aberration import AberrationRule
 from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 OFFSET_SIGMA_RAD = 0.5 * DEG
-"""Declared uncertainty: the method gives none of its own."""
+"""Declared standard deviation [rad]; the method provides none."""
 COAST_S = 0.5
 PAIRED_S = 0.05
-"""A yaw further than this from a frame in time does not belong to it."""
+"""Largest time between a frame and its yaw sample [s]."""
 MEMORY_S = 1.0
-"""How far back a late frame may lie."""
+"""Largest age of a late frame [s]."""
 
 
 def heading_offset(seen_rad: float, yaw_rad: float) -> float:
-    """Return φ = θ - γ, the offset between the heading seen and the IMU's yaw.
+    """Return φ = θ - γ, the offset between the vision heading and the IMU's yaw.
 
     Paper: Eq. (5).
     """
@@ -31,7 +31,7 @@ def heading_offset(seen_rad: float, yaw_rad: float) -> float:
 
 
 class OffsetEstimator:
-    """θ = γ + φ; φ is renewed whenever vision and IMU are in step."""
+    """Estimator θ = γ + φ; φ is updated with every accepted vision heading."""
 
     def __init__(self, rule: AberrationRule | None = None) -> None:
         self._rule = rule or AberrationRule()
@@ -45,15 +45,15 @@ class OffsetEstimator:
         self.rejected_count = 0
 
     health: None = None
-    """The paper's rule watches nothing."""
+    """Sensor health; None, because the paper's method detects no faults."""
 
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
-        """Take one signal; return the heading now, or None before the first heading. Belts tell it nothing."""
+        """Take one signal; return the current heading, or None before the first heading. Belt readings are ignored."""
         match signal:
             case ImuSample():
                 self._update(signal)
             case HeadingMeasurement():
-                self._see(signal)
+                self._correct(signal)
             case _:
                 pass
         if self._offset is None or self._yaw is None or self._t_s is None:
@@ -78,20 +78,20 @@ class OffsetEstimator:
         while self._t_s - self._yaws[0][0] > MEMORY_S:
             self._yaws.popleft()
 
-    def _see(self, seen: HeadingMeasurement) -> None:
+    def _correct(self, seen: HeadingMeasurement) -> None:
         if not (math.isfinite(seen.t_s) and math.isfinite(seen.heading_rad) and seen.t_s > self._frame_s):
             return
         yaw = self._yaw_at(seen.t_s)
         if yaw is None:
             return
         self._frame_s = seen.t_s
-        if self._offset is not None and self._rule.breaks(seen.heading_rad, wrap(yaw + self._offset)):
+        if self._offset is not None and self._rule.is_aberration(seen.heading_rad, wrap(yaw + self._offset)):
             self.rejected_count += 1
             return
         self._offset = heading_offset(seen.heading_rad, yaw)
         self._seen_s = seen.t_s
 
     def _yaw_at(self, t_s: float) -> float | None:
-        """Return the yaw that the IMU had when a frame was taken, or None if that is too far from all it remembers."""
+        """Return the IMU yaw at the time of a frame, or None if no stored sample is close enough."""
         nearest = min(self._yaws, key=lambda yaw: abs(yaw[0] - t_s), default=None)
         return None if nearest is None or abs(nearest[0] - t_s) > PAIRED_S else nearest[1]

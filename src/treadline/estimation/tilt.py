@@ -1,7 +1,7 @@
-"""Attitude where the IMU gives none: gyro and accelerometer, blended.
+"""Attitude from gyro and accelerometer (complementary filter), for IMUs without an orientation output.
 
-``ImuSample -> orientation``. Depth cameras carry such IMUs; what vision needs of them is the direction of gravity. The yaw is
-the gyro's alone: its zero is arbitrary and it drifts, which is all that an ``ImuSample`` promises.
+``ImuSample -> orientation``. Depth cameras contain such IMUs; vision needs the direction of gravity. The yaw is the
+integrated gyro rate: its zero is arbitrary and it drifts, as documented for ``ImuSample``.
 """
 
 import numpy as np
@@ -11,44 +11,44 @@ from treadline.angles import levelling, quaternion_of, rotation_about, rotation_
 from treadline.signals import ImuSample
 
 BLEND_S = 2.0
-"""Time constant from gyro to accelerometer: longer than a step's jolt, shorter than the drift of a cheap gyro takes for 0.1°."""
+"""Time constant of the complementary filter [s]: longer than a step's jolt, shorter than 0.1° of drift of a low-cost gyro."""
 AT_REST = 0.1
-"""Share by which the specific force may differ from its usual length and still point along gravity."""
+"""Largest relative deviation of the specific force from its usual magnitude at which it points along gravity."""
 LONGEST_S = 0.1
-"""A longer pause says nothing of how the chair turned: the accelerometer is believed anew."""
+"""Longest gap between samples [s]; after a longer gap the attitude is reset from the accelerometer."""
 
 
 class Tilt:
-    """Direction of gravity and yaw from angular rates and specific force."""
+    """Estimator of the gravity direction and yaw from angular rates and specific force."""
 
     def __init__(self) -> None:
         self._R_WB: Float[np.ndarray, "3 3"] | None = None
         self._t_s = 0.0
-        self._usual = 0.0
+        self._usual_force = 0.0
 
     def step(self, sample: ImuSample) -> Float[np.ndarray, " 4"] | None:
-        """Return the orientation after one more sample, or None before the first force was felt."""
+        """Return the orientation after one more sample, or None before the first valid force."""
         force, rate = sample.linear_acceleration_m_s2, sample.angular_velocity_rad_s
         if not np.isfinite(rate).all():
-            return None  # the next sample's time takes in this one's
+            return None  # the next time step covers this sample's interval
         length = float(np.linalg.norm(force))
-        felt = np.isfinite(length) and length > 0.0
+        valid = np.isfinite(length) and length > 0.0
         dt_s = sample.t_s - self._t_s
         self._t_s = sample.t_s
         if self._R_WB is None or dt_s > LONGEST_S:
-            if not felt:
+            if not valid:
                 return None
             R_WB = np.eye(3) if self._R_WB is None else self._R_WB
             R_WB = rotation_about(levelling(R_WB @ force)) @ R_WB
-            self._usual = length
+            self._usual_force = length
         else:
             R_WB = self._R_WB @ rotation_about(dt_s * rate)
-            # The usual length is the sensor's own idea of g: some count in g, all have a scale error.
-            if felt and abs(length - self._usual) < AT_REST * self._usual:
+            # The usual magnitude is the sensor's own value of g: some sensors report g units, all have a scale error.
+            if valid and abs(length - self._usual_force) < AT_REST * self._usual_force:
                 share = dt_s / BLEND_S
-                self._usual += share * (length - self._usual)
+                self._usual_force += share * (length - self._usual_force)
                 R_WB = rotation_about(share * levelling(R_WB @ force)) @ R_WB
         orientation = quaternion_of(R_WB)
-        # Through the quaternion: rounding never makes it anything but a rotation.
+        # Conversion through the quaternion keeps the matrix orthonormal.
         self._R_WB = rotation_of(orientation)
         return orientation

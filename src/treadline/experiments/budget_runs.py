@@ -1,27 +1,31 @@
-"""The runs behind the uncertainty budget: turns, straight climb, excitation, traversals, a braked chair and a slide."""
+"""Runs of the uncertainty budget: turns, straight climbs, excitation, traversals, lugs, the seat, a braked chair and a slide."""
 
+import itertools
 import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import RecordError, SimulationDiverged
-from treadline.experiments import plan
+from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
 from treadline.experiments.excite import PERIOD_S, excite
-from treadline.experiments.shipped import shipped_controller
-from treadline.experiments.traverse import ready, traverse
-from treadline.experiments.variations import Variation
+from treadline.experiments.traverse import FALLEN_SLIDE_M, traverse
+from treadline.experiments.variations import LUG_GROUP, MAIN_SOURCES, NOMINAL_VARIATION, Variation
 from treadline.identification import identify
 from treadline.io.plain import plain
 from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
-from treadline.models import write_whole
+from treadline.mission.drivers import ConstantSpeed
+from treadline.models import ControllerDesign, write_whole
 from treadline.ports import TruthPlant
 from treadline.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
+from treadline.setup import Opener, ready
 from treadline.signals import SeatCommand, TrackCommand
 
 CHAIR = "wheelchair"
@@ -29,17 +33,20 @@ START_DEG = 30
 SLIDE_DEG = 32.4
 """0.6° beyond atan 0.62, the slope from which a braked chair slides."""
 SLIDE_S = 3.0
-SLID_M = 0.5
-"""A braked chair that moves further than this slides and does not creep."""
 SCORES = (
     "rms_heading_deg",
+    "steady_rms_heading_deg",
+    "final_heading_deg",
     "roll_back_m",
     "passenger_max_m_s2",
+    "passenger_lateral_m_s2",
     "settle_s",
     "lateral_m",
     "max_pitch_rate_deg_s",
     "min_stability_margin_deg",
     "seat_max_deg",
+    "max_belt_force_n",
+    "airborne_share",
     "unconverged_share",
 )
 Outcome = tuple[str, dict[str, float | None]]
@@ -59,37 +66,91 @@ class Spans:
 WHOLE, QUICK = Spans(), Spans(turn_s=20.0, straight_s=10.0, hold_s=10.0, samples=120)
 
 
-def _driven(variation: Variation, nominal: Scenario, wanted: str) -> Outcome:
-    """Return the scores of a run by the shipped controller; a run that ends otherwise than wanted has none.
+def _opener(variation: Variation) -> Opener:
+    """Return what opens a scenario's plant with the variation in place, friction and passenger included."""
 
-    The operator asks check about the nominal chair and friction, and shifts the seat for them.
+    def open_varied(scenario: Scenario, seed: int) -> TruthPlant:
+        return variation.opener(scenario.chair.model)(variation.scenario(scenario), seed)
+
+    return open_varied
+
+
+def _driven(
+    variation: Variation, nominal: Scenario, wanted: tuple[str, ...] = ("time_up",), controller: ControllerDesign | None = None
+) -> Outcome:
+    """Return the scores of a run, by the shipped controller unless one is given; a run with another verdict than wanted has none.
+
+    The operator runs ``check`` on the nominal chair and friction, and shifts the seat for them.
     """
     scenario, refusal, _ = ready(plan.without_images(nominal), read_chair(CHAIR))
     if refusal is not None:
         return f"refused: {refusal}", {}
     scenario = variation.scenario(scenario.model_copy(update={"drive": scenario.drive.model_copy(update={"check": False})}))
     run = traverse(
-        scenario, controller=shipped_controller(CHAIR), seed=variation.seed, open_plant=variation.opener(scenario.chair.model)
+        scenario,
+        controller=controller or shipped_controller(CHAIR),
+        seed=variation.seed,
+        open_plant=variation.opener(scenario.chair.model),
     )
-    if run.verdict != wanted:
+    if run.verdict not in wanted:
         return f"{run.verdict}: {run.cause}", {}
     return "ok", {name: getattr(run.scores, name) for name in SCORES}
 
 
-def _turn(slope_deg: int, friction: plan.Friction) -> Callable[[Variation, Spans], Outcome]:
-    return lambda variation, spans: _driven(variation, plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction), "time_up")
+def _turn(slope_deg: int, friction: plan.Friction, allocation: str = "climb-safe") -> Callable[[Variation, Spans], Outcome]:
+    return lambda variation, spans: _driven(
+        variation, plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction, allocation=allocation)
+    )
 
 
 def _straight(variation: Variation, spans: Spans) -> Outcome:
-    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "closed", spans.straight_s), "time_up")
+    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "closed", spans.straight_s))
 
 
-def _traversal(name: str) -> Callable[[Variation, Spans], Outcome]:
-    def run(variation: Variation, spans: Spans) -> Outcome:
-        del spans  # a traversal ends on arrival
-        return _driven(variation, read_scenario(name), "arrived")
+def _straight_open(variation: Variation, spans: Spans) -> Outcome:
+    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "open", spans.straight_s))
 
-    return run
+
+def _traversal(variation: Variation, spans: Spans, name: str) -> Outcome:
+    del spans  # a traversal ends on arrival
+    return _driven(variation, read_scenario(name), ("arrived",))
+
+
+def _lugged_turn(variation: Variation, spans: Spans, slope_deg: int) -> Outcome:
+    del spans
+    return _driven(variation, lugs.lugged_turn(slope_deg, lugs.PLAIN_LUGS))
+
+
+def _lugged_traversal(variation: Variation, spans: Spans) -> Outcome:
+    del spans
+    return _driven(variation, lugs.lugged_traversal(lugs.PLAIN_LUGS), ("arrived",))
+
+
+def _as_printed(variation: Variation, spans: Spans) -> Outcome:
+    """Return the scores of the printed controller; the run counts however it ends."""
+    verdicts = ("time_up", "held", "fell")
+    return _driven(variation, as_printed.as_printed_turn(spans.turn_s), verdicts, as_printed.paper_controller(plan.TABLE_SPEED_M_S))
+
+
+def _seat(variation: Variation, spans: Spans) -> Outcome:
+    del spans
+    standing = fig11.at_rest(plan.turn(plan.FIG10_SLOPE, 0, fig11.DURATION_S))
+    driver = ConstantSpeed(0.0, PERIOD_S)
+    run = traverse(standing, seed=variation.seed, driver=driver, open_plant=_opener(variation))
+    return ("ok", fig11.seat_figures(run.trace)) if run.verdict == "time_up" else (f"{run.verdict}: {run.cause}", {})
+
+
+def _dead_zone(variation: Variation, spans: Spans) -> Outcome:
+    del spans
+    opener = _opener(variation)
+    starts = itertools.product(dead_zone.HEADINGS_DEG, dead_zone.DIFFERENCES_M_S)
+    rows = [dead_zone.row(heading, difference, variation.seed, opener) for heading, difference in starts]
+    return "ok", {f"yaw_rate_{row['heading_deg']}_{row['difference_m_s']:g}": row["yaw_rate_deg_s"] for row in rows}
+
+
+def _seen(variation: Variation, spans: Spans) -> Outcome:
+    del spans
+    return "ok", {"robust_error_deg": fig05.robust_error_deg(variation.seed, _opener(variation))}
 
 
 def _identified(variation: Variation, spans: Spans) -> Outcome:
@@ -135,7 +196,7 @@ def _creep(variation: Variation, spans: Spans) -> Outcome:
         for second in range(2, round(spans.hold_s) + 2):
             plant.advance(float(second))
             last_m = plant.truth()[-1].x_m
-            if abs(last_m - first_m) > SLID_M:
+            if abs(last_m - first_m) > FALLEN_SLIDE_M:
                 return "slides", {}
     finally:
         plant.close()
@@ -163,17 +224,42 @@ RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
     "turn-28-mu0.9-0.5": _turn(plan.FIG10_SLOPE, plan.GOOD_GRIP),
     "straight-28": _straight,
     "excite-20": _identified,
-    "up-28": _traversal("up-28"),
-    "down-28": _traversal("down-28"),
+    "up-28": partial(_traversal, name="up-28"),
+    "down-28": partial(_traversal, name="down-28"),
     "creep-28": _creep,
     "slide-32.4": _slide,
 }
+"""Runs that are made in each variation."""
+LUG_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+    **{f"turn-{slope}-lugs": partial(_lugged_turn, slope_deg=slope) for slope in plan.SLOPES_DEG},
+    "up-28-lugs": _lugged_traversal,
+}
+"""Runs with lugs, made in the variations of the main sources and of the lugs' phase."""
+SIDE_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+    "turn-28-rollback": _turn(plan.FIG10_SLOPE, plan.PAPER_FRICTION, "paper"),
+    "straight-28-open": _straight_open,
+    "as-printed-28": _as_printed,
+    "seat-28": _seat,
+    "dead-zone-28": _dead_zone,
+    "frame-28": _seen,
+}
+"""Runs behind figures without a target, made in the variations of the main sources alone: step, stiffness, friction."""
+ALL_RUNS = RUNS | LUG_RUNS | SIDE_RUNS
+
+
+def runs_of(variation: Variation) -> tuple[str, ...]:
+    """Return the names of the runs that are made in a variation."""
+    if variation.group == LUG_GROUP:
+        return tuple(LUG_RUNS)
+    return tuple(ALL_RUNS if variation is NOMINAL_VARIATION or variation.group in MAIN_SOURCES else RUNS)
+
+
 QUICK_RUNS = ("turn-28", "straight-28", "creep-28", "slide-32.4")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetJob:
-    """One run of one variation; its outcome is kept in a file, so that an interrupted budget goes on."""
+    """One run of one variation. Its outcome is kept in a file, so that an interrupted budget continues."""
 
     variation: Variation
     run_name: str
@@ -196,7 +282,7 @@ class BudgetJob:
         if self.path.exists():
             return dict(json.loads(self.path.read_text(encoding="utf-8")))
         try:
-            verdict, figures = RUNS[self.run_name](self.variation, self.spans)
+            verdict, figures = ALL_RUNS[self.run_name](self.variation, self.spans)
         except (SimulationDiverged, RecordError) as error:
             verdict, figures = f"diverged: {error}", {}
         found = {"variation": self.variation.name, "run": self.run_name, "verdict": verdict, "figures": plain(figures)}

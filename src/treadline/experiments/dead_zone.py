@@ -14,8 +14,9 @@ from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.quasi_static_run import quasi_static_run
 from treadline.scenario import Scenario
+from treadline.setup import Opener
 from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.sim import open_plant as open_mujoco
 
 HEADINGS_DEG = (0, 5, 10, 15, 30)
 DIFFERENCES_M_S = (0.05, 0.1, 0.2, 0.4, 0.8)
@@ -40,7 +41,7 @@ class DeadZoneJob:
         return {"rows": [row(heading, difference, self.seed) for heading in HEADINGS_DEG for difference in DIFFERENCES_M_S]}
 
 
-def row(heading_deg: int, difference_m_s: float, seed: int) -> dict[str, Any]:
+def row(heading_deg: int, difference_m_s: float, seed: int, open_plant: Opener = open_mujoco) -> dict[str, Any]:
     """Return simulated and theoretical yaw rate of one start; the left belt is faster, which turns the chair back to straight."""
     scenario = turn(FIG10_SLOPE, heading_deg, UNTIL_S)
     scenario = scenario.model_copy(

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from treadline import paper
-from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, traverse
+from treadline.experiments.traverse import Sink, Traverse, Watch, traverse
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.models import InputOutputRecord
 from treadline.scenario import Scenario
+from treadline.setup import Opener, PlantName
 from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
-from treadline.sim import open_plant as open_mujoco
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
 INPUTS = ("left_m_s", "right_m_s")
@@ -22,6 +22,8 @@ OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
 
 class ExcitationDriver:
     """Proposes random belt speeds and keeps what was proposed and felt, sample by sample."""
+
+    follows_plan = False
 
     def __init__(self, excitation: Excitation, period_s: float) -> None:
         self._excitation = excitation
@@ -64,7 +66,7 @@ def excite(
     seed: int,
     sink: Sink | None = None,
     watch: Watch | None = None,
-    open_plant: Opener = open_mujoco,
+    open_plant: Opener | PlantName = "mujoco",
 ) -> Excited:
     """Return ``samples`` of random driving on a flight made long enough for them."""
     driver = ExcitationDriver(

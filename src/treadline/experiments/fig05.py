@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.pictures import write_stages
+from treadline.setup import Opener
 from treadline.signals import ImuSample, RgbdFrame
-from treadline.sim import open_plant
+from treadline.sim import open_plant as open_mujoco
 
 HEADING_DEG = 10
 
@@ -28,24 +30,13 @@ class StagesJob:
     seed: int
 
     def run(self) -> dict[str, Any]:
-        """Look at it and return the figure's numbers."""
+        """Return the figure's numbers and write its pictures."""
         return see_stages(self.figures, self.seed)
 
 
 def see_stages(figures: Path, seed: int) -> dict[str, Any]:
-    """Write the six stages as pictures and return what both modes make of the frame."""
-    scenario = turn(FIG10_SLOPE, HEADING_DEG, 1.0)
-    plant = open_plant(scenario, seed)
-    try:
-        plant.start()
-        plant.advance(0.0)
-        readings = plant.read()
-        true_heading = plant.truth()[0].heading_rad
-    finally:
-        plant.close()
-    frame = next(reading for reading in readings if isinstance(reading, RgbdFrame))
-    imu = next(reading for reading in readings if isinstance(reading, ImuSample))
-    gravity_C = frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0])
+    """Write the six stages as pictures and return the heading by both methods."""
+    frame, gravity_C, true_heading_rad = first_frame(seed)
     printed = StairDetector(DetectorConfig(method="paper")).look(frame, gravity_C, stages=True)
     robust = StairDetector(DetectorConfig(method="robust")).look(frame, gravity_C)
     if printed.stages is not None:
@@ -54,13 +45,35 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
         "heading_deg": _degrees(printed.heading_rad),
         "robust_heading_deg": _degrees(robust.heading_rad),
         "robust_sigma_deg": _degrees(robust.sigma_rad),
-        "true_heading_deg": true_heading / DEG,
+        "true_heading_deg": true_heading_rad / DEG,
         "edges": printed.edge_count,
         "robust_edges": robust.edge_count,
         "reason": printed.reason,
         "conditions": f"{FIG10_SLOPE}° stair, {HEADING_DEG}° start heading, {frame.camera.width_px}×"
         f"{frame.camera.height_px}, Kinect 1 noise, seed {seed}",
     }
+
+
+def first_frame(seed: int, open_plant: Opener = open_mujoco) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], float]:
+    """Return the figure's frame, gravity in the camera's frame, and the true heading [rad]."""
+    plant = open_plant(turn(FIG10_SLOPE, HEADING_DEG, 1.0), seed)
+    try:
+        plant.start()
+        plant.advance(0.0)
+        readings = plant.read()
+        true_heading_rad = plant.truth()[0].heading_rad
+    finally:
+        plant.close()
+    frame = next(reading for reading in readings if isinstance(reading, RgbdFrame))
+    imu = next(reading for reading in readings if isinstance(reading, ImuSample))
+    return frame, frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0]), true_heading_rad
+
+
+def robust_error_deg(seed: int, open_plant: Opener) -> float | None:
+    """Return the error of the robust estimator's heading on the figure's frame [deg], or None where the frame is rejected."""
+    frame, gravity_C, true_heading_rad = first_frame(seed, open_plant)
+    robust = StairDetector(DetectorConfig(method="robust")).look(frame, gravity_C)
+    return None if robust.heading_rad is None else (robust.heading_rad - true_heading_rad) / DEG
 
 
 def _degrees(angle_rad: float | None) -> float | None:

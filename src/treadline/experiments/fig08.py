@@ -14,12 +14,11 @@ from treadline.angles import DEG
 from treadline.experiments.excite import PERIOD_S
 from treadline.experiments.plan import Ground, excitation
 from treadline.experiments.recorded import recorded_excitation
-from treadline.experiments.traverse import Opener
 from treadline.identification import identify
 from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 from treadline.scenario import Scenario
-from treadline.sim import open_plant as open_mujoco
+from treadline.setup import Opener, PlantName
 
 IMPULSE_S = 20.0
 """The span that is drawn; the integrator holds what the first second did."""
@@ -39,7 +38,7 @@ class ExciteJob:
     image_every: int = 0
     scenario: Scenario | None = None
     """In which to drive; None is that of the ground."""
-    open_plant: Opener = open_mujoco
+    open_plant: Opener | PlantName = "mujoco"
 
     def run(self) -> "Recording":
         """Drive and return the record."""

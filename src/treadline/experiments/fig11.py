@@ -14,10 +14,11 @@ from treadline import paper
 from treadline.angles import DEG, rms
 from treadline.experiments.plan import turn
 from treadline.experiments.recorded import recorded_run
-from treadline.experiments.scores import settling_time
+from treadline.experiments.scores import Trace, settling_time
 from treadline.io.runs import write_result
 from treadline.mission.drivers import ConstantSpeed
 from treadline.scenario import Scenario
+from treadline.setup import resolve
 
 DURATION_S = 40.0
 """Fig. 11's time axis."""
@@ -50,18 +51,8 @@ def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dic
     """Run it and return the figure's numbers: on the paper's 28° stair, or on a scenario's."""
     standing = at_rest(turn(int(paper.FIG11_SLOPE_DEG), 0, DURATION_S) if scenario is None else scenario)
     driver = ConstantSpeed(0.0, 1.0 / paper.CONTROL_RATE_HZ)
-    run = recorded_run(folder, standing, controller=None, seed=seed, driver=driver)
-    t, pitch = run.trace["t_s"], run.trace["seat_pitch_rad"]
-    steady = pitch[t > min(STEADY_FROM_S, 0.5 * float(t[-1]))]  # a chair that slid off its stair ended early
-    settle = settling_time(t, pitch, SETTLED_RAD)
-    slope_deg = standing.stair.slope_rad / DEG
-    figures = {
-        "settle_s": settle,
-        "start_deg": float(pitch[0]) / DEG,
-        "steady_error_deg": float(np.mean(steady)) / DEG,
-        "steady_rms_deg": rms(steady) / DEG,
-        "max_error_deg": float(np.abs(pitch[t > (settle or 0.0)]).max()) / DEG,
-    }
+    run = recorded_run(folder, resolve(standing, driver, seed))
+    figures, slope_deg = seat_figures(run.trace), standing.stair.slope_rad / DEG
     # A table of its own: the run's own settle_s is the heading's.
     write_result(folder, run.summary() | {"seat": figures})
     return {
@@ -69,4 +60,18 @@ def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dic
         "run": folder.name,
         "seed": seed,
         "conditions": f"{slope_deg:.3g}° stair, chair at rest, settled means within 1°, seed {seed}",
+    }
+
+
+def seat_figures(trace: Trace) -> dict[str, float | None]:
+    """Return settling time, start and errors of the seat's pitch over a run."""
+    t, pitch = trace["t_s"], trace["seat_pitch_rad"]
+    steady = pitch[t > min(STEADY_FROM_S, 0.5 * float(t[-1]))]  # a chair that slid off its stair ended early
+    settle = settling_time(t, pitch, SETTLED_RAD)
+    return {
+        "settle_s": settle,
+        "start_deg": float(pitch[0]) / DEG,
+        "steady_error_deg": float(np.mean(steady)) / DEG,
+        "steady_rms_deg": rms(steady) / DEG,
+        "max_error_deg": float(np.abs(pitch[t > (settle or 0.0)]).max()) / DEG,
     }

@@ -16,18 +16,17 @@ import numpy as np
 
 from treadline.experiments import fig09, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
-from treadline.experiments.pool import run_jobs
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
-from treadline.experiments.traverse import Opener
-from treadline.gazebo import find_environment, open_gazebo
+from treadline.gazebo import find_environment
 from treadline.io.plain import plain
 from treadline.io.provenance import provenance
 from treadline.models import ControllerDesign, write_whole
-from treadline.sim import open_plant as open_mujoco
+from treadline.setup import PlantName
 
-SIMULATORS: dict[str, Opener] = {"gazebo": open_gazebo, "mujoco": open_mujoco}
+SIMULATORS: tuple[PlantName, ...] = ("gazebo", "mujoco")
 GROUNDS = (CONTROLLER_GROUND,)
 """The controller's own is enough here."""
 
@@ -35,7 +34,7 @@ GROUNDS = (CONTROLLER_GROUND,)
 def job_count(plan: ReproducePlan) -> int:
     """Return how many parts ``reproduce_in_gazebo`` will report as done."""
     drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
-    return len(SIMULATORS) * (len(_excitations(plan, Path(), open_mujoco)) + drives)
+    return len(SIMULATORS) * (len(_excitations(plan, Path(), "mujoco")) + drives)
 
 
 def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
@@ -51,12 +50,12 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     started = time.monotonic()
     plan = replace(plan, grounds=GROUNDS, frictions=(PAPER_FRICTION,))
     found: dict[str, dict[str, Any]] = {}
-    for name, open_plant in SIMULATORS.items():
+    for name in SIMULATORS:
 
         def told(what: str, name: str = name) -> None:
             done(f"{name} {what}")
 
-        found[name] = _paper_in(plan, out / name, open_plant, workers=workers, done=told)
+        found[name] = _paper_in(plan, out / name, name, workers=workers, done=told)
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )
@@ -93,7 +92,7 @@ def summary(values: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _paper_in(plan: ReproducePlan, out: Path, open_plant: Opener, *, workers: int, done: Done) -> dict[str, Any]:
+def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers: int, done: Done) -> dict[str, Any]:
     runs = out / "runs"
     recordings: list[Recording] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
     controller, fig08_by_ground = learn(plan, recordings, out)
@@ -110,7 +109,7 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: Opener, *, workers: in
     return values
 
 
-def _excitations(plan: ReproducePlan, runs: Path, open_plant: Opener) -> list[ExciteJob]:
+def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list[ExciteJob]:
     return [
         ExciteJob(
             name=f"excite-{ground.name}-seed{seed}",
@@ -126,7 +125,7 @@ def _excitations(plan: ReproducePlan, runs: Path, open_plant: Opener) -> list[Ex
     ]
 
 
-def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: Opener) -> list[RunJob]:
+def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:
     straight = [*fig09.closed_jobs(plan, controller, runs), *fig09.open_jobs(plan, runs)]
     jobs = [*straight, *table2.jobs(plan, controller, runs, "climb-safe")]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]

@@ -1,42 +1,35 @@
-"""One recorded run as a job for the pool: data in, a summary out, the rest in its run folder."""
+"""One recorded run as a job for the process pool: settings in, summary out, everything else in its run folder."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from treadline.experiments.recorded import recorded_run
-from treadline.experiments.traverse import Opener
 from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
-from treadline.sim import open_plant as open_mujoco
+from treadline.setup import Opener, PlantName, resolve
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunJob:
-    """A scenario, a seed and a controller; ``labels`` travel to the result unchanged."""
+    """A scenario, a seed and a controller; ``labels`` are returned unchanged with the result."""
 
     name: str
     scenario: Scenario
     seed: int
     controller: ControllerDesign | None
+    """Controller design; None for the one shipped for the vehicle."""
     folder: Path
     labels: dict[str, Any]
     log: bool
-    """Keep an MCAP log; one run per figure does, the rest keep their series only."""
+    """Whether an MCAP log is kept; one run per figure keeps one, the others keep their time series only."""
     image_every: int = 0
     """Keep every n-th frame in the log; 0 keeps none."""
-    open_plant: Opener = open_mujoco
-    """Which simulator; a function of a module, for the job may be done by another process."""
+    open_plant: Opener | PlantName = "mujoco"
+    """Simulator: its name, or a module-level function, because the job may run in another process."""
 
     def run(self) -> dict[str, Any]:
-        """Drive, and return the labels with the run's summary."""
-        run = recorded_run(
-            self.folder,
-            self.scenario,
-            controller=self.controller,
-            seed=self.seed,
-            log=self.log,
-            image_every=self.image_every,
-            open_plant=self.open_plant,
-        )
+        """Run the scenario and return the labels with the run's summary."""
+        setup = resolve(self.scenario, self.controller, self.seed, open_plant=self.open_plant)
+        run = recorded_run(self.folder, setup, log=self.log, image_every=self.image_every)
         return {**self.labels, **run.summary(), "cpu_s": run.cpu_s, "run": self.folder.name}

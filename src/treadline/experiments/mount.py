@@ -1,4 +1,4 @@
-"""How a recording's camera sits on its chair: ``RgbdFrame | ImuSample | TrackReading -> Lesson``, and a camera.toml out.
+"""How a recording's camera sits on its chair: ``RgbdFrame | ImuSample | TrackReading -> CalibrationStudy``, and a camera.toml out.
 
 The log is read as a replay reads it; the IMU must be the chair's, for one that is fixed to the camera turns with the mount and
 cannot tell it. Frames are looked at without gravity: a detector that is told down through the mount would confirm the mount.
@@ -40,7 +40,7 @@ _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lesson:
+class CalibrationStudy:
     """What a recording taught."""
 
     camera: CameraFile
@@ -64,7 +64,7 @@ class Lesson:
         return self.camera.model_copy(update=found)
 
     def summary(self) -> dict[str, Any]:
-        """Return the lesson as JSON values."""
+        """Return the study as JSON values."""
         told = {f"{name}_deg": self._deg(name) for name in ANGLES}
         sigmas = {f"{name}_sigma_deg": self._deg(f"{name}_sigma") for name in ANGLES}
         change = {
@@ -154,7 +154,7 @@ class MountStudy:
 
     def readings(self) -> Iterator[Reading]:
         """Yield what the sensors read, each once it has been learned from."""
-        plant = ReplayPlant(self._recording.signals(lambda _: None))
+        plant = ReplayPlant(self._recording.arrivals(lambda _: None))
         with _in_words_of_mount():
             plant.start()
             tick = 0
@@ -165,7 +165,7 @@ class MountStudy:
                     yield reading
                 tick += 1
 
-    def lesson(self) -> Lesson:
+    def calibration(self) -> CalibrationStudy:
         """Return what has been learned so far."""
         config = MountConfig(camera=self._meant if self._used is None else self._used)
         left_out, estimate = Counter(self._left_out), self._estimate
@@ -184,7 +184,7 @@ class MountStudy:
             left_out["unlike the others"] = kept - estimate.frame_count
             left_out["in the second after the last solution"] = self._taken - self._solved
             left_out[f"older than the last {config.memory_frames} that count"] = self._solved - kept
-        return Lesson(
+        return CalibrationStudy(
             camera=self._camera_file(config.camera),
             estimate=estimate,
             reason=reason,

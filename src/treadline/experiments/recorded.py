@@ -1,4 +1,4 @@
-"""Runs that leave a folder behind: manifest, result, series and, if asked, a log."""
+"""Run folders of simulated runs: manifest, result, time series and, optionally, a log."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -12,16 +12,13 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.experiments.excite import Excited, excitation_of, excite, long_enough
 from treadline.experiments.scores import Trace
-from treadline.experiments.traverse import Opener, Sink, Traverse, Watch, mission_config, ready, traverse
+from treadline.experiments.traverse import Sink, Traverse, Watch, run_episode
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.mechanics.chair import read_chair
-from treadline.mission.config import heading_driver, is_full_traversal
-from treadline.mission.drivers import Driver
-from treadline.models import ControllerDesign
 from treadline.scenario import Scenario
-from treadline.sim import open_plant as open_mujoco
+from treadline.setup import Opener, PlantName, Setup
 
 SERIES = {
     "heading_deg": "heading_rad",
@@ -35,32 +32,27 @@ PLAIN_SERIES = ("left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
 
 def recorded_run(
     folder: Path,
-    scenario: Scenario,
+    setup: Setup,
     *,
-    controller: ControllerDesign | None,
-    seed: int,
-    driver: Driver | None = None,
     log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
-    open_plant: Opener = open_mujoco,
 ) -> Traverse:
-    """Drive a scenario and write its run folder.
+    """Run a resolved setup and write its run folder.
+
+    Args:
+        folder: Run folder: manifest.json, result.json, series.csv, and log.mcap if ``log``.
+        image_every: Keep every n-th frame in the log; 0 keeps none.
+        watch: Receives each tick as it ends.
 
     Raises:
-        TreadlineError: Before anything is written, if the scenario or controller cannot be driven.
+        TreadlineError: Before anything is written, if the setup cannot be run.
     """
-    config = mission_config(scenario, controller)
-    whole = is_full_traversal(config, driver) and scenario.drive.check
-    driver = driver or heading_driver(config)
-    # A seat that is shifted before the start is part of what is replayed.
-    driven = ready(scenario, read_chair(scenario.chair.model))[0] if whole else scenario
-    begin_run(folder, driven.model_dump(mode="json"), seed, controller)
+    blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
+    begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **setup.manifest())
     run: Traverse = _logged(
         folder,
-        lambda sink: traverse(
-            scenario, controller=controller, seed=seed, driver=driver, sink=sink, watch=watch, open_plant=open_plant
-        ),
+        lambda sink: run_episode(setup, blocks=blocks, sink=sink, watch=watch),
         log=log,
         image_every=image_every,
     )
@@ -78,10 +70,18 @@ def recorded_excitation(
     log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
-    open_plant: Opener = open_mujoco,
+    open_plant: Opener | PlantName = "mujoco",
 ) -> Excited:
-    """Excite a scenario and write its run folder, ``record.csv`` included."""
-    mission_config(scenario, None)
+    """Excite a scenario and write its run folder, ``record.csv`` included.
+
+    Args:
+        samples: Number of input-output samples.
+        period_s: Time between samples [s].
+
+    Raises:
+        TreadlineError: Before anything is written, if the chair cannot be read.
+    """
+    read_chair(scenario.chair.model)
     settings = long_enough(scenario, (samples + 1) * period_s).model_dump(mode="json")
     begin_run(folder, settings, seed, excitation=asdict(excitation_of(scenario)))
     excited: Excited = _logged(
@@ -107,7 +107,7 @@ def _write(folder: Path, run: Traverse) -> None:
 
 
 def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
-    """Return the columns of ``series.csv``: angles in degrees, for people."""
+    """Return the columns of ``series.csv`` by name: angles in degrees, everything else in SI units."""
     columns = {"t_s": trace["t_s"], "estimate_deg": estimate_rad[: len(trace["t_s"])] / DEG}
     columns |= {name: trace[source] / DEG for name, source in SERIES.items()}
     columns |= {name: trace[name] for name in PLAIN_SERIES}

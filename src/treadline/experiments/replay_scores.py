@@ -3,6 +3,7 @@
 Nothing of this is seen by the mission. Differences are summed as they come; of the log it holds the second by which it is ahead.
 """
 
+import math
 from array import array
 from collections import deque
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from treadline.angles import DEG, rms, wrap
 from treadline.experiments.recorded import PLAIN_SERIES, SERIES
 from treadline.experiments.scores import STEADY_FROM_S, settling_time
 from treadline.mission.loop import Signal, Tick
+from treadline.mission.recent import Recent
 from treadline.ports import Truth
 from treadline.signals import (
     TICK_S,
@@ -27,6 +29,7 @@ from treadline.signals import (
     TrackCommand,
 )
 
+ROUNDING_TICKS = 1e-6
 SAME_S = 0.5 * TICK_S
 """Two stamps nearer than that belong to the same tick."""
 
@@ -88,6 +91,7 @@ class ReplayScores:
     _waiting: dict[type, deque[Any]] = field(default_factory=dict)
     _now: list[HeadingMeasurement] = field(default_factory=list)
     _last: dict[type, Any] = field(default_factory=dict)
+    _truths: Recent[Truth] = field(default_factory=Recent)
     _seat_pitch_rad: float = float("nan")
     _columns: dict[str, "array[float]"] = field(default_factory=lambda: {name: array("d") for name in COLUMNS})
     _to_recorded: Spread = field(default_factory=Spread)
@@ -138,9 +142,11 @@ class ReplayScores:
                 self._normalised.add(error / max(estimate.sigma_rad, 1e-9))
             if recorded is not None:
                 self._recorded_to_truth.add(wrap(recorded.heading_rad - truth.heading_rad))
+            self._truths.add(truth.t_s, truth)
             for seen in self._now:
-                if abs(seen.t_s - tick.t_s) < SAME_S:
-                    error = wrap(seen.heading_rad - truth.heading_rad)
+                exposed = self._truths.at(seen.t_s)
+                if exposed is not None and abs(seen.t_s - exposed.t_s) < SAME_S:
+                    error = wrap(seen.heading_rad - exposed.heading_rad)
                     self._vision_to_truth.add(error)
                     self._vision_normalised.add(error / max(seen.sigma_rad, 1e-9))
         self._compare_commands(tick)
@@ -210,8 +216,6 @@ class ReplayScores:
         }
         if estimate is not None:
             values |= {"estimate_deg": estimate.heading_rad / DEG, "sigma_deg": estimate.sigma_rad / DEG}
-        if self._now:
-            values["seen_deg"] = self._now[-1].heading_rad / DEG
         if recorded is not None:
             values["recorded_deg"] = recorded.heading_rad / DEG
         if command is not None:
@@ -222,3 +226,8 @@ class ReplayScores:
             values = known | values
         for name, column in self._columns.items():
             column.append(values.get(name, float("nan")))
+        for seen in self._now:
+            # A late frame shows the heading of its exposure.
+            row = math.ceil(seen.t_s / TICK_S - ROUNDING_TICKS)
+            if 0 <= row <= self.ticks:
+                self._columns["seen_deg"][row] = seen.heading_rad / DEG

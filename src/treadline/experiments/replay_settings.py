@@ -17,11 +17,10 @@ from numpy import ndarray
 from pydantic import Field, create_model
 
 from treadline.angles import DEG
+from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
-from treadline.experiments.shipped import shipped_controller
-from treadline.keys import meanings
 from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
 from treadline.mission.guard import Guard
 from treadline.mission.loop import Blocks
@@ -30,6 +29,7 @@ from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
 from treadline.perception.camera_file import CameraFile, Pixels
 from treadline.scenario import Control, DriveSettings
+from treadline.setting_docs import meanings
 from treadline.settings import Settings, settings_of
 from treadline.signals import PinholeCamera
 
@@ -48,6 +48,13 @@ UNSET = {
 OPERATORS = ("", "control.", "camera.", "imu.")
 """Tables whose keys are no block's."""
 MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
+RENAMED = {
+    "filter.shake_deg": "filter.vibration_sigma_deg",
+    "filter.lasting_deg": "filter.systematic_sigma_deg",
+    "filter.unseen_rate_deg_s": "filter.unobserved_rate_sigma_deg_s",
+    "filter.told_s": "filter.report_s",
+}
+"""Former names of keys, accepted for one release."""
 
 
 class CameraKeys(Settings):
@@ -101,7 +108,11 @@ class ReplaySettings:
             blocks,
             detector=detector,
             planner=blocks.planner if shows_stair else Cruise(self.mission.climb_speed_m_s),
-            estimator=kalman if estimator == "kalman" else OffsetEstimator(applied(AberrationRule(), values.offset)),
+            estimator=blocks.estimator
+            if self.mission.plugins.estimator is not None
+            else kalman
+            if estimator == "kalman"
+            else OffsetEstimator(applied(AberrationRule(), values.offset)),
             # The past does not obey: belts and attitude are what was done then, not what is asked now.
             guard=Guard(replace(guard, watches_motion=False, watches_slip=False)),
         )
@@ -154,16 +165,20 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
     Args:
         base: What the log's run was told; its controller is not in the log.
         items: ``key=value``; a later one overrules an earlier one.
-        controller: The controller's file; None for the one shipped for the chair.
+        controller: The controller's file; None for the one shipped for the chair. A plug-in controller in ``base`` takes
+            precedence.
 
     Raises:
         SettingsError: If a key is unknown, or a value is of the wrong type or out of range.
     """
     model = keys_of(base)
     values: Any = settings_of(_tables(items, _flat(model())), model, where="--set")
-    path = values.controller or controller
-    design = shipped_controller(base.chair.name) if path is None else ControllerDesign.load(Path(path))
-    name = values.controller or (f"shipped for {base.chair.name}" if path is None else Path(path).name)
+    if base.plugins.controller is not None:
+        design, name = None, base.plugins.sources()["controller"]
+    else:
+        path = values.controller or controller
+        design = shipped_controller(base.chair.name) if path is None else ControllerDesign.load(Path(path))
+        name = values.controller or (f"shipped for {base.chair.name}" if path is None else Path(path).name)
     mission = replace(
         base,
         controller=design,
@@ -292,7 +307,7 @@ def _tables(items: Sequence[str], known: dict[str, Any]) -> dict[str, object]:
     tables: dict[str, Any] = {}
     for item in items:
         key, sign, text = item.partition("=")
-        key = key.strip()
+        key = RENAMED.get(key.strip(), key.strip())
         if not sign:
             raise SettingsError(f"--set {item}: must be key=value, as --set filter.gate=16")
         if key not in known:

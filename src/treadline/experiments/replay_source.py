@@ -1,18 +1,18 @@
 """A log to replay, and what its run folder's manifest says of the run that wrote it."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.experiments.traverse import mission_config
-from treadline.io.runs import FLOWN, LOG, MANIFEST
+from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
 from treadline.scenario import Scenario
 from treadline.settings import settings_of
+from treadline.setup import mission_config
 
 CHAIR = "wheelchair"
 """Of a log that comes without a run's manifest."""
@@ -32,6 +32,8 @@ class Source:
     """Keys that the run had changed, where it was itself a replay."""
     controller: str | None = None
     """The file of the one that drove; None where nothing tells."""
+    plugins: dict[str, str] = field(default_factory=dict)
+    """Plug-ins of the recorded run by kind. They are named, never loaded: a log may come from elsewhere."""
 
 
 def source_of(log: Path) -> Source:
@@ -56,7 +58,9 @@ def source_of(log: Path) -> Source:
     base = MissionConfig(chair=read_chair(CHAIR))
     if "replay" in settings:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
-    flown = folder / FLOWN
+    named = manifest.get("plugins")
+    plugins = {str(kind): str(name) for kind, name in named.items()} if isinstance(named, dict) else {}
+    flown = folder / RUN_CONTROLLER
     if flown.is_file():  # what a key named then, may be another one now
         changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:
@@ -68,7 +72,12 @@ def source_of(log: Path) -> Source:
         seed=seed,
         scenario=scenario,
         changed=changed,
-        controller=str(flown) if flown.is_file() else None if "replay" in settings else _controller(where, str(command)),
+        controller=str(flown)
+        if flown.is_file()
+        else None
+        if "replay" in settings or "controller" in plugins
+        else _controller(where, str(command)),
+        plugins=plugins,
     )
 
 

@@ -1,6 +1,6 @@
-"""A recording through perception, fusion, controller and guard again: scores, and a run folder, out.
+"""Replay of a recording through perception, fusion, controller and guard: scores and a run folder out.
 
-The mission is the one that drives; its plant is the recording. What the log says of the truth comes here and nowhere else.
+The mission is the one that drives the chair; its plant is the recording. Ground truth in the log is read here and nowhere else.
 """
 
 import re
@@ -8,7 +8,7 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,14 @@ from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, write_result, write_series
 from treadline.io.sensor_log import SensorLog
+from treadline.mission.blocks import Detector
+from treadline.mission.config import detector_of
 from treadline.mission.loop import Mission, Signal
+from treadline.mission.plugins import Plugins
 from treadline.mission.replay import ReplayPlant
-from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.sight import Sight
+from treadline.models import ControllerDesign
+from treadline.perception import StairDetector
+from treadline.setup import SHIPPED, resolved_controller, resolved_plugin
 from treadline.signals import TICK_S, Event, RgbdFrame
 
 _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
@@ -35,12 +39,12 @@ _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Replayed:
-    """What a replay came to."""
+    """Result of a replay."""
 
     verdict: str
-    """``held``, or ``time_up``: the recording was over."""
+    """``held``, or ``time_up`` at the end of the recording."""
     sees: str
-    """``images``, or ``recorded headings`` where the log has no images: perception was skipped."""
+    """Input of the fusion: ``images``, or ``recorded headings`` where the log has no images and perception was skipped."""
     values: dict[str, Any]
 
     def summary(self) -> dict[str, Any]:
@@ -54,6 +58,9 @@ def replayed_run(
     *,
     changes: Sequence[str] = (),
     topics: dict[str, str] | None = None,
+    controller: str | None = None,
+    detector: str | None = None,
+    estimator: str | None = None,
     log_images: bool = False,
     watch: Watch | None = None,
     begun: Callable[[float], None] | None = None,
@@ -61,9 +68,12 @@ def replayed_run(
     """Replay a log and write its run folder.
 
     Args:
-        changes: ``key=value`` over what a replay may change.
-        topics: Topics by role, where the log's types do not tell.
-        begun: Is told the length of the recording before it is played.
+        changes: Settings to change, as ``key=value``.
+        topics: Topics by role, where the types in the log are ambiguous.
+        controller: Controller in place of the recorded run's: file, ``module:Class``, entry point name.
+        detector: Stair detector plug-in.
+        estimator: Heading estimator plug-in.
+        begun: Called with the length of the recording [s] before it is played.
 
     Raises:
         TreadlineError: Before anything is written, if the log is damaged or a setting cannot be.
@@ -73,7 +83,23 @@ def replayed_run(
         raise SettingsError(f"--out {out}: is the log's own folder; a replay would write over what it reads: give another")
     if out.exists() and not out.is_dir():
         raise SettingsError(f"--out {out}: is a file; give a folder")
-    settings = resolved(source.base, (*source.changed, *changes), source.controller)
+    for kind, given in (("controller", controller), ("detector", detector), ("estimator", estimator)):
+        if kind in source.plugins and given is None:
+            raise SettingsError(
+                f"{log}: the run used the {kind} plug-in '{source.plugins[kind]}', which a replay does not load by itself; give "
+                f"--{kind} {source.plugins[kind]}, or --{kind} {SHIPPED} for the shipped one"
+            )
+    own = resolved_controller(controller)
+    plugins = Plugins(
+        controller=None if isinstance(own, ControllerDesign) else own,
+        detector=resolved_plugin("detector", detector),
+        estimator=resolved_plugin("estimator", estimator),
+    )
+    settings = resolved(
+        replace(source.base, plugins=plugins),
+        (*source.changed, *changes),
+        source.controller if controller is None else None if own is None else controller,
+    )
     recording = SensorLog(
         source.log,
         named=topics,
@@ -86,13 +112,14 @@ def replayed_run(
     if begun is not None:
         begun(recording.duration_s)
     manifest = _manifest(source, settings, recording, (*source.changed, *changes))
-    begin_run(out, manifest, source.seed, settings.mission.controller)
+    sources = plugins.sources()
+    begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
     scores = ReplayScores()
-    detector = _Watched(settings.detector)
+    watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
     try:
         with RunLog(out / LOG, image_every=int(log_images)) as sink:
             started = time.process_time() - compiling().spent_s
-            cause, rejected = _play(recording, settings, detector, scores, sink, watch)
+            cause, rejected = _play(recording, settings, watched, scores, sink, watch)
             cpu_s = time.process_time() - compiling().spent_s - started
     finally:
         if scores.ticks:
@@ -106,10 +133,10 @@ def replayed_run(
             "frames": scores.frames,
             "accepted": scores.seen,
             "rejected": rejected,
-            "refusals": dict(detector.refusals.most_common()),
+            "refusals": dict(watched.refusals.most_common()),
             **scores.figures(),
-            "ms_per_frame": detector.ms(50.0),
-            "ms_per_frame_p95": detector.ms(95.0),
+            "ms_per_frame": watched.ms(50.0),
+            "ms_per_frame_p95": watched.ms(95.0),
             "real_time_factor": scores.ticks * TICK_S / max(cpu_s, 1e-9),
             "dropped": dict(recording.dropped),
             "topics": asdict(recording.topics),
@@ -123,25 +150,27 @@ def replayed_run(
 def _play(
     recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: RunLog, watch: Watch | None
 ) -> tuple[str | None, int]:
-    """Turn the mission until the recording is over; return why it holds, and how many headings the fusion refused."""
+    """Run the mission to the end of the recording; return the cause of a hold and the number of headings the fusion rejected."""
+    now_s = 0.0
 
-    def log(signal: Signal) -> None:
+    def log(signal: Signal, taken_s: float) -> None:
         scores.note(signal)
-        sink(signal)
+        sink(signal, taken_s)
 
     def aside(signal: Any) -> None:
         scores.compare_with(signal)
         if isinstance(signal, Event):
-            sink(signal)
+            sink(signal, now_s)
 
     blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
-    plant = ReplayPlant(recording.signals(aside), settings.R_BI)
+    plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:
         tick = mission.tick()
         truth = scores.step(tick)
         if truth is not None:
-            sink(truth)
+            sink(truth, tick.t_s)
+        now_s = tick.t_s + TICK_S
         if watch is not None:
             watch(tick)
     plant.close()
@@ -158,24 +187,26 @@ def _manifest(source: Source, settings: ReplaySettings, recording: SensorLog, ch
     }
 
 
-class _Watched(StairDetector):
-    """The detector, its time and its reasons noted."""
+class _Watched:
+    """A stair detector, with its time per frame and its rejection reasons counted."""
 
-    def __init__(self, config: DetectorConfig) -> None:
-        super().__init__(config)
+    def __init__(self, detector: Detector) -> None:
+        self._detector = detector
         self.refusals: Counter[str] = Counter()
         self._spent_s = array("d")
 
-    def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
-        """Return what a frame says, as the detector does."""
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Any:
+        """Return what the detector returns for a frame."""
         started = time.perf_counter()
-        sight = super().look(frame, gravity_C, stages=stages)
+        seen = self._detector.see(frame, gravity_C)
         self._spent_s.append(time.perf_counter() - started)
-        if sight.reason is not None:
-            # One reason whatever its numbers; those in brackets belong to the name of an equation.
-            self.refusals[_NUMBER.sub("#", sight.reason)] += 1
-        return sight
+        sight = getattr(seen, "sight", "of another detector")
+        reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
+        if reason is not None:
+            # Reasons that differ in numbers only count as one; a number in brackets is that of an equation.
+            self.refusals[_NUMBER.sub("#", reason)] += 1
+        return seen
 
     def ms(self, percent: float) -> float | None:
-        """Return a percentile of the time per frame."""
+        """Return a percentile of the time per frame [ms]."""
         return 1e3 * float(np.percentile(np.array(self._spent_s), percent)) if self._spent_s else None

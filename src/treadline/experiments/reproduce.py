@@ -1,7 +1,7 @@
-"""The whole paper in one go: excite, identify, tune, climb, level, see; ``results.json`` holds every figure.
+"""Reproduction of the whole paper: excite, identify, tune, climb, level the seat, detect; ``results.json`` holds every figure.
 
-Each phase is a list of jobs for the pool; what a phase hands to the next is data. What needs no controller is driven while the
-recordings from which it is learned are not all there.
+Each phase is a list of jobs for the pool, and phases exchange data alone. Runs without the controller are made while the recordings
+for its identification are being made.
 """
 
 import json
@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from treadline.control.tune import tune
-from treadline.experiments import dead_zone, fig05, fig08, fig09, fig11, literal, table1, table2
+from treadline.experiments import as_printed, dead_zone, fig05, fig08, fig09, fig11, lugs, table1, table2
 from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.job_pool import Job, JobPool
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
@@ -24,7 +25,6 @@ from treadline.experiments.plan import (
     excitation,
     without_images,
 )
-from treadline.experiments.pool import Job, Pool
 from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
 from treadline.experiments.speed import physics_real_time_factor
 from treadline.io.plain import plain
@@ -33,12 +33,15 @@ from treadline.models import ControllerDesign, write_whole
 
 Done = Callable[[str], None]
 FIT_SEED, FRESH_SEED = 0, 1
-"""Seeds of the recording that is fitted and of the one that judges it."""
+"""Seeds of the recording for fitting and of the recording for validation."""
+RENDERED_COST = 1.7
+"""Processor time of a run with rendered frames over that of one with the statistical camera: 10.9 s and 6.5 s, turns of 80 s on
+a loaded machine. It orders jobs and enters no result."""
 
 
 def job_count(plan: ReproducePlan) -> int:
-    """Return how many parts ``reproduce_paper`` will report as done."""
-    placeholder = literal.paper_controller(0.2)
+    """Return the number of parts that ``reproduce_paper`` reports as done."""
+    placeholder = as_printed.paper_controller(0.2)
     return len(_excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
 
 
@@ -46,18 +49,18 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
     """Run everything and write ``results.json``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:
-        What ``results.json`` holds.
+        The values of ``results.json``.
     """
     started = time.monotonic()
     runs, figures = out / "runs", out / "figures"
     figures.mkdir(parents=True, exist_ok=True)
 
-    with Pool(workers, done) as pool:
+    with JobPool(workers, done) as pool:
         excited, steerless = pool.begin(_excitations(plan, runs)), pool.begin(_steerless(plan, out))
         controller, fig08_by_ground = learn(plan, excited(), out)
         driven = pool.begin(_drives(plan, controller, runs))
         seat, stages, printed, steered, *opened = steerless()
-        safe, sliding, closed = _sorted_out(driven())
+        safe, sliding, closed, lugged = _by_kind(driven())
     speed = {
         "physics_real_time_factor": physics_real_time_factor(),
         "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
@@ -67,7 +70,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
     values: dict[str, Any] = plain(
         {
             "quick": plan.quick,
-            "paper": {"lqr": literal.facts()},
+            "paper": {"lqr": as_printed.facts()},
             "table1": table1.rows(),
             "fig05": stages,
             "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
@@ -76,7 +79,8 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
             "fig10": table2.fig10(safe),
             "table2": table2.rows(safe),
             "table2_roll_back_allowed": table2.rows(sliding),
-            "literal": literal.facts() | {"runs": [printed]},
+            "lugs": lugs.rows(lugged),
+            "literal": as_printed.facts() | {"runs": [printed]},
             "fig11": seat,
             "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
             "speed": speed,
@@ -99,7 +103,7 @@ def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
             seed=seed,
             folder=runs / f"excite-{ground.name}-seed{seed}",
             image_every=50 if ground == CONTROLLER_GROUND and seed == FIT_SEED else 0,
-            # The controller is learned with rendered frames; what the other grounds are excited for needs none.
+            # The controller is identified with rendered frames; the other grounds need none.
             scenario=None if ground == CONTROLLER_GROUND else without_images(excitation(ground)),
         )
         for ground in plan.grounds
@@ -108,7 +112,7 @@ def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
 
 
 def learn(plan: ReproducePlan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
-    """Return the controller tuned on what was identified, and each ground's figures; models and controller are written to files."""
+    """Return the controller tuned on the identified model, and the figures of each ground; write models and controller."""
     fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
     figures: dict[Ground, dict[str, Any]] = {}
     controller: ControllerDesign | None = None
@@ -127,30 +131,40 @@ def learn(plan: ReproducePlan, recordings: list[Recording], out: Path) -> tuple[
 
 
 def _steerless(plan: ReproducePlan, out: Path) -> list[Job[dict[str, Any]]]:
-    """Return what can be driven before anything is identified: the seat, the stages of a frame, Eq. (14), dead zone, open loops."""
+    """Return the jobs without the identified controller: seat, stages of a frame, printed controller, dead zone, open loops."""
     runs, seed = out / "runs", plan.seeds[0]
     return [
         fig11.SeatJob(name="seat", folder=runs / "seat-28", seed=seed),
         fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
-        literal.job(plan, runs),
+        as_printed.job(plan, runs),
         dead_zone.DeadZoneJob(name="dead-zone", seed=seed),
         *fig09.open_jobs(plan, runs),
     ]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
-    return [
-        *fig09.closed_jobs(plan, controller, runs),  # the longest first: the pool ends level
+    """Return all runs with the identified controller, the longest first: the workers then end together."""
+    drives = [
+        *fig09.closed_jobs(plan, controller, runs),
         *table2.jobs(plan, controller, runs, "climb-safe"),
         *table2.jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
+        *lugs.jobs(plan, controller, runs),
     ]
+    return sorted(drives, key=_cost, reverse=True)
 
 
-def _sorted_out(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
-    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": []}
+def _cost(job: RunJob) -> float:
+    """Return the processor time that a run takes, up to a factor."""
+    is_rendered = job.scenario.sensors.camera != "statistical" and job.scenario.control.vision != "truth"
+    return job.scenario.drive.duration_s * (RENDERED_COST if is_rendered else 1.0)
+
+
+def _by_kind(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
+    """Return the results of ``_drives`` by kind: safe turns, turns with roll-back allowed, straight climbs, belts with lugs."""
+    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": [], "lugs": []}
     for result in results:
         kinds[result["kind"]].append(result)
-    return kinds["turn"], kinds["turn-rollback"], kinds["straight"]
+    return tuple(kinds.values())
 
 
 def _median(values: list[float]) -> float:

@@ -14,10 +14,9 @@ from treadline.mechanics.comfort import Comfort, comfort, lasting
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.ports import Truth
 from treadline.signals import TICK_S
+from treadline.sim.contact_kernels import TOLERANCE_M_S2
 
 SETTLED_RAD = 2.0 * DEG
-RESIDUAL_M_S2 = 0.01
-"""Residual of the contact forces above which a tick counts as not converged: a thousandth of gravity."""
 STEADY_FROM_S = 20.0
 """After any turn from ±30° has ended (Fig. 10)."""
 CREEP_FROM_S = 2.0
@@ -99,7 +98,7 @@ class Scores:
     max_contact_force_share: float | None
     """Largest sum of the normal contact forces, as a share of the weight."""
     unconverged_share: float | None
-    """Share of the ticks in which the residual of the contact forces exceeds 0.01 m/s²."""
+    """Share of the ticks in which the residual of the contact forces exceeds the tolerance of the contact correction, 0.01 m/s²."""
     held_creep_mm_min: float | None
     """Creep of a held chair over the stair, from 2 s after the hold to the end; None if it was watched for less than 10 s then."""
     energy_wh: float
@@ -192,7 +191,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         passenger_jerk_m_s3=ride.jerk_m_s3,
         airborne_share=_reported(trace["airborne_share"], np.mean),
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
-        unconverged_share=_reported(trace["contact_residual_m_s2"] > RESIDUAL_M_S2, np.mean, trace["contact_residual_m_s2"]),
+        unconverged_share=_reported(trace["contact_residual_m_s2"] > TOLERANCE_M_S2, np.mean, trace["contact_residual_m_s2"]),
         held_creep_mm_min=None if held_s is None else creep(trace, held_s),
         energy_wh=float(trace["power_w"].sum()) * TICK_S / 3600.0,
         peak_power_w=float(trace["power_w"].max()),

@@ -1,6 +1,6 @@
-"""One run, whole: a scenario, a seed and a driver in; scores, and a log if asked, out.
+"""One simulated run: a resolved setup in, scores and (through a sink) a log out.
 
-This is where the two worlds meet: the mission gets the plant's sensors, the scores get the plant's truth.
+The mission receives the plant's sensors only; verdict and scores are computed from the simulator's ground truth.
 """
 
 import time
@@ -19,51 +19,45 @@ from treadline.estimation import HeadingHealth
 from treadline.experiments.scores import Scores, Trace, score
 from treadline.experiments.slide import LEVEL_RAD, SlideWatch
 from treadline.faults import Fault, Message, Process, is_killed, stamp_of
-from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import as_designed
-from treadline.mechanics.verdict import check
-from treadline.mission.config import MissionConfig, build_blocks, is_full_traversal
 from treadline.mission.drivers import Driver
-from treadline.mission.loop import Mission, Noted, Signal, Tick
+from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
 from treadline.models import ControllerDesign
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
+from treadline.setup import Opener, PlantName, Setup, resolve
 from treadline.signals import TICK_S, Event, MotionPlan, StairMap
-from treadline.sim import open_plant as open_mujoco
-from treadline.sim.faults import faulty
 
 FALLEN_RAD = 25.0 * DEG
-"""Pitch beyond the stair's slope or below level, or roll, at which the chair counts as fallen."""
+"""Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
 FALLEN_SLIDE_M = 0.5
-"""Slide down the flight beyond which the chair counts as fallen: a step and a half that nothing stopped."""
-SEAT_SHIFT_M = 0.10
-"""How far the seat may shift along the chair before a traversal, to gain the margin that ``check`` asks for."""
+"""Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
 
 MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
-Opener = Callable[[Scenario, int], TruthPlant]
-"""Makes a scenario's plant from a seed."""
-Sink = Callable[[Signal | Truth], None]
-"""Takes all that happens in a run, truth included: a log."""
+Sink = Callable[[Signal | Truth, float], None]
+"""Receives every signal of a run, ground truth included, and the mission time at which it was taken [s]: a log."""
 Watch = Callable[[Tick], None]
-"""Sees each tick as it ends."""
+"""Receives each tick as it ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Traverse:
-    """What a run came to."""
+    """Result of one simulated run."""
 
     scenario: Scenario
     seed: int
     verdict: str
-    """``arrived``, ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+    """``arrived`` (on the landing or the floor), ``end_of_flight`` (a run along one flight that ends at its last nosing), ``held``,
+    ``refused``, ``fell``, ``time_up`` or ``diverged``."""
     cause: str | None
     scores: Scores
     trace: Trace
     estimate_rad: Float[np.ndarray, " T"]
-    """What the mission believed at each tick; NaN before it believed anything."""
+    """Heading estimate at each tick [rad]; NaN before the first estimate."""
     events: tuple[Event, ...]
     cpu_s: float
-    """Without what the first run on a machine compiles."""
+    """CPU time of the run [s], without just-in-time compilation."""
 
     def summary(self) -> dict[str, Any]:
         """Return the run as JSON values, under the contract's keys."""
@@ -78,7 +72,7 @@ class Traverse:
 
 
 class _Ending:
-    """Says when a run is over, and how; the simulator's truth decides what the mission cannot know."""
+    """End of a run and its verdict, judged by simulator ground truth."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
         self._slope_rad = scenario.stair.slope_rad
@@ -92,7 +86,7 @@ class _Ending:
         self._rearms_until_s = rearms_until_s(scenario.operator)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
-        """Return that the chair has tipped or slid, or None; takes every tick once."""
+        """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
         above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
         if above > FALLEN_RAD:
             return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
@@ -108,70 +102,86 @@ class _Ending:
         if plan.phase == "arrived":
             if self._is_there(truth):
                 return "arrived", None
-            return "held", f"believed to have arrived at {truth.t_s:.2f} s, and has not"
+            return "held", f"reported arrival at {truth.t_s:.2f} s, and has not arrived"
         if plan.phase == "refused":
             return "refused", plan.cause
         if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
-            return "arrived", None
+            return "end_of_flight", None
         if truth.t_s >= self._duration_s - 0.5 * TICK_S:
             return "time_up", None
         return None
 
     def _is_there(self, truth: Truth) -> bool:
-        """Say whether the chair lies level, mid-track beyond the flight's last nosing."""
+        """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
         beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
         return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
 
 
-def mission_config(scenario: Scenario, controller: ControllerDesign | None) -> MissionConfig:
-    """Return what the operator would enter for this scenario: choices, files, and no truth."""
-    chair = with_seat_shifted(read_chair(scenario.chair.model), scenario.chair.seat_shift_m)
-    return MissionConfig(
-        chair=chair,
-        controller=controller,
-        direction=scenario.drive.direction,
-        payload_kg=scenario.chair.entered.payload_kg,
-        climb_speed_m_s=scenario.drive.speed_m_s,
-        flights=scenario.stair.flights,
-        loop=scenario.control.loop,
-        vision="paper" if scenario.control.vision == "paper" else "robust",
-        allocation=scenario.control.allocation,
-        reconstruct=scenario.control.reconstruct,
-    )
+def run_episode(
+    setup: Setup,
+    *,
+    blocks: Blocks | None = None,
+    sink: Sink | None = None,
+    watch: Watch | None = None,
+    after_hold_s: float = 0.0,
+) -> Traverse:
+    """Return one simulated run of a resolved setup.
 
+    Args:
+        blocks: The blocks to run, if they have been built already.
+        sink: Receives every signal, ground truth included.
+        watch: Receives each tick as it ends.
+        after_hold_s: Time for which a held chair is simulated before the run ends [s].
 
-def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
-    """Return the chair as its mission knows it: the seat where it has been shifted to."""
-    x, y, z = chair.seat.hinge_m
-    seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
-    return chair.model_copy(update={"seat": seat})
-
-
-def ready(scenario: Scenario, chair: ChairDescription) -> tuple[Scenario, str | None, str | None]:
-    """Return the scenario with the seat where it is wanted, why the traversal is refused, and what was done to the seat.
-
-    What ``treadline check`` says, before anything moves; only whole traversals ask for it.
+    Raises:
+        SettingsError: If a block cannot be built.
     """
-    report = check(scenario, chair)
-    if report.verdict == "go":
-        return scenario, None, None
-    shift_m = report.proposed_seat_shift_m
-    if shift_m is not None and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
-        moved = scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"seat_shift_m": shift_m})})
-        if check(moved, chair).verdict == "go":
-            was = scenario.chair.seat_shift_m
-            return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
-    return scenario, "; ".join(report.reasons), None
+    scenario = setup.scenario
+    ride = _Ride(scenario, setup.seed, sink)
+    refusal = "; ".join(setup.rejections) if setup.is_full_traversal and setup.rejections else None
+    if refusal is None and blocks is None:
+        blocks = setup.build_blocks()
+    if setup.seat_shift is not None:
+        ride.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
+    if refusal is not None:
+        ride.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
+    plant = setup.open_plant()
+    started = time.process_time() - compiling().spent_s
+    try:
+        if blocks is None or refusal is not None:
+            plant.start()
+            ride.collect(plant)
+            over: tuple[str, str | None] = ("refused", refusal)
+        else:
+            over = _drive(setup, plant, blocks, ride, watch, after_hold_s)
+    except SimulationDiverged as error:
+        # A start that is refused may also be one in which no chair can be put down.
+        over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
+    finally:
+        plant.close()
+    return ride.result(over, time.process_time() - compiling().spent_s - started)
 
 
-def refusals(scenario: Scenario, controller: ControllerDesign | None) -> list[str]:
-    """Return why a run would be refused before it begins, empty if it may: experiments on the flight alone shift no seat."""
-    chair = read_chair(scenario.chair.model)
-    report = check(scenario, chair)
-    if not scenario.drive.check or report.verdict == "go":
-        return []
-    is_mended = is_full_traversal(mission_config(scenario, controller), None) and ready(scenario, chair)[1] is None
-    return [] if is_mended else list(report.reasons)
+def _drive(
+    setup: Setup, plant: TruthPlant, blocks: Blocks, ride: "_Ride", watch: Watch | None, after_hold_s: float
+) -> tuple[str, str | None]:
+    """Run the mission to its end; return verdict and cause."""
+    ending = _Ending(setup.scenario, setup.mission.chair)
+    faults = setup.scenario.fault
+    mission = Mission(plant, blocks, ride.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
+    over: tuple[str, str | None] | None = None
+    held_s = 0.0
+    while over is None or (over[0] == "held" and held_s < after_hold_s):
+        tick = mission.tick()
+        ride.note(tick, plant)
+        if watch is not None:
+            watch(tick)
+        if over is None:
+            over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
+        else:
+            held_s += TICK_S
+            over = ending.fall(ride.truth[-1]) or over
+    return over
 
 
 def traverse(
@@ -183,71 +193,31 @@ def traverse(
     sink: Sink | None = None,
     watch: Watch | None = None,
     after_hold_s: float = 0.0,
-    open_plant: Opener = open_mujoco,
+    open_plant: Opener | PlantName = "mujoco",
 ) -> Traverse:
-    """Return one run, driven by ``controller`` unless an experiment brings its own ``driver``.
+    """Resolve a scenario and return one simulated run, see ``run_episode``.
 
     Args:
-        after_hold_s: How long a held chair is watched before the run ends.
-        open_plant: Which simulator.
+        controller: Design of the controller; the one shipped for the vehicle when left out.
+        driver: An experiment's own driver in place of the controller.
+        open_plant: Simulator: its name, or a factory of the plant.
 
     Raises:
         SettingsError: If the scenario asks for what the chair cannot do.
     """
-    config = mission_config(scenario, controller)
-    shifted = refusal = None
-    if is_full_traversal(config, driver) and scenario.drive.check:
-        scenario, refusal, shifted = ready(scenario, read_chair(scenario.chair.model))
-        config = mission_config(scenario, controller)
-    blocks = build_blocks(config, driver)
-    ride = _Ride(scenario, seed, sink)
-    if shifted is not None:
-        ride.log(Event(t_s=0.0, name="seat_shifted", cause=shifted))
-    if refusal is not None:
-        ride.log(Event(t_s=0.0, name="refused", cause=refusal))
-    plant = faulty(open_plant(scenario, seed), scenario, seed)
-    started = time.process_time() - compiling().spent_s
-    ending = _Ending(scenario, config.chair)
-    over: tuple[str, str | None] | None = None if refusal is None else ("refused", refusal)
-    held_s = 0.0
-    try:
-        faults = scenario.fault
-        mission = Mission(
-            plant,
-            blocks,
-            ride.log,
-            lambda t_s: is_killed(faults, Process.CONTROLLER, t_s),
-            _stamper(faults),
-        )
-        if over is not None:
-            ride.collect(plant)
-        while over is None or (over[0] == "held" and held_s < after_hold_s):
-            tick = mission.tick()
-            ride.note(tick, plant)
-            if watch is not None:
-                watch(tick)
-            if over is None:
-                over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
-            else:
-                held_s += TICK_S
-                over = ending.fall(ride.truth[-1]) or over
-    except SimulationDiverged as error:
-        # A start that is refused may also be one in which no chair can be put down.
-        over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
-    finally:
-        plant.close()
-    return ride.result(over, time.process_time() - compiling().spent_s - started)
+    setup = resolve(scenario, controller if driver is None else driver, seed, open_plant=open_plant)
+    return run_episode(setup, sink=sink, watch=watch, after_hold_s=after_hold_s)
 
 
-def _stamper(faults: Sequence[Fault]) -> Callable[[Noted], Noted]:
-    """Return what stamps messages to the guard: as they are, or as a fault has it."""
+def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
+    """Return the function that stamps messages to the guard: the identity, or the one of an injected fault."""
     if not any(fault.kind == "wrong_stamp" for fault in faults):
         return lambda message: message
     return lambda message: replace(message, t_s=stamp_of(faults, MESSAGES[type(message)], message.t_s))
 
 
 class _Ride:
-    """What is kept of a run as it goes."""
+    """Recorder of one run: ground truth, estimates, phases and events."""
 
     def __init__(self, scenario: Scenario, seed: int, sink: Sink | None) -> None:
         self._scenario, self._seed, self._sink = scenario, seed, sink
@@ -257,31 +227,32 @@ class _Ride:
         self._events: list[Event] = []
         self._touched = False
 
-    def log(self, signal: Signal) -> None:
-        """Take what the mission tells."""
+    def log(self, signal: Signal, taken_s: float) -> None:
+        """Record a signal of the mission, taken at ``taken_s``."""
         if isinstance(signal, Event):
             self._events.append(signal)
         if self._sink is not None:
-            self._sink(signal)
+            self._sink(signal, taken_s)
 
     def note(self, tick: Tick, plant: TruthPlant) -> None:
-        """Take one tick."""
+        """Record one tick."""
         self._estimates.append(np.nan if tick.estimate is None else tick.estimate.heading_rad)
         if not self._phases or self._phases[-1][1] != tick.plan.phase:
             self._phases.append((tick.t_s, tick.plan.phase))
         self.collect(plant)
 
     def collect(self, plant: TruthPlant) -> None:
-        """Take the truth of the ticks that have passed."""
+        """Record the ground truth of the ticks since the last call."""
         for sample in plant.truth():
             if sample.hull_contacts > 0.0 and not self._touched:
                 self._touched = True
                 self.log(
-                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle")
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle"),
+                    sample.t_s,
                 )
             self.truth.append(sample)
             if self._sink is not None:
-                self._sink(sample)
+                self._sink(sample, sample.t_s)
 
     def _held_s(self) -> float | None:
         """Return the time of the last hold, unless a person re-armed after it."""

@@ -7,10 +7,10 @@ building where nobody has measured the friction.
 from dataclasses import dataclass
 from functools import partial
 
-from treadline.experiments.traverse import Opener
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.scenario import Scenario
-from treadline.sim import open_plant
+from treadline.setup import Opener
+from treadline.sim import MujocoPlant
 from treadline.sim.physics import NOMINAL, Physics
 
 
@@ -32,6 +32,8 @@ class Variation:
     """Shift of the centre of mass, chassis and passenger alike: forward and up."""
     lag: float = 1.0
     """Factor on the lag of the belts' drives."""
+    lug_phase: float = 0.0
+    """Shift of both belts' lugs along the belt, as a share of the lug pitch; no effect on smooth belts."""
     seed: int = 0
 
     def scenario(self, nominal: Scenario) -> Scenario:
@@ -62,7 +64,17 @@ class Variation:
 
     def opener(self, model: str) -> Opener:
         """Return what makes the varied plant of a scenario and a seed."""
-        return partial(open_plant, chair=self.chair(model), physics=self.physics)
+        return partial(_ShiftedLugsPlant, chair=self.chair(model), physics=self.physics, lug_phase=self.lug_phase)
+
+
+class _ShiftedLugsPlant(MujocoPlant):
+    """Plant whose lugs start further along the belts than the seed puts them."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics, lug_phase: float) -> None:
+        super().__init__(scenario, seed, chair, physics)
+        if self._lugs.numbers.size:
+            pitch_m = scenario.belts.measures_m[1]
+            self._lugs.start_m[:] = (self._lugs.start_m + lug_phase * pitch_m) % pitch_m
 
 
 NOMINAL_VARIATION = Variation(name="nominal", group="nominal")
@@ -72,6 +84,8 @@ COARSE_GROUP = "coarse step"
 """A step of 5 ms, the largest that the contact's nominal time constant allows; not in the sum. Steps of 4 ms do not fill a tick."""
 PARTS_OF_FRICTION = ("friction along", "friction across")
 """Parts of the group friction, in which both change together; not in the sum."""
+LUG_GROUP = "lug phase"
+"""Phase of the lugs, on runs with lugs alone; a quarter and half of the lug pitch."""
 MASS, COM_M, FRICTION = 0.1, 0.02, 0.2
 
 
@@ -108,9 +122,12 @@ VARIATIONS = (
     *_friction("friction along", along=True, across=False),
     *_friction("friction across", along=False, across=True),
     Variation(name="step 5 ms", group=COARSE_GROUP, physics=Physics(timestep_s=0.005)),
-    # A scenario's ``[belts] lug`` would add its phase here: group "lug phase", a quarter and half of the lug pitch.
+    Variation(name="lugs a quarter pitch on", group=LUG_GROUP, lug_phase=0.25),
+    Variation(name="lugs half a pitch on", group=LUG_GROUP, lug_phase=0.5),
 )
+MAIN_SOURCES = ("step", "stiffness", "friction")
+"""Sources that ``results.json`` shows beside each figure."""
 SOURCES = tuple(dict.fromkeys(item.group for item in VARIATIONS if item is not NOMINAL_VARIATION))
 SUMMED = tuple(group for group in SOURCES if group not in (SEED_GROUP, COARSE_GROUP, *PARTS_OF_FRICTION))
-"""Sources in the root sum of squares."""
+"""Independent sources, which enter the root sum of squares."""
 QUICK_VARIATIONS = tuple(item for item in VARIATIONS if item.name in ("nominal", "step 2.5 ms", "contact 0.02 s", "friction +20 %"))

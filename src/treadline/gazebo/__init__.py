@@ -1,6 +1,6 @@
-"""The chair in Gazebo 11 (ODE): a second simulator behind the same port, with the tracks of the paper's reference [20].
+"""Chair in Gazebo 11 (ODE): a second simulator with the same interface, using the track model of the paper's reference [20].
 
-Nothing here is needed to drive, and nothing is imported unless a Gazebo plant is asked for.
+Driving does not need this package; it is imported only if a Gazebo plant is requested.
 """
 
 from treadline.gazebo.environment import Environment, find_environment

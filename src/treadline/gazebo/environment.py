@@ -1,4 +1,4 @@
-"""Where Gazebo 11 lives: a Debian bullseye in a folder (``ros/gazebo/environment.sh``), or this very system in a container."""
+"""Location of Gazebo 11: a Debian bullseye root folder (``ros/gazebo/environment.sh``), or the system itself in a container."""
 
 import os
 import shutil
@@ -8,15 +8,18 @@ from pathlib import Path
 from treadline.errors import GazeboError
 
 VARIABLE = "TREADLINE_GAZEBO"
-"""Moves the folder; ``/`` says that Gazebo is installed here."""
+"""Environment variable for another folder; ``/``: Gazebo is installed on this system."""
 PLUGIN = "opt/treadline/build/libtreadline_lockstep.so"
+"""Path of the lock-step plugin in the root folder."""
 LIBRARIES = "usr/lib/x86_64-linux-gnu/gazebo-11/plugins"
+"""Path of Gazebo's plugins in the root folder."""
 BUILD = "build it with ros/gazebo/environment.sh (root, once), or take the Dockerfile"
+"""Remedy in error messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """A root folder with gzserver and the plugin in it."""
+    """Root folder with gzserver and the plugin."""
 
     root: Path
 
@@ -26,19 +29,19 @@ class Environment:
         return self.root == Path("/")
 
     def inside(self, path: Path) -> str:
-        """Return the name that a file has for a program in there."""
+        """Return the path of a file as seen by a program inside the root folder."""
         return "/" + str(path.relative_to(self.root))
 
     def command(self, *words: str) -> list[str]:
-        """Return what runs a program in there."""
+        """Return the command line that runs a program inside the root folder."""
         return list(words) if self.is_here else [shutil.which("chroot") or "chroot", str(self.root), *words]
 
 
 def find_environment() -> Environment:
-    """Return the environment that was built.
+    """Return the installed environment.
 
     Raises:
-        GazeboError: If there is none, or it cannot be entered.
+        GazeboError: If Gazebo is not installed, or the root folder cannot be entered.
     """
     named = os.environ.get(VARIABLE)
     cache = Path(named) if named else Path.home() / ".cache" / "treadline" / "gazebo"

@@ -1,7 +1,7 @@
-"""The chair in Gazebo 11: a ``TruthPlant`` with the drives, sensors and seeds of the MuJoCo plant, on other contacts.
+"""Chair in Gazebo 11: a ``TruthPlant`` with the actuators, sensors and seeds of the MuJoCo plant and ODE's contacts.
 
-Mission time runs in ticks of 10 ms, ten steps of ODE each. The bodies move in gzserver; drives and sensors are ours, and so are
-frames: drawn from where Gazebo has the chair, by what draws them for MuJoCo.
+Mission time advances in ticks of 10 ms, ten steps of ODE each. gzserver moves the bodies; actuator, sensor and camera models are
+those of the MuJoCo plant.
 """
 
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
 from treadline.devices import kernels
-from treadline.devices.drives import Drives
+from treadline.devices.actuators import Actuators
 from treadline.devices.instruments import ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -24,29 +24,29 @@ from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Belts, Scenario
 from treadline.signals import TICK_S
-from treadline.sim.camera.eye import look, open_eye
+from treadline.sim.camera.make_camera import look, make_camera
 
 STEPS = 10
-"""Of 1 ms in a tick."""
+"""Number of 1 ms steps per tick."""
 SETTLE_TICKS = 100
-"""Before t = 0, on a stair of high friction, until the chair rests on its nosings."""
+"""Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SETTLE_FRICTION = (1.0, 1.0)
-"""The stair's own: ODE takes the smaller of two."""
+"""Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
 
 
 class GazeboPlant(InstrumentedPlant):
-    """A chair, its stair and its sensors, in a gzserver of its own."""
+    """Simulation of a chair, its stair and its sensors in a separate gzserver."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
-        streams = np.random.default_rng(seed).spawn(8)  # as the other simulator's: a seed means the same noise
+        streams = np.random.default_rng(seed).spawn(8)  # as in the MuJoCo plant: equal seeds give equal noise
         _refuse_what_gazebo_cannot(scenario)
         if scenario.belts != Belts():
             raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
-        eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
+        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
         apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
-        super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, eye)))
+        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, camera)))
         self._server: server.GazeboServer | None = None
         self._tick = 0
         self._flipper_rad = 0.0
@@ -55,10 +55,10 @@ class GazeboPlant(InstrumentedPlant):
         self._pending: list[ChairState] = []
 
     def start(self) -> None:
-        """Put the chair on its nosings in a new world, belts at rest, at ``t = 0``.
+        """Place the chair on its nosings in a new world, belts at rest, at ``t = 0``.
 
         Raises:
-            GazeboError: If Gazebo does not come up.
+            GazeboError: If Gazebo does not start.
         """
         self.close()
         self._server = server.GazeboServer(self._environment, self._world, port=self._port)
@@ -79,8 +79,8 @@ class GazeboPlant(InstrumentedPlant):
         """Step the world until ``until_s``.
 
         Raises:
-            SimulationDiverged: If the state is not finite, or time does not advance as it should.
-            GazeboError: If gzserver has died.
+            SimulationDiverged: If the state is not finite, or Gazebo's time is wrong.
+            GazeboError: If gzserver has exited.
         """
         while self._tick < round(until_s / TICK_S):
             row = self._step(self.staircase.friction)
@@ -90,7 +90,7 @@ class GazeboPlant(InstrumentedPlant):
             self._row = row
 
     def close(self) -> None:
-        """End gzserver."""
+        """Stop gzserver."""
         if self._server is not None:
             self._server.close()
             self._server = None
@@ -117,9 +117,9 @@ class GazeboPlant(InstrumentedPlant):
             raise SimulationDiverged(f"Gazebo's clock is at {row[server.T] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
 
     def _state_of(self, before: Float[np.ndarray, " 22"], row: Float[np.ndarray, " 22"]) -> ChairState:
-        """Return the state at a tick; velocities are those of the tick.
+        """Return the state at a tick, with velocities as differences over the tick.
 
-        ODE's own jump from step to step on a chair that rests: what it pushes out of one contact it lets sink into another.
+        ODE's own velocities jump from step to step on a chair at rest: the correction of one contact's penetration deepens another.
         """
         p_WB, R_WB = _pose_of(row)
         p_before, R_before = _pose_of(before)
@@ -146,10 +146,10 @@ class GazeboPlant(InstrumentedPlant):
 
 
 def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
-    """Refuse keys that this plant would ignore.
+    """Reject keys that this plant would ignore.
 
     Raises:
-        SettingsError: If the passenger sways, or friction is not the same all over the stair.
+        SettingsError: If the passenger sways, or friction is not uniform over the stair.
     """
     stair = scenario.stair
     if scenario.chair.sways:
@@ -170,6 +170,6 @@ def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | 
     """Return a chair in Gazebo on the scenario's stair.
 
     Raises:
-        GazeboError: If there is no Gazebo here.
+        GazeboError: If Gazebo is not installed.
     """
     return GazeboPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, find_environment())

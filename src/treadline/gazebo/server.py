@@ -1,6 +1,6 @@
-"""gzserver and the plugin's socket: ``order -> state``, in lock-step.
+"""gzserver process and the plugin's socket: command in, state out, in lock-step.
 
-One process per run: a second run in the same process would differ in its last bits, a new one does not.
+Each run uses a new process: a second run in the same process would differ in the last bits.
 """
 
 import os
@@ -24,28 +24,29 @@ from treadline.processes import killed_with_starter
 
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
-"""Doubles in an order and in an answer: as in ``ros/gazebo/lockstep.cc``."""
+"""Number of doubles in a command and in an answer, as in ``ros/gazebo/lockstep.cc``."""
 T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, FLIPPER, FLIPPER_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
-"""In which a world must be loaded, on a machine that does other things too."""
+"""Timeout for loading a world [s], on a machine with other load."""
 ANSWER_S = 180.0
+"""Timeout of an answer [s]."""
 TRIES = 3
-"""A port that was free may be taken a moment later."""
+"""Number of attempts to start: another process can take a free port before gzserver does."""
 
 
 class GazeboServer:
-    """A gzserver with one world, from its start to its end."""
+    """Process of gzserver with one world, from start to end."""
 
     def __init__(self, environment: Environment, world: Callable[[int], str], *, port: int = 0) -> None:
         """Load a world.
 
         Args:
-            world: The world's SDF, the plugin listening on a port.
-            port: The plugin's; zero takes a free one.
+            world: Function from the plugin's port to the world's SDF.
+            port: Port of the plugin; zero selects a free one.
 
         Raises:
-            GazeboError: If gzserver or the plugin does not come up.
+            GazeboError: If gzserver or the plugin does not start.
         """
         self._environment = environment
         base = environment.root / "tmp"
@@ -64,10 +65,10 @@ class GazeboServer:
                 return
 
     def step(self, order: Float[np.ndarray, " 8"]) -> Float[np.ndarray, " 22"]:
-        """Obey an order for its steps and return the state after them.
+        """Send a command, run its steps and return the state after them.
 
         Raises:
-            GazeboError: If gzserver has died or hangs.
+            GazeboError: If gzserver has exited or hangs.
         """
         assert self._socket is not None  # noqa: S101 - launched
         try:
@@ -77,7 +78,7 @@ class GazeboServer:
             raise self._died(error) from None
 
     def close(self) -> None:
-        """End gzserver and forget its files."""
+        """Stop gzserver and delete its files."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -111,7 +112,7 @@ class GazeboServer:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                preexec_fn=killed_with_starter(),  # noqa: PLW1509 - it only tells the kernel
+                preexec_fn=killed_with_starter(),  # noqa: PLW1509 - it only calls prctl
             )
         self._connect(port)
         self._greet()
@@ -138,7 +139,7 @@ class GazeboServer:
         raise GazeboError(f"gzserver did not load the world within {START_S:.0f} s: {self._reason()}")
 
     def _greet(self) -> None:
-        """Ask who is there, before anything is believed."""
+        """Check protocol and version of the plugin before using its data."""
         try:
             protocol, major, orders, columns = struct.unpack("<4d", self._received(32))
         except OSError as error:
@@ -171,7 +172,7 @@ class GazeboServer:
         return next((line for line in lines if "Failed to load plugin" in line), None)
 
     def _reason(self) -> str:
-        """Return the log's last complaint."""
+        """Return the last error message in the log."""
         lines = self._lines()
         complaints = [line for line in lines if "[Err]" in line or "rror" in line or "taken" in line or "in use" in line]
         if any("in use" in line for line in complaints):
@@ -186,7 +187,7 @@ class GazeboServer:
 
 
 def free_port() -> int:
-    """Return a port of the loopback that nothing listens on."""
+    """Return an unused port of the loopback interface."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

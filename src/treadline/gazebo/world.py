@@ -1,4 +1,4 @@
-"""The world that gzserver loads: the stair and the chair as every simulator gets them, and the plugin that drives the tracks."""
+"""World file for gzserver: stair and chair in the common description, and the plugin that drives the tracks."""
 
 from xml.etree.ElementTree import Element, tostring
 
@@ -11,16 +11,16 @@ from treadline.mechanics.staircase import Staircase
 from treadline.scenario import Scenario
 
 SOLVER_TOLERANCE = 1e-3
-"""Of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: turns mirror each other as without, in half the time
-(docs/gazebo.md)."""
+"""Tolerance of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: left and right turns stay mirror images, in half
+the time (docs/gazebo.md)."""
 
 
 def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
-    """Return a scenario at its start.
+    """Return the world of a scenario at its start.
 
     Args:
-        plugin: File of the lock-step plugin, as gzserver finds it.
-        port: On which it listens, on the loopback alone.
+        plugin: File of the lock-step plugin, in gzserver's file system.
+        port: Port of the plugin on the loopback interface.
     """
     start = standing(staircase, chair.tracks, scenario.start)
     element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=start.seat_rad)
@@ -28,20 +28,20 @@ def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription,
 
 
 def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:
-    """Return the ``<plugin>`` of a chair."""
+    """Return the ``<plugin>`` element of a chair."""
     element = Element("plugin", name="treadline", filename=plugin)
     child(element, "body", "chair")
     for side in ("left", "right"):
-        # Both belts are parts of the same bodies; the plugin tells them apart by the names of their shapes.
+        # Both belts are parts of the same bodies; the plugin distinguishes them by the names of their shapes.
         child(element, f"{side}_track", "chair")
         if chair.flipper is not None:
             child(element, f"{side}_flipper", "flipper")
     child(element, "tracks_separation", text(chair.tracks.gauge_m))
-    # Table I: 3.07 rad/s at ±1 m/s are the belts' difference over the gauge.
+    # Table I: 3.07 rad/s at ±1 m/s is the speed difference of the belts divided by the gauge.
     child(element, "steering_efficiency", "1")
     child(element, "max_linear_speed", text(chair.drives.max_speed_m_s))
     child(element, "solver_tolerance", text(SOLVER_TOLERANCE))
-    # Set anew before the first step: the plugin can only change what is there.
+    # Placeholder, set before the first step: the plugin can only modify existing elements.
     child(element, "track_mu", "1")
     child(element, "track_mu2", "1")
     child(element, "seat_start", text(seat_rad))

@@ -1,4 +1,4 @@
-"""From recorded belt speeds and motion to a linear model."""
+"""System identification: a linear state-space model from recorded belt speeds and motion."""
 
 from treadline.identification.era import era
 from treadline.identification.gram import Gram, gram

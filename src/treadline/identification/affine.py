@@ -1,6 +1,6 @@
-"""A model with its constants: the form in which fitting happens, in units of each channel's deviation.
+"""Affine state-space model: the form used while fitting, in units of each channel's standard deviation.
 
-x⁺ = Ax + B [u; 1] + Ke, y = Cx + D [u; 1] + e. The last columns of B and D are the constants.
+x⁺ = Ax + B [u; 1] + Ke, y = Cx + D [u; 1] + e. The last columns of B and D are constant offsets.
 """
 
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from treadline.identification.gram import Units
 from treadline.models import LinearModel, Provenance
 
 FREE = 1e4
-"""How far the state may move for the operating point, in deviations: freely."""
+"""Weight of the state equations against the operating point's distance: large enough to leave the state free."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Affine:
-    """A linear model and its constants; K is None where none is known."""
+    """Linear model with constant offsets; K is None for a model without an innovation gain."""
 
     A: Float[np.ndarray, "n n"]
     B: Float[np.ndarray, "n m1"]
@@ -33,17 +33,17 @@ class Affine:
 
     @cached_property
     def eigen(self) -> tuple[Num[np.ndarray, " n"], Num[np.ndarray, "n n"]]:
-        """Poles and their directions; conjugates stand side by side, the one above first."""
+        """Poles and eigenvectors; conjugate poles are adjacent, positive imaginary part first."""
         poles, V = np.linalg.eig(self.A)
         return poles, V
 
     @property
     def radius(self) -> float:
-        """Largest modulus of the poles."""
+        """Spectral radius of A."""
         return float(np.abs(self.eigen[0]).max())
 
     def predictor(self) -> "Affine":
-        """Return the system from [u; 1; y] to the predicted output: A - KC, [B - KD, K], C, [D, 0]."""
+        """Return the one-step predictor from [u; 1; y] to the predicted output: A - KC, [B - KD, K], C, [D, 0]."""
         p = len(self.C)
         K = np.zeros((self.order, p)) if self.K is None else self.K
         return Affine(
@@ -55,7 +55,7 @@ class Affine:
 
     @classmethod
     def of_predictor(cls, predictor: "Affine") -> "Affine":
-        """Return the model whose predictor this is."""
+        """Return the model with the given one-step predictor (inverse of ``predictor``)."""
         p = len(predictor.C)
         K, D = predictor.B[:, -p:], predictor.D[:, :-p]
         return cls(A=predictor.A + K @ predictor.C, B=predictor.B[:, :-p] + K @ D, C=predictor.C, D=D, K=K)
@@ -66,9 +66,9 @@ def to_model(
 ) -> LinearModel:
     """Return the model in the record's units, about an operating point near the data's means.
 
-    Any (s, u₀, y₀) with (A - I)s - B u₀ = b and y₀ + Cs - D u₀ = c will do: the nearest is taken, distances in
-    deviations, an input's three times. Where an integrator leaves y₀ open, it is u₀ that yields: a chair whose right belt
-    runs fast stands still at unequal belts.
+    Every (s, u₀, y₀) with (A - I)s - B u₀ = b and y₀ + Cs - D u₀ = c is an operating point. The nearest solution is
+    taken; distances count in standard deviations, an input's three times. If an integrator leaves y₀ undetermined, u₀
+    absorbs the offset: a chair with a fast right belt stands still at unequal belt speeds.
     """
     n, m, p = fitted.order, units.input_count, len(fitted.C)
     B, D = fitted.B[:, :m], fitted.D[:, :m]

@@ -1,4 +1,4 @@
-"""What a record must be before anything is fitted to it."""
+"""Checks of a record before identification: channels, units, gaps and excitation."""
 
 import math
 
@@ -10,25 +10,25 @@ from treadline.identification.gram import Gram, Units, units_of
 from treadline.models import InputOutputRecord
 
 GAP_SHARE = 0.2
-"""Largest share of rows with a NaN: beyond it, what is left is not the experiment that was run."""
+"""Largest share of rows with a NaN; above this share the remaining rows no longer represent the experiment."""
 
 UNWRAPPED = "_unwrapped_rad"
-"""What the name of an angle ends in that may pass π: nothing but its name tells it from degrees, which move as smoothly."""
-TOGETHER = 1e-13
-"""Variance of the weakest combination of inputs, over one input's, that rounding may leave."""
+"""Suffix of angle channels that may exceed π; only the name distinguishes an unwrapped angle from degrees."""
+COLLINEAR = 1e-13
+"""Variance of the weakest input combination, relative to one input's variance, attributed to rounding."""
 FEW_SAMPLES = 4.0
-"""Samples' worth of something new, below which an order counts as hardly excited."""
+"""New information, in samples, below which an order counts as poorly excited."""
 NOTHING_NEW = 1e-9
-"""Variance, over an input's own, below which a further sample brings nothing that the past did not foretell."""
+"""Innovation variance relative to the input's variance below which a sample is predictable from the past."""
 
 
 def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> Units:
-    """Check that records are numbers, fit each other and move; return their units, which that takes.
+    """Check that the records hold finite numbers, agree in channels and period, and vary; return their units.
 
-    Whether each input moves by itself shows in the sums: ``check_independent``.
+    ``check_independent`` tests the Gram matrix for inputs that move together.
 
     Args:
-        parts: Whether they are parts of longer ones: what share of those may be missing, is asked of the whole.
+        parts: Whether the records are parts of longer ones; the share of gaps is then checked on the whole record.
 
     Raises:
         RecordError: With the record, the column and the number.
@@ -38,23 +38,23 @@ def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> U
     return _check_movement(records)
 
 
-def check_whole(**numbers: object) -> None:
-    """Check that options are whole numbers, at least 1, or left out.
+def check_integers(**numbers: object) -> None:
+    """Check that each option is a positive integer or None.
 
     Raises:
-        SettingsError: With the option and what it is.
+        SettingsError: With the option and its value.
     """
     for name, number in numbers.items():
         if number is not None and not (isinstance(number, int | np.integer) and number >= 1):
             given = number if isinstance(number, int | float | np.number) else f"{number!r}, of type {type(number).__name__}"
-            raise SettingsError(f"{name} is {given}; at least 1, a whole number")
+            raise SettingsError(f"{name} is {given}; it must be an integer, at least 1")
 
 
 def check_alike(records: list[InputOutputRecord], *, parts: bool = False) -> None:
-    """Check that records hold numbers and have the same channels and period.
+    """Check that records hold finite numbers and have the same channels and period.
 
     Args:
-        parts: As above.
+        parts: Whether the records are parts of longer ones (see ``check_records``).
 
     Raises:
         RecordError: With the record, the column and the number.
@@ -86,15 +86,15 @@ def _check_channels(first: InputOutputRecord) -> None:
 
 
 def gaps_in(record: InputOutputRecord) -> int:
-    """Return in how many samples a channel is missing."""
+    """Return the number of samples with a missing channel."""
     return len(record) - int(np.count_nonzero(record.whole))
 
 
 def check_gaps(gaps: int, samples: int, where: str = "") -> None:
-    """Refuse a record that is mostly holes.
+    """Reject a record with too many gaps.
 
     Raises:
-        NotFinite: With the share.
+        NotFinite: With the share of rows that hold a NaN.
     """
     share = gaps / max(samples, 1)
     if share > GAP_SHARE:
@@ -108,8 +108,8 @@ def _check_finite(record: InputOutputRecord, where: str, *, parts: bool) -> None
             continue
         if np.nanmax(np.abs(column), initial=0.0) > math.pi and not np.isinf(column).any():
             raise ShapeMismatch(
-                f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees where radians are "
-                f"meant? convert it; an angle that was unwrapped is called …{UNWRAPPED}"
+                f"{where}column '{name}' reaches {np.nanmax(np.abs(column)):.1f}, beyond π: degrees instead of radians? "
+                f"convert it; the name of an unwrapped angle ends in {UNWRAPPED}"
             )
     gaps = gaps_in(record)
     if not gaps:
@@ -132,7 +132,7 @@ def _check_movement(records: list[InputOutputRecord]) -> Units:
 
 
 def check_independent(data: Gram, names: tuple[str, ...]) -> None:
-    """Check that no input follows from the others.
+    """Check that no input is a linear combination of the others.
 
     Raises:
         PoorExcitation: With the inputs and their rank.
@@ -140,40 +140,40 @@ def check_independent(data: Gram, names: tuple[str, ...]) -> None:
     m = data.units.input_count
     at = slice(1, 1 + m)
     mean = data.sums[0, at] / data.count
-    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > TOGETHER))
+    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > COLLINEAR))
     if rank < m:
         raise PoorExcitation(
-            f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which each moves by itself"
+            f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which they move independently"
         )
 
 
 def check_excitation(data: Gram, order: int) -> None:
-    """Check that the inputs excite an order at all, as far as the lags of the sums tell.
+    """Check that the inputs persistently excite the order, up to the lags of the Gram matrix.
 
     Raises:
-        PoorExcitation: With the order that they excite.
+        PoorExcitation: With the order that the inputs excite.
     """
     most = min(order, data.lags)
     possible = excitation_order(data.fewer(most))
     if possible < order and possible <= most:
         raise PoorExcitation(
-            f"{too_little(possible, order)}; give inputs that move more freely, or ask for order {possible} or less"
+            f"{insufficient_excitation(possible, order)}; give inputs that move more freely, or ask for order {possible} or less"
         )
 
 
-def too_little(support: int, order: int) -> str:
-    """Return what inputs that excite too low an order are told."""
+def insufficient_excitation(support: int, order: int) -> str:
+    """Return the message for inputs with too low an order of excitation."""
     return f"the inputs excite order {support} persistently, not {order}"
 
 
 def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
-    """Return the largest order that the inputs excite persistently: how many samples on they still bring something new.
+    """Return the largest order that the inputs excite persistently.
 
-    What of an input its own past and the other inputs cannot foretell is a pivot of the inputs' covariance (Ljung, System
-    Identification, 1999, section 13.2). Counted as far as the lags of the sums go.
+    The pivots of the inputs' covariance are the variances of an input not predictable from its own past and the other inputs
+    (Ljung, System Identification, 1999, section 13.2). Limited by the lags of the Gram matrix.
 
     Args:
-        samples: How many samples' worth of an input's variance do not count yet: a single step's corner is worth one.
+        samples: New information, in samples of an input's variance, to disregard; the corner of a single step is worth one.
     """
     m, r = data.units.input_count, len(data.units.scale)
     at = (1 + r * np.arange(data.lags + 1)[:, None] + np.arange(m)).ravel()
@@ -186,7 +186,7 @@ def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
 
 
 def channel_names(record: InputOutputRecord) -> tuple[str, ...]:
-    """Return the names of inputs and outputs, numbered where the record has none."""
+    """Return the names of inputs and outputs, numbered for a record without names."""
     inputs = record.input_names or tuple(f"u{i + 1}" for i in range(record.u.shape[1]))
     outputs = record.output_names or tuple(f"y{i + 1}" for i in range(record.y.shape[1]))
     return inputs + outputs

@@ -1,8 +1,8 @@
-"""The printed Eq. (9c): the impulse response by inverting the matrix of inputs.
+"""Direct deconvolution, Eq. (9c) as printed: the impulse response by inversion of the input matrix.
 
-Kept so that anyone can see what it does. It asks for zero initial state and no noise; its matrix, triangular
-Toeplitz in the inputs, has a condition of about 1e17 at 50 random samples of one input, and with two inputs has half
-the rank it needs. OKID with an observer takes its place.
+Included for comparison. The method assumes zero initial state and no noise. Its matrix, triangular Toeplitz in the
+inputs, has a condition number of about 1e17 at 50 random samples of one input; with two inputs it has half the rank
+required. OKID with an observer replaces it.
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from treadline.identification.okid import ObserverMarkov
 from treadline.models import InputOutputRecord
 
 CONDITION_LIMIT = 1e8
-"""Beyond it, data of single precision leave no digit of the answer."""
+"""Condition number above which single-precision data leave no correct digit in the solution."""
 
 
 def input_matrix(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "a T"]:
-    """Return the matrix of Eq. (9c): row block i holds the inputs delayed by i samples.
+    """Return the input matrix of Eq. (9c): block row i holds the inputs delayed by i samples.
 
     Paper: Eq. (9c).
     """
@@ -33,12 +33,12 @@ def input_matrix(u: Float[np.ndarray, "T m"]) -> Float[np.ndarray, "a T"]:
 
 
 def deconvolve(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> Float[np.ndarray, "T p m"]:
-    """Return the Markov parameters ``Y_0 … Y_{T-1}`` that Eq. (9c) gives.
+    """Return the Markov parameters ``Y_0 … Y_{T-1}`` by Eq. (9c).
 
     Paper: Eq. (9c).
 
     Raises:
-        PoorExcitation: If the matrix of inputs has no usable inverse, which is the rule.
+        PoorExcitation: If the input matrix is ill-conditioned, as for most records.
     """
     samples, m = u.shape
     matrix = input_matrix(u)
@@ -58,14 +58,14 @@ def deconvolve(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> Floa
 
 
 def observer_of(records: Sequence[InputOutputRecord], units: Units) -> tuple[ObserverMarkov, HankelSvd]:
-    """Return Eq. (9c)'s impulse response as an observer without feedback, in units of deviations, and its Hankel matrix.
+    """Return the impulse response of Eq. (9c) as an observer without feedback, in standard deviations, and its Hankel matrix.
 
     Raises:
         SettingsError: If there is more than one experiment.
-        PoorExcitation: If the matrix of inputs has no usable inverse.
+        PoorExcitation: If the input matrix is ill-conditioned.
     """
     if len(records) > 1:
-        raise SettingsError("Eq. (9c) knows one experiment; give one record, or use method okid-era")
+        raise SettingsError(f"Eq. (9c) takes one experiment, not {len(records)}; give one record, or use method okid-era")
     markov = deconvolve(records[0].u, records[0].y) * units.input_scale / units.output_scale[:, None]
     _, p, m = markov.shape
     blocks = (len(markov) - 1) // 2

@@ -1,8 +1,7 @@
-"""ERA: from an impulse response to a state-space model.
+"""Eigensystem realisation algorithm (ERA): a state-space model from an impulse response.
 
-Paper: Section IV, Eq. (7), (8). Juang and Pappa, 1985; with data correlations: Juang, Cooper and Wright, 1988. The
-Hankel matrix holds the system's Markov parameters alone; an observer gain's do not belong there (they cost two digits
-on Eq. (12)).
+Paper: Section IV, Eq. (7), (8). Juang and Pappa, 1985; with data correlations (ERA/DC): Juang, Cooper and Wright, 1988.
+The Hankel matrix holds only the system's Markov parameters; including the observer gain's cost two digits on Eq. (12).
 """
 
 from collections.abc import Callable
@@ -15,37 +14,37 @@ from scipy.linalg import lapack
 
 from treadline.arrays import shaped
 from treadline.errors import NotFinite, PoorExcitation, ShapeMismatch
-from treadline.identification.checks import check_whole
+from treadline.identification.checks import check_integers
 from treadline.identification.kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""
 RANK_MOST = 30
-"""Singular values that a randomised decomposition finds."""
+"""Number of singular values computed by a randomised decomposition."""
 NO_RANK = 1e-14
-"""Singular value over the largest that is rounding."""
+"""Singular value, relative to the largest, below which only rounding remains."""
 WELL_APART = 1e-2
-"""The same, above which the square of a matrix tells singular vectors to twelve digits."""
+"""Singular value, relative to the largest, above which the squared matrix gives singular vectors to twelve digits."""
 MISSED = 1e-12
-"""Share of a matrix's square that random directions may miss before they are turned towards it."""
+"""Share of a matrix's squared norm outside the random subspace that triggers power iterations."""
 
 
 Triplets = tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.ndarray, "k b"]]
-"""U, s and V'."""
+"""Singular triplets U, s and V'."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class HankelSvd:
-    """H = U diag(s) V', decomposed as far as is asked, and the Markov parameters that H and the shifted H' are made of."""
+    """Lazy decomposition H = U diag(s) V' and the Markov parameters of H and the shifted H'."""
 
     markov: Float[np.ndarray, "n p m"]
-    """Scaled."""
+    """Markov parameters, scaled to unit standard deviation."""
     rows: int
-    """Block rows."""
+    """Number of block rows."""
     columns: int
-    """Block columns."""
+    """Number of block columns."""
     rank: int = RANK_MOST
-    """Singular values that are found of a large H; of a small one it is all."""
+    """Number of singular values computed for a large H; a small H is decomposed completely."""
     _values: Float[np.ndarray, " k"] | None = None
     _led: dict[int, Triplets] = field(default_factory=dict)
     _whole: Triplets | None = None
@@ -59,7 +58,7 @@ class HankelSvd:
         return self._values
 
     def leading(self, order: int) -> Triplets:
-        """Return the leading singular values and vectors; of one order always the same, signs included.
+        """Return the leading singular values and vectors; repeated calls with one order give the same signs.
 
         Raises:
             PoorExcitation: If the order is above the rank.
@@ -89,7 +88,7 @@ class HankelSvd:
         if self._is_dense:
             return np.linalg.svd(self.matrix, full_matrices=False)
         turned = self.markov.transpose(0, 2, 1)
-        # Y_k stands on the anti-diagonal of k.
+        # Y_k fills anti-diagonal k.
         squares = np.convolve(np.ones(self.rows), np.ones(self.columns)) @ np.sum(
             self.markov[1 : self.rows + self.columns] ** 2, axis=(1, 2)
         )
@@ -108,7 +107,7 @@ class HankelSvd:
 
     @property
     def matrix(self) -> Float[np.ndarray, "a b"]:
-        """H itself."""
+        """The block Hankel matrix H."""
         return hankel(self.markov, self.rows, self.columns, 0)
 
     def system_matrix(self, order: int) -> Float[np.ndarray, "n n"]:
@@ -128,9 +127,9 @@ def largest(H: Float[np.ndarray, "a b"]) -> float:
 
 
 def leading_by_square(H: Float[np.ndarray, "a b"], order: int) -> Triplets | None:
-    """Return the leading singular values and vectors of a small matrix alone, by those of its square: a third of the time.
+    """Return the leading singular triplets of a small matrix by its squared matrix, in a third of the time.
 
-    None where the last of them is so small that squaring costs digits that count.
+    None if the last of these singular values is so small that squaring loses significant digits.
     """
     tall = H if len(H) >= H.shape[1] else H.T
     k = tall.shape[1]
@@ -154,7 +153,7 @@ def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: i
 
 
 def hankel_times(markov: Float[np.ndarray, "n p m"], rows: int, right: Float[np.ndarray, "b k"]) -> Float[np.ndarray, "a k"]:
-    """Return the Hankel matrix times some columns: a convolution of the Markov parameters, so no matrix is made."""
+    """Return the Hankel matrix times a matrix, as a convolution of the Markov parameters without forming H."""
     _, p, m = markov.shape
     columns = len(right) // m
     width = rows + columns - 1
@@ -173,9 +172,9 @@ def hankel_svd(
     *,
     rank: int = RANK_MOST,
 ) -> HankelSvd:
-    """Return the singular value decomposition of H, channels scaled to unit deviation.
+    """Return the singular value decomposition of H with channels scaled to unit standard deviation.
 
-    Scaled, a singular value says how much of what was measured a state explains; unscaled, it depends on units.
+    With this scaling a singular value measures how much of the measured variance a state explains, whatever the units.
     """
     scaled = markov * input_scale / output_scale[:, None]
     return HankelSvd(markov=scaled, rows=rows, columns=columns, rank=max(rank, RANK_MOST))
@@ -185,17 +184,17 @@ Product = Callable[[Float[np.ndarray, "_ k"]], Float[np.ndarray, "_ k"]]
 
 
 def leading_by_products(times: Product, turned_times: Product, width: int, squares: float, rank: int) -> Triplets:
-    """Return the leading singular values and vectors of a large matrix, of which only products are known.
+    """Return the leading singular triplets of a large matrix known only through its products.
 
-    It is looked at through ten random directions more than asked for; where they miss something, as under noise, two power
-    iterations turn them towards what is large (Halko, Martinsson and Tropp, 2011).
+    Randomised range finder with an oversampling of ten; if the subspace misses a significant part, as under noise, two power
+    iterations follow (Halko, Martinsson and Tropp, 2011).
 
     Args:
-        times: The matrix times some columns.
-        turned_times: Its transpose times some columns.
-        width: Its columns.
-        squares: The sum of its squares.
-        rank: Singular values wanted.
+        times: Product of the matrix with given columns.
+        turned_times: Product of its transpose with given columns.
+        width: Number of columns.
+        squares: Squared Frobenius norm.
+        rank: Number of singular values wanted.
     """
     Q = np.linalg.qr(times(np.random.default_rng(0).standard_normal((width, rank + 10))))[0]
     seen = turned_times(Q)
@@ -203,7 +202,7 @@ def leading_by_products(times: Product, turned_times: Product, width: int, squar
         for _ in range(2):
             Q = np.linalg.qr(times(np.linalg.qr(seen)[0]))[0]
             seen = turned_times(Q)
-    # Thin: the decomposition of a tall orthogonal factor's small partner.
+    # Decompose the small factor of the thin QR instead of the tall matrix.
     basis, R = np.linalg.qr(seen)
     U, s, Vt = np.linalg.svd(R.T)
     return (Q @ U)[:, :rank], s[:rank], Vt[:rank] @ basis.T
@@ -218,7 +217,7 @@ def realise(
     """Return A, B, C of the balanced realisation of an order.
 
     Raises:
-        PoorExcitation: If the order is above the rank that the data show.
+        PoorExcitation: If the order is above the rank of the data.
     """
     U, s, Vt = svd.leading(order)
     root = np.sqrt(s)
@@ -228,13 +227,13 @@ def realise(
 
 
 def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shifts: int) -> HankelSvd:
-    """Return the decomposition of ERA/DC: of correlations of Hankel matrices, in place of one Hankel matrix.
+    """Return the decomposition for ERA/DC: a block Hankel matrix of correlations instead of Markov parameters.
 
-    ``[R_0 … R_c; …; R_c … R_2c]`` with ``R_k = H(k) H(0)'`` and c shifts: noise that differs from one shift to the next
-    averages out, where ERA sees it once. The matrix is Hankel itself, of the blocks R_k.
+    ``[R_0 … R_c; …; R_c … R_2c]`` with ``R_k = H(k) H(0)'`` and c shifts; averaging over the shifts suppresses noise. The
+    matrix is itself Hankel in the blocks R_k.
 
     Args:
-        markov: Scaled Markov parameters, ``rows + columns + 2c + 1`` of them or more.
+        markov: Scaled Markov parameters, at least ``rows + columns + 2c + 1``.
     """
     H0 = hankel(markov, rows, columns, 0)
     R = np.stack([np.zeros((len(H0), len(H0))), *(hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2))])
@@ -248,7 +247,7 @@ def realise_correlated(
     """Return A, B, C of an order from a decomposition of correlations, in the scaled units of ``H0``."""
     U, s, _ = svd.leading(order)
     O = U * np.sqrt(s)
-    # The upper rows of O are H(0)'s own observability matrix; what it leaves of H(0) is the controllability matrix.
+    # The upper rows of O are the observability matrix of H(0); the least-squares fit of H(0) gives the controllability matrix.
     B = np.linalg.lstsq(O[: len(H0)], H0, rcond=None)[0][:, :m]
     return svd.system_matrix(order), B, O[:p]
 
@@ -261,22 +260,22 @@ def era(
     Paper: Eq. (7), (8).
 
     Args:
-        markov: A matrix per step, one row per output, one column per input.
+        markov: Markov parameters (steps, outputs, inputs).
         order: Number of states.
         rows: Block rows of the Hankel matrix; half of the steps when left out.
 
     Raises:
-        RecordError: If the response is none, or too short for the rows.
-        SettingsError: If order or rows are no whole numbers, at least 1.
-        PoorExcitation: If the order is above the rank that the response shows.
+        RecordError: If the response has the wrong shape, or is too short for the rows.
+        SettingsError: If order or rows is not an integer, at least 1.
+        PoorExcitation: If the order is above the rank of the response.
     """
     markov = shaped("markov", markov, (None, None, None), "(steps, outputs, inputs): a matrix per step")
     if not np.isfinite(markov).all():
-        raise NotFinite("markov holds NaN or Inf; cut the response before it")
-    check_whole(order=order, rows=rows)
+        raise NotFinite("markov holds NaN or Inf; cut the response before the first such step")
+    check_integers(order=order, rows=rows)
     block = (len(markov) - 1) // 2 if rows is None else rows
     if not 0 < block < len(markov) - 1:
-        raise ShapeMismatch(f"markov is of {len(markov)} steps; wanted {max(block, 1) + 2} or more for {max(block, 1)} block rows")
+        raise ShapeMismatch(f"markov has {len(markov)} steps; {max(block, 1)} block rows need at least {max(block, 1) + 2}")
     ones_m, ones_p = np.ones(markov.shape[2]), np.ones(markov.shape[1])
     svd = hankel_svd(markov, block, len(markov) - 1 - block, ones_m, ones_p)
     A, B, C = realise(svd, order, ones_m, ones_p)

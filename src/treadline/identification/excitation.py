@@ -1,8 +1,8 @@
-"""Random track speeds that excite the chair and keep it on the stair.
+"""Random track speeds for identification that keep the chair on the stair.
 
-Paper: Section VI.B, "a set of random velocities". Speeds are drawn anew each period around the climb speed; a weak
-pull towards zero heading keeps an integrator from walking off (the fit then sees inputs that depend on the past
-output, which OKID's observer takes in its stride as long as the random part is much larger).
+Paper: Section VI.B, "a set of random velocities". Each period draws new speeds around the climb speed. A weak
+proportional steering towards zero heading bounds the drift of the heading. The inputs then depend on past outputs, a
+closed loop that OKID's observer form tolerates as long as the random part dominates.
 """
 
 from dataclasses import dataclass
@@ -14,26 +14,26 @@ from treadline.angles import DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExcitationConfig:
-    """Size of the random speeds."""
+    """Amplitudes of the random track speeds."""
 
     mean_m_s: float = 0.2
     amplitude_m_s: float = 0.1
-    """Half width of each belt's uniform distribution."""
+    """Half width of each belt's uniform distribution [m/s]."""
     pull_m_s_per_rad: float = 0.3
-    """Belt difference against the heading: about a tenth of the random part at 5°."""
+    """Steering gain: belt speed difference per heading [m/s/rad]; about a tenth of the random part at 5°."""
     window_rad: float = 5.0 * DEG
-    """Beyond this heading the pull is doubled."""
+    """Heading beyond which the steering gain doubles [rad]."""
 
 
 class Excitation:
-    """Draws one pair of belt speeds per call."""
+    """Generator of one pair of belt speeds per call."""
 
     def __init__(self, config: ExcitationConfig, rng: np.random.Generator) -> None:
         self._config = config
         self._rng = rng
 
     def step(self, heading_rad: float) -> tuple[float, float]:
-        """Return belt speeds (left, right) [m/s]."""
+        """Return belt speeds (left, right) [m/s] for a heading [rad]."""
         config = self._config
         left, right = self._rng.uniform(-config.amplitude_m_s, config.amplitude_m_s, 2)
         strength = config.pull_m_s_per_rad * (2.0 if abs(heading_rad) > config.window_rad else 1.0)

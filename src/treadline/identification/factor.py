@@ -1,8 +1,8 @@
-"""One Cholesky factor for the regressions of all lags, with and without the input's own sample.
+"""Cholesky factor shared by the regressions of all lags, with and without direct feedthrough.
 
-The sums of the past ``[1, z_{k-1}, …, z_{k-P}]`` are LL'; the factor of fewer lags is the leading block of L. What L
-leaves of the sample's own products ``z_k z_k'`` says how much the past foretells of outputs and of inputs, so that a
-regression with u_k is one without, and a small step more (Frisch and Waugh, 1933).
+The Gram matrix of the past ``[1, z_{k-1}, …, z_{k-P}]`` is LL'; the factor for fewer lags is the leading block of L. The
+Schur complement of ``z_k z_k'`` separates the predictable part of outputs and inputs, so a regression with u_k follows
+from the regression without u_k by a small update (Frisch and Waugh, 1933).
 """
 
 from dataclasses import dataclass
@@ -15,74 +15,76 @@ RIDGE = 1e-13
 """Relative eigenvalue below which a direction of the regressors counts as not excited."""
 
 WELL_EXCITED = 1e-4
-"""Ratio of pivots from which no direction is doubtful."""
+"""Ratio of pivots above which every direction counts as well excited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Factor:
-    """L, and sums of products with it, for r channels of which the first m are inputs."""
+    """Cholesky factor L of the past and products with it, for r channels of which the first m are inputs."""
 
     m: int
     lags: int
-    """Most lags whose regressors are well excited."""
+    """Largest number of lags with well-excited regressors."""
     L: Float[np.ndarray, "w w"]
-    foretold: Float[np.ndarray, "w r"]
-    """L⁻¹X'z_k."""
+    predicted: Float[np.ndarray, "w r"]
+    """Projection of z_k on the past: L⁻¹X'z_k."""
     now: Float[np.ndarray, "r r"]
-    """Sums of z_k z_k'."""
+    """Gram matrix of the current sample: sum of z_k z_k'."""
 
     @classmethod
     def of(cls, sums: Float[np.ndarray, "q q"], m: int, r: int) -> "Factor":
-        """Return the factor of the sums of windows ``[1, z_k, z_{k-1}, …]``."""
+        """Return the factor of a Gram matrix of windows ``[1, z_k, z_{k-1}, …]``."""
         past = np.concatenate([[0], np.arange(1 + r, len(sums))])
         rows = sums[past]
-        # Symmetric: transposed it is the same, and as LAPACK wants it.
+        # The matrix is symmetric, so the transpose gives LAPACK its column order without a copy.
         L, failed = lapack.dpotrf(rows[:, past].T, lower=1, clean=0, overwrite_a=1)
         pivots = np.diag(L)[: failed - 1 if failed > 0 else None]
-        # Far down, pivots are what rounding left: the lags before them stand.
+        # Late pivots may be rounding residue: only the lags before the first such pivot are kept.
         sound = np.minimum.accumulate(pivots) > np.sqrt(RIDGE) * np.maximum.accumulate(pivots)
         stand = len(sound) if sound.all() else int(np.argmin(sound))
         width = 1 + r * max((stand - 1) // r, 0)
         L = np.asfortranarray(L[:width, :width])
-        foretold = lapack.dtrtrs(L, rows[:width, 1 : 1 + r], lower=1)[0]
-        return cls(m=m, lags=width // r, L=L, foretold=foretold, now=sums[1 : 1 + r, 1 : 1 + r])
+        predicted = lapack.dtrtrs(L, rows[:width, 1 : 1 + r], lower=1)[0]
+        return cls(m=m, lags=width // r, L=L, predicted=predicted, now=sums[1 : 1 + r, 1 : 1 + r])
 
-    def left(self, lags: range) -> Float[np.ndarray, "P r r"]:
-        """Return the sums of products of what the past leaves of z_k, for some lags."""
+    def residual_ss(self, lags: range) -> Float[np.ndarray, "P r r"]:
+        """Return the residual sums of products of z_k after regression on the past, for each number of lags."""
         r = len(self.now)
         if len(lags) == 1:
-            seen = self.foretold[: 1 + r * lags[0]]
+            seen = self.predicted[: 1 + r * lags[0]]
             return np.asarray(self.now - seen.T @ seen)[None]
-        squares = np.cumsum(self.foretold[:, :, None] * self.foretold[:, None, :], axis=0)
+        squares = np.cumsum(self.predicted[:, :, None] * self.predicted[:, None, :], axis=0)
         return np.asarray(self.now - squares[[r * p for p in lags]])
 
     def residuals(self, lags: range) -> tuple[Float[np.ndarray, "2 P p p"], Bool[np.ndarray, " P"]]:
-        """Return the outputs' residual sums of squares for some lags without and with u_k, and where u_k is excited by itself."""
-        left, m = self.left(lags), self.m
-        told = np.linalg.eigvalsh(left[:, :m, :m])[:, 0] > RIDGE * self.now[0, 0]
-        left[~told, :m, :m] = np.eye(m)
-        without = left[:, m:, m:]
-        return np.stack([without, without - left[:, m:, :m] @ np.linalg.solve(left[:, :m, :m], left[:, :m, m:])]), told
+        """Return the outputs' residual sums of squares without and with u_k, and whether u_k is excited beyond its past."""
+        residual_ss, m = self.residual_ss(lags), self.m
+        excited = np.linalg.eigvalsh(residual_ss[:, :m, :m])[:, 0] > RIDGE * self.now[0, 0]
+        residual_ss[~excited, :m, :m] = np.eye(m)
+        without = residual_ss[:, m:, m:]
+        return np.stack(
+            [without, without - residual_ss[:, m:, :m] @ np.linalg.solve(residual_ss[:, :m, :m], residual_ss[:, :m, m:])]
+        ), excited
 
     def solved(
         self, XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"], lags: int, *, feedthrough: bool
     ) -> Float[np.ndarray, "q p"] | None:
-        """Return the outputs' coefficients on ``[1, u_k, z_{k-1}, …]``, or on the same without u_k.
+        """Return the outputs' coefficients on ``[1, u_k, z_{k-1}, …]``, or without u_k.
 
-        None where a direction is not excited.
+        None if a direction of the regressors is not excited.
         """
         if lags > self.lags:
             return None
         width, m = 1 + len(self.now) * lags, self.m if feedthrough else 0
         L = self.L if width == len(self.L) else np.asfortranarray(self.L[:width, :width])
-        seen = self.foretold[:width, :m]
+        seen = self.predicted[:width, :m]
         S = np.empty((0, 0))
         if feedthrough:
             S, failed = lapack.dpotrf(self.now[:m, :m] - seen.T @ seen, lower=1, clean=0)
             if failed or np.diag(S).min() ** 2 <= RIDGE * self.now[0, 0]:
                 return None
-        theta, right, v = np.zeros_like(XY), XY, self.foretold[:width, self.m :]
-        for again in (False, True):  # a second time, to win back the digits that squaring the condition lost
+        theta, right, v = np.zeros_like(XY), XY, self.predicted[:width, self.m :]
+        for again in (False, True):  # the second pass is iterative refinement: the normal equations square the condition
             if again:
                 right = XY - XX @ theta
                 v = lapack.dtrtrs(L, np.concatenate([right[:1], right[1 + m :]]), lower=1)[0]
@@ -97,7 +99,7 @@ class Factor:
 
 
 def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
-    """Return the inverse of a normal matrix; directions that nothing excites count for nothing."""
+    """Return the inverse of a normal matrix; directions that are not excited are left out (pseudo-inverse)."""
     L, failed = lapack.dpotrf(XX, lower=1, clean=0)
     diagonal = np.diag(L)
     if not failed and diagonal.min() > np.sqrt(RIDGE) * diagonal.max():
@@ -109,7 +111,7 @@ def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
 
 
 def solution(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:
-    """Return the least-squares solution of normal equations; directions that nothing excites count for nothing."""
+    """Return the least-squares solution of normal equations; directions that are not excited get zero coefficients."""
     L, failed = lapack.dpotrf(XX, lower=1, clean=0)
     diagonal = np.diag(L)
     if not failed and diagonal.min() > WELL_EXCITED * diagonal.max():

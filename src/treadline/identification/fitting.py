@@ -1,11 +1,11 @@
-"""Models by recipe: subspace steps from the sums, further steps from the samples.
+"""Model fitting for a candidate: subspace step from the Gram matrix, refinement from the samples.
 
-A recipe is a method, a number of lags, an order and the last step that is taken:
+A candidate consists of a method, a number of lags, an order and the last fitting step:
 
-``subspace``          as OKID/ERA, ERA/DC or PBSID give it
-``inputs-again``      B, D and the constants that fit the free run best, A and C kept: linear least squares
-``output-error``      all of A, B, C, D: the free run itself
-``prediction-error``  and K: the one-step prediction, for unstable plants and loops that are closed
+``subspace``          OKID/ERA, ERA/DC or PBSID
+``inputs-again``      B, D and the offsets refitted to the free run by linear least squares, A and C kept
+``output-error``      A, B, C and D fitted to the free run
+``prediction-error``  A, B, C, D and K fitted to the one-step prediction, for unstable plants and closed loops
 """
 
 from collections.abc import Sequence
@@ -35,37 +35,37 @@ from treadline.identification.refine import (
     predictors_of,
     refined,
 )
-from treadline.identification.structure import schwarz_order
+from treadline.identification.structure import bic_order
 from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
-"""Samples, the last ones, that the innovation gain is fitted to."""
+"""Number of most recent samples used to fit the innovation gain."""
 SLOWEST_OBSERVER = 0.95
-"""Pole of an observer that is always allowed: five seconds at 4 Hz."""
+"""Observer pole allowed in every case: five seconds of memory at 4 Hz."""
 GAIN_RUN = 50
-"""Shortest unbroken run that tells of a gain: in a shorter one the initial state explains as much."""
+"""Shortest unbroken run used to fit the innovation gain; in a shorter run the initial state explains as much."""
 RECORD_PER_LAG = 10
-"""Samples of the shortest record per lag of sums that are made for intervals alone: more lags would cost windows that tell."""
+"""Samples of the shortest record per lag of a Gram matrix built for intervals only; more lags would cost too many windows."""
 GROWTH = 1e3
-"""Growth of a mode over a record from which a free run shows nothing else."""
+"""Growth of a mode over a record above which the mode dominates the free run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe:
-    """How a model comes about."""
+class Candidate:
+    """Candidate model: method, lags, order and last fitting step."""
 
     method: str
-    """``okid-era``, ``era-dc`` or ``pbsid``."""
+    """Subspace method: ``okid-era``, ``era-dc`` or ``pbsid``."""
     lags: int
     order: int
     step: str = "subspace"
     constants: bool = True
-    """Whether offsets are estimated; without, rest is zero. A subspace step estimates them always."""
+    """Whether offsets are estimated; otherwise they are zero. A subspace step always estimates them."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Fitting:
-    """What models are made of; what recipes share is computed once."""
+    """Data of a fit, with the intermediate results that candidates share."""
 
     data: Gram
     records: Sequence[InputOutputRecord]
@@ -76,20 +76,20 @@ class Fitting:
     _predictors: dict[int, list[Experiment]] = field(default_factory=dict)
 
     def units(self, *, constants: bool = True) -> Units:
-        """Return the units in which models are: about the means, or about zero."""
+        """Return the units of the models: about the means, or about zero without offsets."""
         units = self.data.units
         return units if constants else replace(units, shift=np.zeros_like(units.shift))
 
     @property
     def fixed(self) -> Bool[np.ndarray, "p m1"]:
-        """Entries of D that are zero by choice."""
+        """Mask of the entries of D fixed at zero."""
         m = self.data.units.input_count
         fixed = np.zeros((len(self.data.units.output_scale), m + 1), dtype=bool)
         fixed[:, :m] = not self.feedthrough
         return fixed
 
     def experiments(self, *, constants: bool = True) -> list[Experiment]:
-        """Return the samples; without constants the column of ones is zero."""
+        """Return the samples as experiments; without offsets the column of ones is zero."""
         if constants not in self._experiments:
             made = experiments_of(self.records, self.units(constants=constants))
             for item in made:
@@ -98,32 +98,33 @@ class Fitting:
         return self._experiments[constants]
 
     def predictors(self, least: int) -> list[Experiment]:
-        """Return the samples with the outputs as further inputs, in unbroken runs of a length at least."""
+        """Return the samples with the outputs as additional inputs, in unbroken runs of at least ``least`` samples."""
         if least not in self._predictors:
             self._predictors[least] = predictors_of(self.experiments(), least)
         return self._predictors[least]
 
-    def model(self, recipe: Recipe, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
-        """Return the model of a recipe; None where the data do not show as many states.
+    def model(self, candidate: Candidate, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
+        """Return the candidate's model; None if the data do not support its order.
 
         Args:
-            start: Model from which the last step sets out, instead of the recipe's own.
-            effort: How far refinements go.
+            candidate: Candidate to fit.
+            start: Initial model of the last step; the candidate's own subspace model when left out.
+            effort: Iteration limits of the refinement.
         """
-        system = self.subspace(recipe.method, recipe.lags, recipe.order) if start is None else start
-        if system is None or recipe.step == "subspace":
+        system = self.subspace(candidate.method, candidate.lags, candidate.order) if start is None else start
+        if system is None or candidate.step == "subspace":
             return system
-        if recipe.step == "prediction-error":
+        if candidate.step == "prediction-error":
             return self._predicting(system, effort)
-        experiments = self.experiments(constants=recipe.constants)
+        experiments = self.experiments(constants=candidate.constants)
         if start is None:
             system = with_inputs_again(system, experiments, self.fixed)
-        if recipe.step == "inputs-again":
+        if candidate.step == "inputs-again":
             return system
         return refined(system, experiments, fixed=self.fixed, effort=effort)
 
-    def remembering(self, lags: int) -> Gram:
-        """Return the sums with so many lags, where the records are all the data, whole and much longer; else those at hand."""
+    def with_more_lags(self, lags: int) -> Gram:
+        """Return a Gram matrix with more lags if the records are complete and long enough, else the existing one."""
         lengths = [len(record) for record in self.records]
         lags = min(lags, min(lengths) // RECORD_PER_LAG)
         if lags <= self.data.lags or self.data.count != sum(length - self.data.lags for length in lengths):
@@ -131,20 +132,20 @@ class Fitting:
         return gram_of(self.records, lags, self.data.units)
 
     def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
-        """Return the system with the innovation gain that predicts best, all else kept."""
+        """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
         runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=GAIN_RUN)
-        if not runs:  # scattered gaps: of a stable system what is fitted is the free run, whose gain is zero
+        if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
             return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
         starts.append(replace(system, K=_kalman_gain(system)))
-        # An observer slower than this, and than the plant, forgets a wrong start too late to be of use.
+        # An observer slower than this limit and than the plant forgets a wrong initial state too late.
         slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
         starts = [start for start in starts if start.predictor().radius <= min(slowest, 1.0 - 1e-6)]
         if not starts:
             return system
         best = min(starts, key=lambda start: cost(start.predictor(), runs))
-        # K enters the predictor as A - KC, B - KD and K itself.
+        # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
         ways = Directions(
             A=-np.einsum("npk,pj->njk", k, system.C),
@@ -155,7 +156,7 @@ class Fitting:
         return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
 
     def subspace(self, method: str, lags: int, order: int) -> Affine | None:
-        """Return the model that the sums alone give."""
+        """Return the subspace model from the Gram matrix alone."""
         if method == "pbsid":
             states = self._state_map(lags)
             return pbsid(self.data, states, order, lags, feedthrough=self.feedthrough) if order <= len(states.s) else None
@@ -166,15 +167,15 @@ class Fitting:
             return None
 
     def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
-        """Return OKID's observer in units of deviations, and its Hankel matrix, long enough for an order."""
+        """Return OKID's observer in standard deviations and its Hankel matrix, long enough for an order."""
         if lags not in self._observers or self._observers[lags][1].rows < block_rows(self._observers[lags][0], order):
             observer = scaled_observer(self.data, lags, feedthrough=self.feedthrough)
             self._observers[lags] = observer, markov_svd(observer, order)
         return self._observers[lags]
 
-    def schwarz_order(self, lags: int) -> int:
-        """Return the order that Schwarz's criterion takes of those that PBSID shows."""
-        return schwarz_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough)
+    def bic_order(self, lags: int) -> int:
+        """Return the PBSID order with the smallest BIC."""
+        return bic_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough)
 
     def _state_map(self, lags: int) -> StateMap:
         if lags not in self._maps:
@@ -191,7 +192,7 @@ class Fitting:
 
 
 def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
-    """Return the gain for disturbances that enter with the inputs, a tenth of them, and measurements known to a tenth."""
+    """Return the Kalman gain for input disturbances and measurement noise of a tenth of the standard deviations."""
     Q = 0.01 * (system.B @ system.B.T + 1e-3 * np.eye(system.order))
     R = 0.01 * np.eye(len(system.C))
     try:
@@ -202,7 +203,7 @@ def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
 
 
 def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
-    """Return the last samples."""
+    """Return the experiments cut to the last samples."""
     kept: list[Experiment] = []
     for item in reversed(experiments):
         if samples > 0:
@@ -212,9 +213,9 @@ def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
 
 
 def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:
-    """Return the system with B, D and the constants that fit its free run best, A and C kept.
+    """Return the system with B, D and the offsets that minimise the free-run error, A, C and K kept.
 
-    In modal coordinates each state is one scalar filter of one input, whatever the order. K belongs to A and C: it stays.
+    In modal coordinates each state is one scalar filter of one input, so the cost does not grow with the order.
     """
     modes = modes_of(system)
     longest = max(len(item.y) for item in experiments)
@@ -225,7 +226,7 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
     n, m1 = system.order, system.B.shape[1]
     free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
     size = np.diag(square).real
-    # A column that is zero, as the constant's without constants, has no say.
+    # A zero column, as the offsets' without constants, has no effect and is left out.
     live = free & (size > 1e-24 * size.max(initial=0.0))
     square, right, scale = square[np.ix_(live, live)], right[live], np.sqrt(size[live])
     with np.errstate(all="ignore"):

@@ -1,10 +1,10 @@
-"""The Gram matrix of windows of inputs and outputs: all that identification needs of the data, in one pass.
+"""Gram matrix of windows of inputs and outputs: the sufficient statistics of identification, accumulated in one pass.
 
-A window is ``[1, z_k, z_{k-1}, …, z_{k-p}]`` with ``z = (u, y)``. Summed over a whole record, products of two samples
-depend on their distance alone, but for the ends: the matrix is block-Toeplitz up to corrections, so its first block row
-is all that needs the data (2·N·r²·(p+1) flops for r channels instead of 2·N·r²·(p+1)²). Sums add up over chunks, over
-experiments and over parts that are left out; fewer lags are the leading block. A window that holds a NaN is left out and
-counted. The constant column takes the offsets, so that nobody has to subtract a mean that is not one.
+A window is ``[1, z_k, z_{k-1}, …, z_{k-p}]`` with ``z = (u, y)``. Summed over a record, the product of two samples depends
+only on their distance, except at the ends: the matrix is block Toeplitz up to corrections. Only its first block row needs
+the data (2·N·r²·(p+1) flops for r channels instead of 2·N·r²·(p+1)²). Gram matrices add over chunks and experiments and
+subtract for held-out parts; fewer lags are the leading block. Windows with a NaN are dropped and counted. The constant
+column absorbs offsets, so no mean has to be subtracted.
 """
 
 from collections.abc import Sequence
@@ -21,21 +21,21 @@ from treadline.identification.kernels import column_moments, fold, lagged_produc
 from treadline.models import InputOutputRecord, written_whole
 
 CHUNK = 1 << 18
-"""Samples per pass: eight megabytes of four channels."""
+"""Samples per pass: eight megabytes for four channels."""
 BLOCK_LEAST = 10
-"""Samples per row of the products: matrices of less than 40 columns leave the processor waiting."""
+"""Smallest number of samples per row of the block product; narrower matrices under-use the processor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Units:
-    """What is subtracted from each channel, and what it is divided by: outputs after inputs."""
+    """Offset and scale of each channel, inputs before outputs."""
 
     shift: Float[np.ndarray, " r"]
     scale: Float[np.ndarray, " r"]
     input_count: int
 
     def same(self, other: "Units") -> bool:
-        """Whether sums in these and in those units add up."""
+        """Whether Gram matrices in both units can be added."""
         return (
             self.input_count == other.input_count
             and np.array_equal(self.shift, other.shift)
@@ -44,34 +44,34 @@ class Units:
 
     @property
     def input_scale(self) -> Float[np.ndarray, " m"]:
-        """Deviation of the inputs."""
+        """Standard deviation of each input."""
         return self.scale[: self.input_count]
 
     @property
     def output_scale(self) -> Float[np.ndarray, " p"]:
-        """Deviation of the outputs."""
+        """Standard deviation of each output."""
         return self.scale[self.input_count :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gram:
-    """Sums over all whole windows of one or more experiments, in units of each channel's deviation."""
+    """Gram matrix over all complete windows of one or more experiments, in standard deviations of each channel."""
 
     lags: int
     units: Units
     dt_s: float
     sums: Float[np.ndarray, "q q"]
     count: float
-    """Windows; less than were seen where old ones are forgotten."""
+    """Effective number of windows; smaller than the number seen after exponential forgetting."""
     dropped: int
     root: Float[np.ndarray, "_ q"] | None = None
-    """R with R'R = sums, by orthogonal steps (``solver="qr"``): digits that squaring would lose."""
+    """Triangular R with R'R = sums from orthogonal transformations (``solver="qr"``); avoids squaring the condition number."""
     names: tuple[str, ...] = ()
-    """Channels, inputs first; empty where nobody said."""
+    """Channel names, inputs first; empty if unknown."""
 
     @cached_property
     def factor(self) -> Factor:
-        """The factor that regressions of all lags share."""
+        """Cholesky factor shared by the regressions of all lags."""
         return Factor.of(self.sums, self.units.input_count, len(self.units.scale))
 
     def __add__(self, other: "Gram") -> "Gram":
@@ -93,18 +93,18 @@ class Gram:
         return replace(self, sums=self.sums - other.sums, count=self.count - other.count, root=None)
 
     def forgotten(self, factor: float) -> "Gram":
-        """Return the sums weighed down by a factor: what was seen before new data counts less."""
+        """Return the Gram matrix weighted by a forgetting factor."""
         root = None if self.root is None else self.root * np.sqrt(factor)
         return replace(self, sums=self.sums * factor, count=self.count * factor, root=root)
 
     def fewer(self, lags: int) -> "Gram":
-        """Return the sums for fewer lags: the leading block."""
+        """Return the Gram matrix for fewer lags: the leading block."""
         kept = 1 + len(self.units.scale) * (lags + 1)
         root = None if self.root is None else self.root[:, :kept]
         return replace(self, lags=lags, sums=self.sums[:kept, :kept], root=root)
 
     def save(self, path: Path) -> None:
-        """Write the sums as NPZ: numbers alone, no code."""
+        """Write the Gram matrix as NPZ (arrays only, no pickled objects)."""
         with written_whole(path) as part, part.open("wb") as file:
             np.savez(
                 file,
@@ -121,10 +121,10 @@ class Gram:
 
     @classmethod
     def load(cls, path: Path) -> "Gram":
-        """Return the sums in a file.
+        """Return the Gram matrix in a file.
 
         Raises:
-            LogFormatError: If it is missing, or not what ``save`` writes.
+            LogFormatError: If the file is missing, or was not written by ``save``.
         """
         try:
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
@@ -134,13 +134,15 @@ class Gram:
             raise LogFormatError(f"{path}: no such file") from None
         except KeyError as error:
             lacks = f"it lacks {str(error.args[0]).split(' ', maxsplit=1)[0]}"
-            raise LogFormatError(f"{path}: not a saved Gram matrix: {lacks}; --update takes what identify --sums wrote") from None
+            raise LogFormatError(
+                f"{path}: not a saved Gram matrix: {lacks}; --update takes a file written by identify --gram"
+            ) from None
         except IsADirectoryError:
             raise LogFormatError(f"{path}: not a saved Gram matrix but a folder") from None
-        except Exception:  # noqa: BLE001 - a broken archive fails in a dozen ways
-            raise LogFormatError(f"{path}: not a saved Gram matrix; write one with --sums") from None
+        except Exception:  # noqa: BLE001 - a damaged archive raises many kinds of exceptions
+            raise LogFormatError(f"{path}: not a saved Gram matrix; write one with --gram") from None
         if not _sound(values):
-            raise LogFormatError(f"{path}: a Gram matrix whose parts do not fit each other; write it again with --sums")
+            raise LogFormatError(f"{path}: a Gram matrix with inconsistent parts; write it again with --gram")
         return cls(
             lags=int(values["lags"]),
             units=Units(shift=values["shift"], scale=values["scale"], input_count=int(values["input_count"])),
@@ -156,7 +158,7 @@ _SAVED = ("lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_c
 
 
 def _sound(values: dict[str, np.ndarray]) -> bool:
-    """Whether the parts of a saved Gram matrix are numbers and fit each other."""
+    """Whether the arrays of a saved Gram matrix are finite and consistent in shape."""
     if not all(value.dtype.kind in "fiu" and np.isfinite(value).all() for value in values.values()):
         return False
     scalars = [values[name] for name in ("lags", "dt_s", "count", "dropped", "input_count")]
@@ -180,7 +182,7 @@ def _sound(values: dict[str, np.ndarray]) -> bool:
 
 
 class GramBuilder:
-    """Takes data as they come; ``finish`` gives their Gram matrix."""
+    """Incremental computation of a Gram matrix from samples in order."""
 
     def __init__(self, lags: int, units: Units, dt_s: float, *, solver: str = "gram") -> None:
         self._lags, self._units, self._dt_s = lags, units, dt_s
@@ -194,18 +196,18 @@ class GramBuilder:
         self._seen = 0
 
     def begin(self) -> None:
-        """Begin a new experiment: no window reaches back into the one before."""
+        """Begin a new experiment; windows do not extend across experiments."""
         self._close()
         self._lost += max(self._seen - self._lags, 0)
         self._seen, self._past = 0, self._past[:0]
 
     def add(self, u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> None:
-        """Add the samples that follow."""
+        """Add consecutive samples."""
         for start in range(0, len(u), CHUNK):
             self._add(u[start : start + CHUNK], y[start : start + CHUNK])
 
     def finish(self) -> Gram:
-        """Return the sums of all that was added so far; more may follow."""
+        """Return the Gram matrix of all samples so far; further samples may be added."""
         sums, count = self._sums.copy(), self._count
         if self._segment is not None:
             count += self._segment.into(sums)
@@ -247,7 +249,7 @@ class GramBuilder:
         self._segment = None
 
     def _add_rows(self, z: Float[np.ndarray, "T r"], begin: int) -> None:
-        """Take the windows that end in the samples from ``begin`` on into the triangular root."""
+        """Update the triangular root with the windows that end in the samples from ``begin`` on."""
         if self._root is None:
             return
         rows = max(2 * self._root.shape[1], 4096)
@@ -258,7 +260,7 @@ class GramBuilder:
 
 
 class _Segment:
-    """Products of samples at each distance, of an unbroken run of samples."""
+    """Lagged products of an unbroken run of samples."""
 
     def __init__(self, lags: int, r: int) -> None:
         self._lags = lags
@@ -269,9 +271,9 @@ class _Segment:
         self._length = 0
 
     def add(self, z: Float[np.ndarray, "T r"], old: int) -> None:
-        """Add the samples from ``old`` on; those before are the run's last ones, at most as many as lags."""
+        """Add the samples from ``old`` on; the earlier ones are the run's last samples, at most as many as lags."""
         lags, r = self._lags, z.shape[1]
-        # Whole rows of b samples by matrix products; what lies across a seam, and the rest, one by one.
+        # Complete rows of b samples use matrix products; products across row boundaries and the remainder are added singly.
         block = max(lags, BLOCK_LEAST)
         rows = (len(z) - old) // block
         end = old + rows * block if rows > 1 else old
@@ -287,13 +289,13 @@ class _Segment:
         self._length += len(z) - old
 
     def into(self, sums: Float[np.ndarray, "q q"]) -> int:
-        """Add the sums over this run's windows; return their number."""
+        """Add the run's windows to ``sums`` and return their number."""
         lags, r = self._lags, self._total.size
         count = self._length - lags
         if count <= 0:
             return 0
         head, tail = self._head[::-1], self._tail[::-1]
-        # Block row 0 takes t = p … N-1: what t = l … p-1 gave goes.
+        # Block row 0 covers t = p … N-1, so the products at t = l … p-1 are subtracted.
         early = np.zeros_like(self._products)
         lagged_products(self._head, 0, lags, lags, early)
         first = (self._products - early).transpose(1, 0, 2).reshape(r, -1)
@@ -310,7 +312,10 @@ def gram(record: InputOutputRecord, lags: int, units: Units, *, solver: str = "g
     """Return the Gram matrix of one experiment.
 
     Args:
-        solver: ``gram``, or ``qr``: orthogonal steps, ten times dearer, for data whose digits all count.
+        record: Inputs and outputs.
+        lags: Number of past samples in a window.
+        units: Offset and scale of each channel.
+        solver: ``gram`` for normal equations, ``qr`` for orthogonal transformations (ten times slower, full precision).
     """
     return gram_of([record], lags, units, solver=solver)
 
@@ -325,12 +330,12 @@ def gram_of(records: Sequence[InputOutputRecord], lags: int, units: Units, *, so
 
 
 def units_of(records: Sequence[InputOutputRecord]) -> Units:
-    """Return mean and deviation of each channel over all records; a NaN does not count."""
+    """Return mean and standard deviation of each channel over all records; NaN values are left out."""
     m = records[0].u.shape[1]
     about = np.concatenate([records[0].u[0], records[0].y[0]])
     about[~np.isfinite(about)] = 0.0
     sums = np.zeros((3, about.size))
-    for _ in range(2):  # about a first value, then about the mean: no digit is lost to an offset
+    for _ in range(2):  # first about an arbitrary value, then about the mean, to avoid cancellation by a large offset
         sums[:] = 0.0
         for record in records:
             column_moments(record.u, about[:m], sums[:, :m])
@@ -341,14 +346,14 @@ def units_of(records: Sequence[InputOutputRecord]) -> Units:
 
 
 def _runs(z: Float[np.ndarray, "T r"], old: int, gaps: int) -> list[tuple[int, int]]:
-    """Return start and stop of each run of whole samples that holds one from ``old`` on."""
+    """Return start and stop of each run of complete samples that extends beyond ``old``."""
     if not gaps:
         return [(0, len(z))]
     return [(start, stop) for start, stop in runs_of(np.isfinite(z).all(axis=1)) if stop > old]
 
 
 def runs_of(whole: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
-    """Return start and stop of each run of True."""
+    """Return start and stop of each run of True values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 

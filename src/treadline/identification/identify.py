@@ -1,6 +1,6 @@
-"""The whole of Section IV: records in, a linear model and an honest report out.
+"""Identification of a linear model from records (Section IV): the main entry point.
 
-Paper: Section IV, VI.B. Check → sums → OKID → ERA or PBSID → refinement → what can be said of the model.
+Paper: Section IV, VI.B. Check → Gram matrix → OKID → ERA or PBSID → refinement → report.
 """
 
 import time
@@ -14,15 +14,15 @@ from treadline.identification.checks import (
     channel_names,
     check_alike,
     check_independent,
+    check_integers,
     check_records,
-    check_whole,
 )
 from treadline.identification.delays import input_delays, with_delays, without_delays
+from treadline.identification.differential_input import DifferentialInput, find_differential_input
 from treadline.identification.fitting import with_inputs_again
-from treadline.identification.from_sums import from_sums, made_by, sums_of
+from treadline.identification.from_gram import from_gram, gram_with_half, provenance_of
 from treadline.identification.gram import Gram, Units
-from treadline.identification.identified import Found, Identified
-from treadline.identification.mirror import Mirror, mirror_of
+from treadline.identification.identified import FittedSystem, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.reduction import stabilised
 from treadline.identification.report import whole_samples
@@ -32,8 +32,8 @@ from treadline.models import InputOutputRecord
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
-JUDGED_LEAST = 20
-"""Whole samples of a validation part: its residuals are tested over ten lags."""
+VALIDATION_SAMPLES_MIN = 20
+"""Smallest number of complete samples of a validation part: its residuals are tested over ten lags."""
 
 
 @one_thread()
@@ -50,30 +50,30 @@ def identify(
     validation: float | InputOutputRecord | None = None,
     prior: Gram | None = None,
     forgetting: float = 1.0,
-    told: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Return the linear model that fits one or more experiments.
 
     Args:
-        records: Experiments with the same channels and period; they are joined as experiments, not as one.
-        order: Number of states; chosen when left out, by the largest gap of the singular values, with ``pbsid`` by Schwarz's
-            criterion where that leaves doubt, with ``best`` by data held out.
-        lags: Observer lags p; when left out Schwarz's criterion decides, with ``okid-era`` and ``era-dc`` Akaike's.
-        method: ``best`` tries several ways and keeps what helps on data held out; ``okid-era`` is the paper's, ``era-dc``
-            the same by data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
-            printed. ``best`` when left out, ``pbsid`` where a prior is given.
-        feedthrough: Whether an input may act within its own sample (D); Schwarz's criterion decides when left out.
-        delays: Dead time of each input in samples, ``auto`` to find it, None to leave it to the states.
-        solver: ``gram``, or ``qr``: slower, and right to rounding on data without noise.
-        stable: Mirror poles outside the unit circle.
-        validation: Share of each record, at its end, kept for validation, or another record; without it the report's
-            figures are on the data that were fitted.
-        prior: Sums of earlier data (``Identified.gram``) to go on from.
-        forgetting: Factor on the weight of what was seen, for each new sample: 1 forgets nothing.
-        told: Is told what ``best`` tries.
+        records: Experiments with the same channels and period, treated as separate experiments.
+        order: Number of states. When left out, the largest gap of the singular values decides, with ``pbsid`` the BIC if the
+            gap is unclear, with ``best`` cross-validation.
+        lags: Observer lags p. When left out, the BIC decides, with ``okid-era`` and ``era-dc`` the AICc.
+        method: ``best`` compares several methods by cross-validation; ``okid-era`` is the paper's method, ``era-dc`` its
+            variant with data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
+            printed. Default ``best``, with a prior ``pbsid``.
+        feedthrough: Whether an input acts within the same sample (D); the BIC decides when left out.
+        delays: Dead time of each input in samples, ``auto`` to estimate it, None to model it with states.
+        solver: ``gram`` for normal equations, or ``qr``: slower, accurate to rounding on noise-free data.
+        stable: Whether to reflect poles outside the unit circle into it.
+        validation: Share of each record, at its end, kept for validation, or a separate record. When left out, the report
+            is computed on the fitted data.
+        prior: Gram matrix of earlier data (``Identified.gram``) to continue from.
+        forgetting: Weight factor on earlier data per new sample; 1 forgets nothing.
+        on_progress: Called with a line of text per candidate that ``best`` scores.
 
     Raises:
-        RecordError: If the data cannot carry what is asked.
+        RecordError: If the data do not support the request.
         SettingsError: If an option is unknown or out of range.
     """
     started = time.perf_counter()
@@ -87,26 +87,28 @@ def identify(
     warnings: list[str] = []
     shifts = _dead_time(fitted, delays, lags, order, feedthrough, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
-    data, half = sums_of(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
-    mirror = _mirror(moved, data, lags, feedthrough) if method == "best" else None
-    taken = moved if mirror is None else mirror.difference(moved)
-    sums = (data, half) if mirror is None else sums_of(taken, lags, order, solver, mirror.units(taken, data.units))
-    found = from_sums(
-        *sums,
+    data, half = gram_with_half(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
+    differential = _differential_input(moved, data, lags, feedthrough) if method == "best" else None
+    taken = moved if differential is None else differential.difference(moved)
+    data_pair = (
+        (data, half) if differential is None else gram_with_half(taken, lags, order, solver, differential.units(taken, data.units))
+    )
+    found = from_gram(
+        *data_pair,
         taken,
         order=order,
         lags=lags,
         method=method,
         feedthrough=feedthrough,
         warnings=warnings,
-        told=told,
-        again=prior is None,
+        on_progress=on_progress,
+        records_are_complete=prior is None,
     )
     if stable:
         found = replace(found, system=_stable(found))
-    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), made_by(method, found.recipe, shifts))
-    if mirror is not None:
-        model = mirror.model(model, found.recipe.constants * data.units.shift[:2])
+    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate, shifts))
+    if differential is not None:
+        model = differential.model(model, found.candidate.constants * data.units.shift[:2])
     if any(shifts):
         model = with_delays(model, shifts)
     return Identified(
@@ -117,21 +119,23 @@ def identify(
         judged=judged,
         shifts=shifts,
         started=started,
-        gram=found.fitting.data if mirror is None else data,
-        mirror=mirror,
+        gram=found.fitting.data if differential is None else data,
+        differential=differential,
     )
 
 
-def _mirror(moved: Sequence[InputOutputRecord], data: Gram, lags: int | None, feedthrough: bool | None) -> Mirror | None:
+def _differential_input(
+    moved: Sequence[InputOutputRecord], data: Gram, lags: int | None, feedthrough: bool | None
+) -> DifferentialInput | None:
     check_independent(data, channel_names(moved[0]))
-    return mirror_of(moved, data, lags, feedthrough)
+    return find_differential_input(moved, data, lags, feedthrough)
 
 
-def _stable(found: Found) -> Affine:
+def _stable(found: FittedSystem) -> Affine:
     system = stabilised(found.system)
     if system is found.system:
         return system
-    constants = found.recipe.constants
+    constants = found.candidate.constants
     system = with_inputs_again(system, found.fitting.experiments(constants=constants), found.fitting.fixed)
     return found.fitting.with_gain(system, constants=constants)
 
@@ -144,7 +148,7 @@ def _dead_time(
     feedthrough: bool | None,
     units: Units,
 ) -> list[int]:
-    """Return the samples by which each input is shifted."""
+    """Return the shift of each input in samples."""
     m = records[0].u.shape[1]
     if delays is None:
         return [0] * m
@@ -153,9 +157,9 @@ def _dead_time(
         return [int(delay) for delay in delays]
     if delays != "auto":
         raise SettingsError(f"delays is '{delays}'; give auto, or one number per input")
-    data, _ = sums_of(records, lags, order, "gram", units)
+    data, _ = gram_with_half(records, lags, order, "gram", units)
     used, has_d = choose_structure(data, lags, feedthrough)
-    # Where nothing acts within its own sample, the first sample's delay is the model's own.
+    # Without feedthrough the model itself contains a delay of one sample.
     return [max(0, d - 1) for d in input_delays(observer_markov(data, used, feedthrough=has_d))]
 
 
@@ -178,8 +182,10 @@ def _split(
 
 def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
     fewest = min(whole_samples(record) for record in judged)
-    if fewest < JUDGED_LEAST:
-        raise PoorExcitation(f"a validation part has {fewest} whole samples; at least {JUDGED_LEAST} are needed: keep more for it")
+    if fewest < VALIDATION_SAMPLES_MIN:
+        raise PoorExcitation(
+            f"a validation part has {fewest} complete samples; at least {VALIDATION_SAMPLES_MIN} are needed: enlarge it"
+        )
 
 
 def _check_options(
@@ -196,11 +202,11 @@ def _check_options(
     for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(allowed)}")
-    check_whole(order=order, lags=lags)
+    check_integers(order=order, lags=lags)
     if not 0.0 < forgetting <= 1.0:
-        raise SettingsError(f"forgetting is {forgetting}; above 0, at most 1")
+        raise SettingsError(f"forgetting is {forgetting}; it must be above 0 and at most 1")
     if prior is None and forgetting < 1.0:
-        raise SettingsError("forgetting needs earlier sums to forget; give a prior")
+        raise SettingsError("forgetting has no effect without earlier data; give a prior")
     if prior is not None:
         _check_prior(prior, records[0], method, lags)
 
@@ -216,8 +222,6 @@ def _check_prior(prior: Gram, record: InputOutputRecord, method: str, lags: int 
             f"{record.u.shape[1]} of {record.u.shape[1] + record.y.shape[1]}"
         )
     if prior.names and prior.names != channel_names(record):
-        raise SettingsError(
-            f"the prior is of {', '.join(prior.names)}; the record's channels are {', '.join(channel_names(record))}"
-        )
+        raise SettingsError(f"the prior has channels {', '.join(prior.names)}; the record has {', '.join(channel_names(record))}")
     if abs(prior.dt_s - record.dt_s) > 1e-9 * prior.dt_s:
         raise SettingsError(f"the prior's period is {prior.dt_s:g} s, the record's {record.dt_s:g} s")

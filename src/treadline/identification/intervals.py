@@ -1,10 +1,10 @@
-"""How sure a model is: standard deviations of its poles, impulse response and frequency response, to first order.
+"""Confidence intervals: standard deviations of poles, impulse response and frequency response, to first order.
 
-A model carries directions, changes of (A, B, C, D) per unit of independent standard normal numbers. For OKID/ERA they
-follow from the covariance of the regression through Markov parameters and realisation. For refined models they follow
-from the curvature of what was minimised. Both are widened by what residuals remember (a sandwich: Newey and West, 1987).
-Neither knows of a wrong order, of a nonlinearity, of the bias that few lags leave a subspace method, or of the choice
-between recipes.
+A model carries directions: changes of (A, B, C, D) per unit of independent standard normal variables. For OKID/ERA the
+directions follow from the covariance of the regression, propagated through Markov parameters and realisation. For refined
+models they follow from the curvature of the cost. Both include the correlation of the residuals by a sandwich estimator
+(Newey and West, 1987). The intervals do not include the effects of a wrong order, of nonlinearity, of the bias of a subspace
+method with few lags, or of the model selection.
 """
 
 from collections.abc import Sequence
@@ -25,46 +25,49 @@ from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
 
 CONFIDENCE = 0.95
 PORTION = 256
-"""Directions carried through the Hankel matrix at once."""
+"""Number of directions propagated through the Hankel matrix at once."""
 ROWS_MOST = 20_000
-"""Samples from which the curvature is taken; beyond, it is scaled."""
+"""Largest number of samples in the curvature; the result is scaled to longer data."""
 SANDWICH_MOST = 400
-"""Coefficients up to which residuals of few lags are allowed to remember: their covariance has the square of it."""
+"""Largest number of coefficients with a sandwich covariance, whose size is the square of this number."""
 MEMORY_PER_LAG = 2
-"""Lags over which they may, per lag of the observer: white noise on the outputs leaves it a moving average as long as its lags."""
+"""Lags of residual correlation per observer lag; white output noise leaves a moving average of the observer's length."""
 MEMORY = 1.3
-"""Lags over which residuals may remember, per cube root of the samples (the rate of Bartlett weights)."""
-DOUBT = 0.05
-"""p-value of whiteness below which residuals are taken to remember."""
+"""Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
+WHITENESS_P_MIN = 0.05
+"""p-value of the whiteness test below which residuals count as correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Intervals:
-    """Standard deviations of what a model says."""
+class ConfidenceIntervals:
+    """Standard deviations of poles and responses of a model."""
 
     system: Affine
     ways: Directions
-    """Changes per standard normal number; the sum of their squares is a variance."""
+    """Changes per standard normal variable; the sum of their squares is the variance."""
     units: Units
 
-    def narrowed(self, share: float) -> "Intervals":
-        """Return the intervals of a model made of more data, of which these tell of a share."""
-        return Intervals(system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units)
+    def narrowed(self, share: float) -> "ConfidenceIntervals":
+        """Return the intervals of a model fitted to more data, of which these cover the given share."""
+        return ConfidenceIntervals(
+            system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units
+        )
 
-    def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "Intervals":
-        """Return those of a model whose inputs are made of others: u = mixing·v, both in units of deviations.
+    def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "ConfidenceIntervals":
+        """Return the intervals after a change of inputs u = mixing·v, both in standard deviations.
 
         Args:
-            units: With the others' for its inputs.
+            mixing: Matrix from the new inputs to the old.
+            units: Units with the new inputs.
         """
         system = replace(self.system, B=mixed(self.system.B, mixing), D=mixed(self.system.D, mixing))
-        return Intervals(system=system, ways=self.ways.through(mixing), units=units)
+        return ConfidenceIntervals(system=system, ways=self.ways.through(mixing), units=units)
 
     def pole_radii(self) -> Float[np.ndarray, " n"]:
-        """Return the radius of each pole's disc that holds the true one with 95 %.
+        """Return the radius of the disc about each pole that contains the true pole with 95 % probability.
 
-        A real pole moves on the real axis: there the disc is the interval. The law of a complex pole's distance, a sum of
-        two squares, is matched by its first two moments (Satterthwaite, 1946).
+        A real pole varies along the real axis; its disc is an interval. The squared distance of a complex pole, a sum of two
+        squares, is approximated by its first two moments (Satterthwaite, 1946).
         """
         _, V = np.linalg.eig(self.system.A)
         W = np.linalg.inv(V)
@@ -96,7 +99,7 @@ class Intervals:
         return magnitude * self._gain_units()
 
     def response(self, omega: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
-        """Return the frequency response itself, in the record's units."""
+        """Return the frequency response in the record's units."""
         G, _ = self._responses(omega)
         return G * self._gain_units()
 
@@ -104,7 +107,7 @@ class Intervals:
         s, w, m = self.system, self.ways, self.units.input_count
         B, D, n = s.B[:, :m], s.D[:, :m], s.order
         G = np.empty((len(omega), len(s.C), m), dtype=complex)
-        spread = np.empty(G.shape)
+        std = np.empty(G.shape)
         for at, frequency in enumerate(omega):
             Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
             left, right = s.C @ Phi, Phi @ B
@@ -116,18 +119,18 @@ class Intervals:
                 + w.D[:, :m]
             )
             along = np.conj(G[at]) / np.maximum(np.abs(G[at]), 1e-300)
-            spread[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
-        return G, spread
+            std[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
+        return G, std
 
     def _gain_units(self) -> Float[np.ndarray, "p m"]:
         return self.units.output_scale[:, None] / self.units.input_scale
 
 
-def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> Intervals:
-    """Return how sure ERA's realisation of an observer is, all in units of deviations.
+def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> ConfidenceIntervals:
+    """Return the intervals of ERA's realisation of an observer, in standard deviations.
 
-    With H = O·R of rank n, O and R held, a change of H and H' moves A by O⁺(H'-changes - H-changes·A)R⁺: what a change of
-    H alone does to the states is taken back by the second term.
+    With H = O·R of rank n, O and R fixed, perturbations dH and dH' change A by O⁺(dH' - dH·A)R⁺: the second term removes the
+    change of state coordinates caused by dH.
     """
     n, (p, m) = system.order, observer.D.shape
     U, s, Vt = svd.leading(n)
@@ -150,21 +153,21 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
             with_constant(Y[0]),
         ))  # fmt: skip
     A, B, C, D = (np.ascontiguousarray(np.concatenate(arrays, axis=2)) for arrays in zip(*parts, strict=True))
-    return Intervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
+    return ConfidenceIntervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
 
 
 def with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
-    """Return changes with a column for the constant, which stays."""
+    """Return the changes with a zero column for the constant offset."""
     return np.concatenate([changes, np.zeros((len(changes), 1, changes.shape[2]))], axis=1)
 
 
 def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarray, "q p k"]:
-    """Return the changes of the regression's coefficients per standard normal number.
+    """Return the changes of the regression coefficients per standard normal variable.
 
-    Few lags leave residuals that remember. Then the covariance is the sandwich ``P (Σ_l w_l R_l ⊗ Γ_l) P``, P the inverse of
-    the regressors' sums, R_l those sums l samples apart and Γ_l the residuals' covariance: all stand in sums of more lags.
-    Weights are one up to half the memory (Politis and Romano, 1995): at a light mode residuals have no power, which weights
-    that fall from the start would fill from beside it.
+    Few lags leave correlated residuals. The covariance is then the sandwich ``P (Σ_l w_l R_l ⊗ Γ_l) P`` with P the inverse Gram
+    matrix of the regressors, R_l its lagged version and Γ_l the residual autocovariance, all available from a Gram matrix with
+    more lags. The weights are flat up to half the memory (Politis and Romano, 1995): near a lightly damped mode the residuals
+    have no power, and weights decaying from lag zero would leak power from neighbouring frequencies.
     """
     lags, p, m = observer.alpha.shape
     found = regression(data, lags, feedthrough=observer.feedthrough)
@@ -190,20 +193,20 @@ def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarr
 
 
 def free_response(system: Affine, m: int, count: int) -> Float[np.ndarray, "count p m"]:
-    """Return D, CB, CAB, … of a model."""
+    """Return the Markov parameters D, CB, CAB, … of a model."""
     reach = observability(system.A, system.C, max(count - 1, 1)) @ system.B[:, :m]
     return np.concatenate([system.D[None, :, :m], reach])[:count]
 
 
 def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
-    """Return the changes of the Markov parameters per standard normal number.
+    """Return the changes of the Markov parameters per standard normal variable.
 
-    Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and runs on through the β.
+    Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and propagates through the β.
     """
     lags, p, m = observer.alpha.shape
     changes = _coefficient_changes(observer, data)
-    # Of the model, not of the observer: along directions in which an observer may move without changing its system, wide
-    # whatever the noise, the derivative is zero only at an exact response.
+    # Use the model's Markov parameters, not the observer's. Along directions that change the observer but not its system,
+    # which are wide for any noise level, the derivative is zero only at an exact response.
     Y = free_response(system, m, count)
     first, k = 1 + (m if observer.feedthrough else 0), changes.shape[2]
     entering = np.zeros((count, p, m, k))
@@ -224,19 +227,19 @@ def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: 
 
 def of_refined(
     system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
-) -> Intervals | None:
-    """Return how sure a model is that minimises the error of free runs; None where the data are too short to tell."""
+) -> ConfidenceIntervals | None:
+    """Return the intervals of an output-error model; None for data too short to estimate them."""
     found = _curvature(system, experiments, fixed)
     if found is None:
         return None
     ways, root = found
-    return Intervals(system=system, ways=ways.along(root), units=units)
+    return ConfidenceIntervals(system=system, ways=ways.along(root), units=units)
 
 
 def of_predicting(
     system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
-) -> Intervals | None:
-    """Return how sure a model is that minimises the error of one-step predictions; its experiments hold y as inputs."""
+) -> ConfidenceIntervals | None:
+    """Return the intervals of a prediction-error model; its experiments have the outputs as additional inputs."""
     p, K = len(system.C), system.K
     found = _curvature(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
     if found is None or K is None:
@@ -250,13 +253,13 @@ def of_predicting(
         C=w.C,
         D=np.ascontiguousarray(dD),
     )
-    return Intervals(system=system, ways=moved, units=units)
+    return ConfidenceIntervals(system=system, ways=moved, units=units)
 
 
 def _curvature(
     system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]
 ) -> tuple[Directions, Float[np.ndarray, "d d"]] | None:
-    """Return the directions of a fit, and a root of their covariance."""
+    """Return the directions of a fit and a square root of their covariance."""
     ways, p = directions(system, fixed), len(system.C)
     d = ways.A.shape[2]
     total = sum(len(item.y) for item in experiments)
@@ -291,10 +294,10 @@ def _recent(item: Experiment, rows: int) -> Experiment:
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
     longest = max(errors, key=len)
-    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > DOUBT
+    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
 
 
 def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
-    """Return L with LL' = covariance; what rounding left negative counts as zero."""
+    """Return L with LL' = covariance; negative eigenvalues from rounding count as zero."""
     values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))

@@ -1,6 +1,6 @@
-"""Loops of identification that arrays cannot express: recursions in time, compiled.
+"""Compiled loops of identification: recursions in time that array operations cannot express.
 
-``no_type_check`` keeps the tests' shape checker from wrapping what numba compiles.
+``no_type_check`` keeps the tests' shape checker from wrapping functions compiled by numba.
 """
 
 from typing import no_type_check
@@ -14,13 +14,13 @@ from numba import njit
 def slide(first, head, tail, into):
     """Fill a Gram matrix of windows from its first block row.
 
-    Block (i+1, j+1) is block (i, j) with the window one sample earlier: one product enters, one leaves.
+    Block (i+1, j+1) is block (i, j) for the window one sample earlier: one product is added, one is subtracted.
 
     Args:
         first: Block row 0, (r, q) with q = r (p + 1).
-        head: Samples p-1, …, 0 of the segment, (p·r): what enters.
-        tail: Samples N-1, …, N-p of the segment, (p·r): what leaves.
-        into: (q, q); the sums are added.
+        head: Samples p-1, …, 0 of the segment, (p·r), of the added products.
+        tail: Samples N-1, …, N-p of the segment, (p·r), of the subtracted products.
+        into: Matrix (q, q) to which the result is added.
     """
     r, q = first.shape
     work = np.empty((q, q))
@@ -38,7 +38,7 @@ def slide(first, head, tail, into):
 @njit(cache=True)
 @no_type_check
 def lagged_products(z, start, stop, limit, sums):
-    """Add Σ z_t z'_{t-l} over t = start … stop-1 and t-l < limit to ``sums[l]``, for every lag that stays within z."""
+    """Add Σ z_t z'_{t-l} over t = start … stop-1 and t-l < limit to ``sums[l]``, for every lag within z."""
     lags, r = sums.shape[0] - 1, z.shape[1]
     for t in range(start, stop):
         for l in range(max(0, t - limit + 1), min(lags, t) + 1):
@@ -50,7 +50,7 @@ def lagged_products(z, start, stop, limit, sums):
 @njit(cache=True)
 @no_type_check
 def normalise(u, y, shift, scale, z):
-    """Write (u, y) less shift over scale into z; return the number of samples that are not finite."""
+    """Write the normalised (u, y) into z; return the number of samples with a non-finite value."""
     m, p, gaps = u.shape[1], y.shape[1], 0
     for t in range(len(u)):
         whole = True
@@ -67,7 +67,7 @@ def normalise(u, y, shift, scale, z):
 @njit(cache=True)
 @no_type_check
 def column_moments(x, about, into):
-    """Add number, sum and sum of squares of each column about a value to ``into``; a NaN does not count."""
+    """Add count, sum and sum of squares of each column about a value to ``into``; NaN values are left out."""
     for t in range(len(x)):
         for j in range(x.shape[1]):
             v = x[t, j] - about[j]
@@ -80,7 +80,7 @@ def column_moments(x, about, into):
 @njit(cache=True)
 @no_type_check
 def fold(within, across, lags, r, sums):
-    """Add up the blocks of X'X and of X'X₊ (X: rows of b samples, X₊: the rows after) along equal lags."""
+    """Add the blocks of X'X and of X'X₊ (X: rows of b samples, X₊: the following rows) along equal lags."""
     b = within.shape[0] // r
     for i in range(b):
         for j in range(b):
@@ -99,7 +99,7 @@ def fold(within, across, lags, r, sums):
 @njit(cache=True)
 @no_type_check
 def unroll(direct, alpha, beta, count):
-    """Return Y_0 = D, Y_k = α_k + Σ β_i Y_{k-i}."""
+    """Return the Markov parameters Y_0 = D, Y_k = α_k + Σ β_i Y_{k-i}."""
     lags, p, m = alpha.shape
     Y = np.zeros((count, p, m))
     Y[0] = direct
@@ -117,7 +117,7 @@ def unroll(direct, alpha, beta, count):
 @njit(cache=True)
 @no_type_check
 def hankel_matrix(markov, rows, columns, shift):
-    """Return the matrix whose block (i, j) is Y_{1 + shift + i + j}."""
+    """Return the block Hankel matrix with block (i, j) = Y_{1 + shift + i + j}."""
     _, p, m = markov.shape
     H = np.empty((rows * p, columns * m))
     for i in range(rows):
@@ -131,7 +131,7 @@ def hankel_matrix(markov, rows, columns, shift):
 @njit(cache=True)
 @no_type_check
 def free_run(A, B, C, D, x0, u):
-    """Return the outputs of x⁺ = Ax + Bu, y = Cx + Du from x0."""
+    """Return the outputs of x⁺ = Ax + Bu, y = Cx + Du from the initial state x0."""
     n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
     y, x, following = np.empty((steps, p)), x0.copy(), np.empty(n)
     for k in range(steps):
@@ -155,8 +155,8 @@ def free_run(A, B, C, D, x0, u):
 
 @njit(cache=True)
 @no_type_check
-def run_misfit(A, B, C, D, u, y, there, last):
-    """Return what a free run from zero leaves of y, and the sums O'O and O'e over the first steps, O the rows CA^k."""
+def run_residual(A, B, C, D, u, y, there, last):
+    """Return the residual e of a free run from zero, and O'O and O'e over the first ``last`` steps with O the rows CA^k."""
     n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
     e, x, following = np.empty((steps, p)), np.zeros(n), np.empty(n)
     square, right = np.zeros((n, n)), np.zeros(n)
@@ -200,8 +200,8 @@ def run_misfit(A, B, C, D, u, y, there, last):
 
 @njit(cache=True)
 @no_type_check
-def set_out_from(A, C, x0, there, last, e):
-    """Take the run of x⁺ = Ax, y = Cx from a state out of the first errors."""
+def subtract_initial_response(A, C, x0, there, last, e):
+    """Subtract the response of x⁺ = Ax, y = Cx to an initial state from the first ``last`` residuals."""
     n, p = A.shape[0], C.shape[0]
     x, following = x0.copy(), np.empty(n)
     for k in range(last):
@@ -220,7 +220,7 @@ def set_out_from(A, C, x0, there, last, e):
 @njit(cache=True)
 @no_type_check
 def observability(A, C, steps):
-    """Return C, CA, CA², …, (steps, p, n)."""
+    """Return the observability matrix C, CA, CA², …, as (steps, p, n)."""
     n, p = A.shape[0], C.shape[0]
     rows = np.empty((steps, p, n))
     for o in range(p):
@@ -239,7 +239,7 @@ def observability(A, C, steps):
 @njit(cache=True)
 @no_type_check
 def observer_run(A, closed, drive, correction, whole, x0):
-    """Return the states of x⁺ = (A - LC) x + drive + correction; where y is missing, of x⁺ = Ax + drive."""
+    """Return the states of x⁺ = (A - LC) x + drive + correction, or of x⁺ = Ax + drive at a missing y."""
     steps, n = drive.shape
     states, x, following = np.empty((steps, n)), x0.copy(), np.empty(n)
     for k in range(steps):
@@ -260,6 +260,8 @@ def tangents(A, B, C, u, dA, dB, dC, dD):
     """Return a free run from zero and its derivatives along directions.
 
     Args:
+        A, B, C: System matrices.
+        u: Inputs (N, m).
         dA, dB, dC, dD: Changes of the matrices per unit of each of d parameters: (n, n, d), (n, m, d), (p, n, d), (p, m, d).
 
     Returns:
@@ -307,13 +309,15 @@ def tangents(A, B, C, u, dA, dB, dC, dD):
 @njit(cache=True, fastmath={"contract"})
 @no_type_check
 def modal_filters(real, imag, u, signals, decay_at):
-    """Write the states of f⁺ = λf + u from zero, and λ^k, of each pole and input, into columns of ``signals``.
+    """Write the states of f⁺ = λf + u from zero and the decays λ^k, per pole and input, into columns of ``signals``.
 
-    Of a pair of poles the first has the real part in its columns, the second the imaginary part: half the work, and real.
+    For a conjugate pair the first pole's columns hold the real part, the second's the imaginary part.
 
     Args:
-        real, imag: Of the poles; conjugates stand side by side, the one with the positive imaginary part first.
-        signals: Columns (pole, input) first, from ``decay_at`` on λ^k.
+        real, imag: Real and imaginary parts of the poles; conjugates are adjacent, positive imaginary part first.
+        u: Inputs (N, m).
+        signals: Output array; columns (pole, input) first, λ^k from column ``decay_at`` on.
+        decay_at: First column of the decays.
     """
     n, m, steps = len(real), u.shape[1], len(u)
     i = 0
@@ -346,7 +350,7 @@ def modal_filters(real, imag, u, signals, decay_at):
 @njit(cache=True, fastmath={"contract"})
 @no_type_check
 def modal_run(real, imag, B, C, D, u, y, there, signals, state_at, error_at):
-    """Write modal states and what the run leaves of y into columns, from the filters that stand in the first ones."""
+    """Write the modal states and the output residuals into columns, from the filter states in the first columns."""
     n, m, p, steps = len(real), u.shape[1], y.shape[1], len(u)
     for k in range(steps):
         for o in range(p):
@@ -379,7 +383,7 @@ def modal_run(real, imag, B, C, D, u, y, there, signals, state_at, error_at):
 @njit(cache=True, fastmath={"contract"})
 @no_type_check
 def modal_chain(real, imag, start, C, there, signals, chain_at, decay_at, state_at, error_at):
-    """Let the run set out from a state, and write the states of g⁺ = λg + x: how an output answers to a change of λ."""
+    """Add the response to the initial state ``start`` and write the sensitivities to λ, the states of g⁺ = λg + x."""
     n, p, steps = len(real), C.shape[0], len(signals)
     for k in range(steps):
         i = 0
@@ -412,10 +416,15 @@ def modal_chain(real, imag, start, C, there, signals, chain_at, decay_at, state_
 def modal_products(products, partner, C, mode, own):
     """Return J'J and J'e of complex columns from the products of their real and imaginary parts.
 
-    Columns reach all outputs by C (``mode``: which of its columns), then ``own`` signals one output alone; the last are e.
+    The first columns act on all outputs through C (``mode``: column of C); the next ``own`` columns act on a single output
+    each; the last columns are the residuals e.
 
     Args:
-        partner: Columns on to the imaginary part, of the first of a pair; the same back, negative, of the second.
+        products: Products of the real columns.
+        partner: Offset from a column to its imaginary part (first of a pair) or, negative, to its real part (second).
+        C: Modal output matrix.
+        mode: Mode of each shared column.
+        own: Number of columns that act on a single output.
     """
     p, shared, size = C.shape[0], len(mode), len(products)
     half = np.empty((size, size), dtype=np.complex128)
@@ -463,7 +472,7 @@ def modal_products(products, partner, C, mode, own):
 @njit(cache=True)
 @no_type_check
 def without_columns(square, right, start, stop, inverse):
-    """Return normal equations less what some columns explain, given the inverse of their own block."""
+    """Return normal equations with some columns eliminated (Schur complement), given the inverse of their block."""
     width, n = len(right), stop - start
     kept = width - n
     left, rest = np.empty((kept, kept), dtype=np.complex128), np.empty(kept, dtype=np.complex128)
@@ -491,9 +500,9 @@ def without_columns(square, right, start, stop, inverse):
 @njit(cache=True)
 @no_type_check
 def gauge_directions(A, B, C, constant):
-    """Return how (A, B, C, D) change under dx = Xx, a column per entry of X, and under a shift of each state.
+    """Return the changes of (A, B, C, D) under dx = Xx, one column per entry of X, and under a shift of each state.
 
-    Rows: A, B, C and D one after the other; ``constant`` is the input that is one.
+    Rows hold A, B, C and D in this order; ``constant`` is the index of the constant input.
     """
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
     at_B, at_C, at_D = n * n, n * n + n * m, n * n + n * m + p * n

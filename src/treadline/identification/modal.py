@@ -1,8 +1,8 @@
-"""Sums of squares of a free run in modal coordinates, where each state is one scalar filter of one input.
+"""Output-error normal equations in modal coordinates, where each state is one scalar filter of one input.
 
-With A = V diag(λ) V⁻¹ an output is linear in the modal B, in D and in the initial state, and its derivatives with respect
-to λ, B, C and D are filters of signals that are there already. Their sums of products cost N·(n·m)² at the speed of matrix
-products, where the recursion of all derivatives costs N·n²·d one by one.
+With A = V diag(λ) V⁻¹ an output is linear in the modal B, in D and in the initial state; its derivatives with respect to
+λ, B, C and D are filters of existing signals. The products cost N·(n·m)² as matrix products, where the recursion of all
+derivatives costs N·n²·d in scalar operations.
 """
 
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from treadline.identification.affine import Affine
 from treadline.identification.kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
 
 WELL_SEEN = 1e-4
-"""Ratio of pivots from which no direction of an initial state is doubtful."""
+"""Ratio of pivots above which every direction of an initial state counts as observable."""
 ILL_CONDITIONED = 1e5
-"""Condition of the modes beyond which modal coordinates lose too many digits: poles (nearly) coincide."""
+"""Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Modes:
-    """A = V diag(poles) V⁻¹, complex where a pole is, and C V."""
+    """Modal decomposition A = V diag(poles) V⁻¹ and the modal output matrix C V."""
 
     poles: Num[np.ndarray, " n"]
     V: Num[np.ndarray, "n n"]
     W: Num[np.ndarray, "n n"]
-    """V⁻¹."""
+    """Inverse of V."""
     C: Complex[np.ndarray, "p n"]
 
     @property
@@ -38,12 +38,12 @@ class Modes:
 
     @property
     def imag(self) -> Float[np.ndarray, " n"]:
-        """Imaginary parts; conjugates stand side by side, the positive one first."""
+        """Imaginary parts of the poles; conjugates are adjacent, positive part first."""
         return np.ascontiguousarray(self.poles.imag)
 
 
 def modes_of(system: Affine) -> Modes | None:
-    """Return the modes, or None where they are too ill conditioned."""
+    """Return the modes, or None for ill-conditioned eigenvectors."""
     if not np.isfinite(system.A).all():
         return None
     poles, V = system.eigen
@@ -58,7 +58,7 @@ def modes_of(system: Affine) -> Modes | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModalSums:
-    """J'J and J'e over modal B (i, j), then λ (i) and C (o, i) if asked for, then D (o, j); initial state eliminated."""
+    """J'J and J'e for modal B (i, j), optionally λ (i) and C (o, i), then D (o, j); the initial state is eliminated."""
 
     square: Complex[np.ndarray, "d d"]
     right: Complex[np.ndarray, " d"]
@@ -67,7 +67,7 @@ class ModalSums:
 def linear_sums(
     modes: Modes, u: Float[np.ndarray, "T m1"], y: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
 ) -> ModalSums:
-    """Return the sums for modal B and D, about a system without them."""
+    """Return the normal equations for modal B and D."""
     n, m1 = len(modes.poles), u.shape[1]
     width = n * m1 + n
     signals = np.empty((len(u), width + m1 + y.shape[1]))
@@ -81,7 +81,7 @@ def linear_sums(
 def derivative_sums(
     modes: Modes, system: Affine, u: Float[np.ndarray, "T m1"], y: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
 ) -> ModalSums:
-    """Return the sums for modal B, λ, C and D about a system."""
+    """Return the normal equations for modal B, λ, C and D, linearised about a system."""
     n, m1, p = len(modes.poles), u.shape[1], y.shape[1]
     chain, decay, state = (n * (m1 + k) for k in (0, 1, 2))
     error = state + n + m1
@@ -90,7 +90,7 @@ def derivative_sums(
     B, C = (modes.W @ system.B).astype(complex), modes.C
     modal_run(modes.real, modes.imag, B, C, np.ascontiguousarray(system.D), u, y, there, signals, state, error)
     signals[:, state + n : error] = u
-    # The initial state that explains best what the run from zero leaves.
+    # Initial state by least squares from the residual of the run from zero.
     square, right = _products(modes, np.hstack([signals[:, decay:state], signals[:, error:]]), (1,), 0, there)
     inverse = _pseudo_inverse(square)
     modal_chain(modes.real, modes.imag, inverse @ right, C, there, signals, chain, decay, state, error)
@@ -101,11 +101,14 @@ def derivative_sums(
 def _products(
     modes: Modes, signals: Float[np.ndarray, "T all"], widths: tuple[int, ...], own: int, there: Bool[np.ndarray, " T"]
 ) -> tuple[Complex[np.ndarray, "w w"], Complex[np.ndarray, " w"]]:
-    """Return J'J and J'e, J the columns that reach all outputs by C and those that are one output's own.
+    """Return J'J and J'e for columns acting on all outputs through C and columns acting on a single output.
 
     Args:
-        signals: Some of each mode (``widths``), ``own`` that enter one output alone, the same for each, and the errors.
-        own: Number of those; of them, states come first, a mode each.
+        modes: Modal decomposition.
+        signals: Columns per mode (``widths``), then ``own`` columns for single outputs, then the residuals.
+        widths: Number of columns per mode of each group.
+        own: Number of columns for single outputs; the first of them are states, one per mode.
+        there: Mask of valid samples.
     """
     mode, partner = _layout(tuple(np.sign(modes.poles.imag).astype(int).tolist()), widths, own, signals.shape[1])
     if not there.all():
@@ -117,7 +120,7 @@ def _products(
 def _layout(
     signs: tuple[int, ...], widths: tuple[int, ...], own: int, count: int
 ) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " all"]]:
-    """Return which mode each column is of, and how far off its imaginary or real part stands, as ``modal_products`` wants it."""
+    """Return the mode of each column and the offset to its imaginary or real part, as ``modal_products`` expects."""
     n = len(signs)
     mode = np.concatenate([np.repeat(np.arange(n), width) for width in widths])
     partner = np.zeros(count, dtype=np.int64)
@@ -130,13 +133,13 @@ def _layout(
 def _eliminated(
     square: Complex[np.ndarray, "w w"], right: Complex[np.ndarray, " w"], start: slice, inverse: Complex[np.ndarray, "n n"]
 ) -> ModalSums:
-    """Return the sums without the initial state's columns, which explain what they can."""
+    """Return the normal equations with the initial state's columns eliminated."""
     left_square, left_right = without_columns(square, right, start.start, start.stop, inverse)
     return ModalSums(square=left_square, right=left_right)
 
 
 def _pseudo_inverse(square: Complex[np.ndarray, "n n"]) -> Complex[np.ndarray, "n n"]:
-    """Return the inverse of a normal matrix; directions that leave no trace count for nothing."""
+    """Return the inverse of a normal matrix; unobservable directions are left out (pseudo-inverse)."""
     L, failed = lapack.zpotrf(square, lower=1, clean=0)
     pivots = np.diag(L).real
     if not failed and pivots.min() > WELL_SEEN * pivots.max():

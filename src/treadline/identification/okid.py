@@ -1,8 +1,8 @@
-"""OKID: from any inputs and outputs to the system's impulse response, by way of an observer.
+"""OKID: the system's impulse response from arbitrary inputs and outputs, by an observer.
 
-Paper: Section IV, Eq. (9). The printed Eq. (9c) has no solution in practice (see ``deconvolution``); with an observer
-of p lags the regression is short and well posed (Juang, Phan, Horta, Longman, 1993). The first p samples of each
-experiment, whose past is unknown, are targets of no row.
+Paper: Section IV, Eq. (9). The printed Eq. (9c) is ill-conditioned in practice (see ``deconvolution``); with an observer of
+p lags the regression is short and well posed (Juang, Phan, Horta, Longman, 1993). The first p samples of each experiment,
+whose past is unknown, are not used as regression targets.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from treadline.identification.kernels import unroll
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObserverMarkov:
-    """y_k = bias + D u_k + Σ (α_i u_{k-i} + β_i y_{k-i}) + e_k, in the record's units."""
+    """Observer coefficients y_k = bias + D u_k + Σ (α_i u_{k-i} + β_i y_{k-i}) + e_k, in the record's units."""
 
     bias: Float[np.ndarray, " p"]
     D: Float[np.ndarray, "p m"]
@@ -26,7 +26,7 @@ class ObserverMarkov:
     beta: Float[np.ndarray, "lags p p"]
     residual_covariance: Float[np.ndarray, "p p"]
     information: Float[np.ndarray, "q q"]
-    """Sums of products of the scaled regressors."""
+    """Gram matrix of the scaled regressors."""
     count: float
     units: Units
     feedthrough: bool
@@ -37,7 +37,7 @@ class ObserverMarkov:
         return inverse(self.information)
 
     def scaled(self) -> "ObserverMarkov":
-        """Return the observer in units of deviations, about the means."""
+        """Return the observer in standard deviations, about the means."""
         into, out, m = self.units.input_scale, self.units.output_scale, self.units.input_count
         u0, y0 = self.units.shift[:m], self.units.shift[m:]
         bias = self.bias - y0 + self.beta.sum(axis=0) @ y0 + (self.D + self.alpha.sum(axis=0)) @ u0
@@ -55,17 +55,17 @@ class ObserverMarkov:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Regression:
-    """Least squares of y_k on X = [1, u_k, z_{k-1}, …, z_{k-p}], or on the same without u_k."""
+    """Least-squares regression of y_k on X = [1, u_k, z_{k-1}, …, z_{k-p}], with or without u_k."""
 
     theta: Float[np.ndarray, "q p"]
     squares: Float[np.ndarray, "p p"]
-    """Sums of products of what is left of the outputs."""
+    """Residual sums of products of the outputs."""
     information: Float[np.ndarray, "q q"]
-    """Sums of products X'X."""
+    """Gram matrix X'X of the regressors."""
 
 
 def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
-    """Return the regression of some lags, with or without the column of u_k."""
+    """Return the regression on ``lags`` past samples, with or without the column of u_k."""
     m, r = data.units.input_count, len(data.units.scale)
     columns = np.concatenate([np.arange(1 + m if feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
     at = data.sums[columns]
@@ -79,32 +79,34 @@ def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
 
 
 def _by_root(columns: Float[np.ndarray, "_ w"], q: int) -> tuple[Float[np.ndarray, "q p"], Float[np.ndarray, "p p"]]:
-    """Return coefficients and residual sums of products by orthogonal steps; the last columns are the outputs."""
+    """Return coefficients and residual sums of products by QR; the last columns are the outputs."""
     root = np.asarray(np.linalg.qr(columns, mode="r"))
     root = np.vstack([root, np.zeros((columns.shape[1] - len(root), columns.shape[1]))])
     R, target = root[:q, :q], root[:q, q:]
     theta = np.linalg.lstsq(R, target, rcond=RIDGE)[0]
-    misfit = np.vstack([target - R @ theta, root[q:, q:]])
-    return theta, misfit.T @ misfit
+    residual = np.vstack([target - R @ theta, root[q:, q:]])
+    return theta, residual.T @ residual
 
 
 def residuals_by_lags(data: Gram, lags: range, kinds: Sequence[bool]) -> Float[np.ndarray, "kinds P p p"]:
-    """Return the residual sums of squares for some lags, without and with u_k: by one factorisation as far as it goes."""
+    """Return the residual sums of squares per number of lags, without and with u_k, from one factorisation if possible."""
     quick = range(lags.start, min(lags.stop, data.factor.lags + 1))
     if quick == lags or not quick:
-        both, told = data.factor.residuals(lags) if quick else (None, np.zeros(0, dtype=bool))
-        if both is not None and told.all():
+        both, excited = data.factor.residuals(lags) if quick else (None, np.zeros(0, dtype=bool))
+        if both is not None and excited.all():
             return both[np.array(kinds, dtype=int)]
     return np.array([[regression(data, p, feedthrough=has_d).squares for p in lags] for has_d in kinds])
 
 
 def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
-    """Return the observer's Markov parameters that fit the data best, in the record's units.
+    """Return the observer's Markov parameters by least squares, in the record's units.
 
     Paper: Eq. (9a), (9b).
 
     Args:
-        lags: At most those of the sums; all of them when left out.
+        data: Gram matrix of the records.
+        lags: Number of lags, at most those of the Gram matrix; all of them when left out.
+        feedthrough: Whether to include D.
     """
     scaled, units = scaled_observer(data, lags, feedthrough=feedthrough), data.units
     m, into, out = units.input_count, units.input_scale, units.output_scale
@@ -123,7 +125,7 @@ def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = 
 
 
 def scaled_observer(data: Gram, lags: int | None = None, *, feedthrough: bool = True) -> ObserverMarkov:
-    """Return the same in units of deviations, about the means."""
+    """Return the observer's Markov parameters in standard deviations, about the means (see ``observer_markov``)."""
     lags = data.lags if lags is None else lags
     found = regression(data, lags, feedthrough=feedthrough)
     m, r = data.units.input_count, len(data.units.scale)
@@ -146,6 +148,6 @@ def scaled_observer(data: Gram, lags: int | None = None, *, feedthrough: bool = 
 def system_markov(observer: ObserverMarkov, count: int) -> Float[np.ndarray, "count p m"]:
     """Return the system's Markov parameters Y_0 = D, Y_k = C A^(k-1) B.
 
-    Paper: Eq. (7). The recursion Y_k = α_k + Σ β_i Y_{k-i} takes the observer out again.
+    Paper: Eq. (7). The recursion Y_k = α_k + Σ β_i Y_{k-i} converts observer to system Markov parameters.
     """
     return np.asarray(unroll(observer.D, observer.alpha, observer.beta, count))

@@ -1,9 +1,8 @@
-"""How many states: from the singular values, by a rule that is written down.
+"""Model order from the gap in the singular values.
 
-The order is where the ratio of neighbouring singular values is largest, among values that stand above the noise: above
-the median of the lower half, and half again above the noise that half of the data tell. A ratio below ``CLEAR_GAP`` is
-no gap, nor is one under a largest value on which half of the data and the whole do not agree: the answer is then unclear, and said
-to be so.
+The order is at the largest ratio of neighbouring singular values, among values above the noise floor: the median of the
+lower half, and 1.5 times the noise level estimated from half of the data. The choice is unclear for a ratio below
+``CLEAR_GAP``, or if half of the data and all data disagree on the largest singular value.
 """
 
 from dataclasses import dataclass
@@ -12,47 +11,48 @@ import numpy as np
 from jaxtyping import Float
 
 CLEAR_GAP = 4.0
-"""Ratio of neighbours that noise alone hardly shows: white noise stays below 2."""
+"""Smallest ratio of neighbouring singular values that counts as a gap; white noise stays below 2."""
 ABOVE_NOISE = 3.0
-"""Largest singular value over the noise's, at which the data show a system: white noise reaches 2."""
+"""Ratio of the largest singular value to the noise level above which the data show a system; white noise reaches 2."""
 FURTHER_ABOVE_NOISE = 1.5
-"""The same for the states after the first: on stairs the second reached 8.6 in a minute of data, the third 1.2 at most."""
+"""Ratio to the noise level for further states; on stairs the second reached 8.6 in a minute of data, the third at most 1.2."""
 NUMERICAL_ZERO = 1e-12
-"""Relative size at which a singular value is rounding."""
+"""Relative size below which a singular value is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderChoice:
-    """An order, and how clear it is."""
+    """Model order and whether the gap at that order is clear."""
 
     order: int
     gap: float | None
-    """σ_n / σ_{n+1}; None where the order was given, until somebody asks (``gap_of``)."""
+    """Gap σ_n / σ_{n+1}; None for a given order until requested (``gap_of``)."""
     clear: bool
 
 
 def gap_at(singular_values: Float[np.ndarray, " k"], order: int) -> float:
-    """Return σ_n / σ_{n+1} at an order n."""
+    """Return the gap σ_n / σ_{n+1} at order n."""
     s = singular_values
     return float(s[order - 1] / s[order]) if order < s.size and s[order] > 0.0 else float("inf")
 
 
 def stands_out(singular_values: Float[np.ndarray, " k"], noise: float) -> bool:
-    """Whether the largest singular value is more than noise alone would show."""
+    """Whether the largest singular value exceeds the noise level significantly."""
     return bool(singular_values[0] > ABOVE_NOISE * noise)
 
 
 def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0) -> OrderChoice:
-    """Return the order that the largest gap shows.
+    """Return the order at the largest gap.
 
     Args:
-        noise: Largest singular value that noise alone would show.
+        singular_values: Singular values of the Hankel matrix, in descending order.
+        noise: Largest singular value of noise alone.
     """
     s = np.maximum(singular_values, NUMERICAL_ZERO * singular_values[0])
     candidates = len(s) - 1
     if candidates < 1:
         return OrderChoice(order=1, gap=float("inf"), clear=stands_out(s, noise))
-    lower = s[len(s) // 2 :]  # falling, so that the median stands in the middle
+    lower = s[len(s) // 2 :]  # already sorted, so the median is in the middle
     floor = 0.5 * float(lower[(len(lower) - 1) // 2] + lower[len(lower) // 2])
     ratios = s[:candidates] / s[1 : candidates + 1]
     above = s[:candidates] > max(floor, FURTHER_ABOVE_NOISE * noise)

@@ -1,9 +1,9 @@
-"""PBSID_opt: states out of the observer's Markov parameters and the past, without a second pass over the data.
+"""PBSID_opt: states from the observer's Markov parameters and the past, without a second pass over the data.
 
-Chiuso, 2007. The long regression of OKID predicts each future output from the past; the predictions, stacked, are the
-observability matrix of the predictor times the state. Weighted with the past's covariance, its leading singular
-directions are the state as a linear function of the past, and A, B, C, D and K are regressions on it. All moments they
-need stand in the Gram matrix. Closed-loop data are welcome: what feeds back is in the past.
+Chiuso, 2007. OKID's long regression predicts each future output from the past; the stacked predictions equal the
+predictor's observability matrix times the state. Weighted with the covariance of the past, the leading singular directions
+give the state as a linear function of the past; A, B, C, D and K follow by regression. All moments are in the Gram matrix.
+Closed-loop data are allowed because feedback acts through the past.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ from treadline.identification.okid import regression
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StateMap:
-    """The past's directions that predict the future, strongest first."""
+    """Directions of the past that predict the future, in descending order of their singular value."""
 
     s: Float[np.ndarray, " k"]
     rows: Float[np.ndarray, "k q"]
-    """x = rows @ [z_{k-1}, …, z_{k-p}], each of variance s."""
+    """State map x = rows @ [z_{k-1}, …, z_{k-p}], each state with variance s."""
 
 
 def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
-    """Return how the state follows from the past."""
+    """Return the linear map from the past to the state."""
     m, r = data.units.input_count, len(data.units.scale)
     p = r - m
     theta = regression(data, lags, feedthrough=feedthrough).theta
@@ -39,16 +39,16 @@ def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
     past = slice(1 + r, 1 + r * (lags + 1))
     mean = data.sums[0, past]
     covariance = (data.sums[past, past] - np.outer(mean, mean) / data.count) / data.count
-    spread = predictor @ covariance @ predictor.T
-    values, U = np.linalg.eigh(0.5 * (spread + spread.T))
-    # Squares of singular values: what rounding leaves of them is 1e-16 of the largest.
+    covariance_of_predictions = predictor @ covariance @ predictor.T
+    values, U = np.linalg.eigh(0.5 * (covariance_of_predictions + covariance_of_predictions.T))
+    # Rounding leaves 1e-16 of the largest squared singular value.
     kept = values[::-1] > 1e-14 * values[-1]
     s = np.sqrt(np.maximum(values[::-1], 0.0))
     return StateMap(s=s[kept], rows=(U[:, ::-1][:, kept] / np.sqrt(s[kept])).T @ predictor)
 
 
 def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrough: bool) -> Float[np.ndarray, "n p p"]:
-    """Return the covariance of the innovations of orders 1, 2, … ``most``: what [x_k, u_k, 1] leaves of y_k."""
+    """Return the innovation covariance for orders 1, 2, … ``most``: the residual of y_k after regression on [x_k, u_k, 1]."""
     m, r = data.units.input_count, len(data.units.scale)
     now = np.eye(1 + r)[: 1 + m if feedthrough else 1]
     rows = np.zeros((len(now) + most + r - m, 1 + r * (lags + 1)))
@@ -57,20 +57,20 @@ def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrou
     rows[len(now) + most :, 1 + m : 1 + r] = np.eye(r - m)
     sums = rows @ data.sums[: rows.shape[1], : rows.shape[1]] @ rows.T
     q = len(now) + most
-    # States explain less and less: the factor of fewer is the leading block.
+    # The factor for fewer states is the leading block; the ridge covers states with little variance.
     L = np.linalg.cholesky(sums[:q, :q] + 1e-13 * np.diag(np.diag(sums)[:q]))
-    told = np.linalg.solve(L, sums[:q, q:])
-    left = sums[q:, q:] - np.cumsum(told[:, :, None] * told[:, None, :], axis=0)
-    return np.asarray(left[len(now) :] / data.count)
+    explained = np.linalg.solve(L, sums[:q, q:])
+    residual_ss = sums[q:, q:] - np.cumsum(explained[:, :, None] * explained[:, None, :], axis=0)
+    return np.asarray(residual_ss[len(now) :] / data.count)
 
 
 def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: bool) -> Affine:
-    """Return the model of an order, in the units of the Gram matrix."""
+    """Return the model of an order in the units of the Gram matrix."""
     m, r = data.units.input_count, len(data.units.scale)
     p, n = r - m, order
     T = states.rows[:n]
     width = 1 + r * (lags + 1)
-    # Rows: x_k, u_k, 1 | y_k | x_{k+1}, each as a function of the window.
+    # Rows: x_k, u_k, 1 | y_k | x_{k+1}, each as a linear function of the window.
     select = np.zeros((n + m + 1 + p + n, width))
     select[:n, 1 + r :] = T
     select[n : n + m, 1 : 1 + m] = np.eye(m)
@@ -83,7 +83,7 @@ def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: b
     seen = into if feedthrough else np.delete(into, np.arange(n, n + m))
     CD = np.zeros((p, n + m + 1))
     CD[:, seen] = solution(sums[np.ix_(seen, seen)], sums[seen, y]).T
-    # The innovation e = y - [C D c][x u 1] as one more row.
+    # The innovation e = y - [C D c][x u 1] as an additional row.
     change = np.eye(len(sums))
     change[y, into] = -CD
     sums = change @ sums @ change.T

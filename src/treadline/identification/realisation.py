@@ -1,4 +1,4 @@
-"""From OKID's observer to a model: Hankel matrix, realisation, operating point and innovation gain."""
+"""Realisation of OKID's observer: Hankel matrix, state-space model, operating point and innovation gain."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,17 +9,17 @@ from treadline.identification.kernels import observability, unroll
 from treadline.identification.okid import ObserverMarkov, system_markov
 
 BLOCKS_LEAST = 8
-"""Block rows of the Hankel matrix at least: two seconds at 4 Hz, on which an integrator and a lag part clearly."""
+"""Smallest number of block rows: two seconds at 4 Hz, enough to separate an integrator from a lag."""
 
 
 def block_rows(observer: ObserverMarkov, order: int | None) -> int:
-    """Return the block rows of a Hankel matrix long enough for the observer and an order."""
+    """Return the number of block rows needed for the observer and an order."""
     lags, p, m = observer.alpha.shape
     return max(lags, BLOCKS_LEAST, -(-((order or 1) + 1) // min(m, p)))
 
 
 def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
-    """Return the decomposed Hankel matrix of the observer's system, long enough for an order."""
+    """Return the decomposed Hankel matrix of the observer's system, large enough for an order."""
     blocks = block_rows(observer, order)
     units = observer.units
     markov = system_markov(observer, 2 * blocks + 1)
@@ -27,20 +27,22 @@ def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
 
 
 def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated: bool = False) -> Affine:
-    """Return the model of an order by ERA or, from correlations, by ERA/DC.
+    """Return the model of an order by ERA or, with ``correlated``, by ERA/DC.
 
     Args:
-        observer: OKID's, in units of deviations.
+        observer: OKID observer in standard deviations.
         svd: Its decomposed Hankel matrix.
+        order: Number of states.
+        correlated: Whether to use data correlations.
 
     Raises:
-        PoorExcitation: If the order is above the rank that the data show.
+        PoorExcitation: If the order is above the rank of the data.
     """
     p, m = observer.D.shape
     A, B, C = realise(svd, order, np.ones(m), np.ones(p))
     if correlated:
         A, B, C = _by_correlations(observer, svd, order)
-    # Rest lies where the observer says nothing changes: C x = 0 there, so its constants stand in D's column alone.
+    # At the observer's equilibrium C x = 0, so the offsets enter through the last column of D only.
     u0, y0 = _rest(observer)
     return Affine(
         A=A,
@@ -59,17 +61,17 @@ def _by_correlations(
 
 
 def correlations(observer: ObserverMarkov, svd: HankelSvd) -> tuple[Float[np.ndarray, "count p m"], HankelSvd]:
-    """Return the Markov parameters that ERA/DC takes, and its decomposition: by as many shifts as half the block rows."""
+    """Return the Markov parameters for ERA/DC and its decomposition, with half as many shifts as block rows."""
     shifts = svd.rows // 2
     markov = system_markov(observer, 2 * svd.rows + 2 * shifts + 2)
     return markov, correlated_svd(markov, svd.rows, svd.columns, shifts)
 
 
 def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " p"]]:
-    """Return the operating point (input, output) nearest to the means at which the observer says nothing changes.
+    """Return the equilibrium (input, output) of the observer nearest to the means.
 
-    (I - Σβ) y₀ - (D + Σα) u₀ = bias. Where an integrator leaves y₀ open, it is u₀ that yields: a chair whose right belt
-    runs fast stands still at unequal belts. Distances count in deviations, an input's three times.
+    (I - Σβ) y₀ - (D + Σα) u₀ = bias. If an integrator leaves y₀ undetermined, u₀ absorbs the offset: a chair with a fast right
+    belt stands still at unequal belt speeds. Distances are in standard deviations, an input's weighted by three.
     """
     M = np.eye(len(observer.bias)) - observer.beta.sum(axis=0)
     N = observer.D + observer.alpha.sum(axis=0)
@@ -82,10 +84,10 @@ def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.n
 def observer_gain(
     A: Float[np.ndarray, "n n"], C: Float[np.ndarray, "p n"], observer: ObserverMarkov
 ) -> Float[np.ndarray, "n p"] | None:
-    """Return the innovation gain that, with this A and C, answers an innovation as OKID's observer does."""
+    """Return the innovation gain with the same innovation response as OKID's observer, for the given A and C."""
     lags, p, _ = observer.beta.shape
     steps = max(lags, A.shape[0]) + 1
-    # I, CK, CAK, …: the response of the outputs to an innovation.
+    # Response of the outputs to an innovation: I, CK, CAK, ….
     response = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, steps)
     O = observability(np.ascontiguousarray(A), np.ascontiguousarray(C), steps - 1).reshape(-1, A.shape[0])
     gain = np.linalg.lstsq(O, response[1:].reshape(-1, p), rcond=None)[0]

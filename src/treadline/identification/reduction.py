@@ -1,4 +1,4 @@
-"""Models made stable, and models made smaller."""
+"""Stabilisation and reduction of models."""
 
 from dataclasses import dataclass, replace
 
@@ -11,16 +11,16 @@ from treadline.identification.affine import Affine
 from treadline.models import LinearModel
 
 ON_CIRCLE = 1.0 - 1e-9
-"""Modulus from which a pole counts as on the unit circle: rounding must not decide."""
+"""Modulus above which a pole counts as on the unit circle, with a margin for rounding."""
 INSIDE = 1.0 - 1e-4
-"""Largest modulus of a pole that was moved inside the unit circle."""
+"""Largest modulus of a pole after reflection into the unit circle."""
 
 
 def stabilised(system: Affine) -> Affine:
-    """Return the system with poles outside the unit circle mirrored in it, those on it moved just inside.
+    """Return the system with poles outside the unit circle reflected, and poles on the circle moved just inside.
 
-    Mirrored, 1/λ*, a pole keeps the magnitude of its frequency response. Only the diagonal of the real Schur form changes,
-    so that poles that coincide stay coupled.
+    The reflection 1/λ* preserves the magnitude of the frequency response. Only the diagonal of the real Schur form changes,
+    so that equal poles stay coupled.
     """
     if system.radius < ON_CIRCLE:
         return system
@@ -38,19 +38,19 @@ def stabilised(system: Affine) -> Affine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reduced:
-    """A smaller model, the Hankel singular values of the larger one, and the bound on what was cut."""
+    """Reduced model, the Hankel singular values of the full model and the error bound."""
 
     model: LinearModel
     hankel_values: Float[np.ndarray, " n"]
     bound: float
-    """Largest gain of the difference, at any frequency: twice the sum of the values cut (Al-Saggaf and Franklin, 1987)."""
+    """H∞ bound on the error: twice the sum of the truncated Hankel singular values (Al-Saggaf and Franklin, 1987)."""
 
 
 def balanced_truncation(model: LinearModel, order: int) -> Reduced:
-    """Return the model cut to its ``order`` strongest states.
+    """Return the model truncated to its ``order`` strongest balanced states.
 
-    Moore, 1981: in balanced coordinates each state is as hard to reach as to see, and its Hankel singular value says how
-    much it carries.
+    Moore, 1981: in balanced coordinates each state is equally controllable and observable; its Hankel singular value
+    measures the contribution to the response.
 
     Raises:
         ModelError: If the model is not stable, or not larger than the order.

@@ -1,9 +1,9 @@
-"""Output-error and prediction-error refinement: Gauss–Newton on the free run, or on the one-step prediction.
+"""Output-error and prediction-error refinement: Gauss–Newton on the free run or the one-step prediction.
 
-The model moves along directions that change what it does: those that only choose other states (similarity, and a
-shift of the state) are left out (data-driven local coordinates: McKelvey, Helmersson and Ribarits, 2004). Initial states
-are linear, so each experiment's is eliminated exactly (variable projection: Golub and Pereyra, 1973). The prediction
-error of (A, B, C, D, K) is the output error of its predictor with the outputs as further inputs: one routine serves both.
+Only directions that change the input-output behaviour are searched; similarity transforms and state shifts are excluded
+(data-driven local coordinates: McKelvey, Helmersson and Ribarits, 2004). The initial state of each experiment enters
+linearly and is eliminated exactly (variable projection: Golub and Pereyra, 1973). The prediction error of (A, B, C, D, K)
+is the output error of its predictor with the outputs as additional inputs, so one routine serves both.
 """
 
 import math
@@ -16,33 +16,33 @@ from scipy.linalg import lapack
 
 from treadline.identification.affine import Affine
 from treadline.identification.gram import Units, runs_of
-from treadline.identification.kernels import gauge_directions, observability, run_misfit, set_out_from, tangents
+from treadline.identification.kernels import gauge_directions, observability, run_residual, subtract_initial_response, tangents
 from treadline.identification.modal import WELL_SEEN, Modes, derivative_sums, modes_of
 from treadline.models import InputOutputRecord
 
 ON_CIRCLE = 1e-9
 TRIES = 8
-"""Shorter and shorter steps before refinement ends."""
+"""Largest number of damping increases per step before the refinement ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How far a refinement goes."""
+    """Iteration limits of a refinement."""
 
     steps: int
-    """At most."""
+    """Largest number of steps."""
     chance: float
-    """It ends when a step gains less than this share of what one coefficient more gains by chance: 1/samples of the cost."""
+    """Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
 
 
 THOROUGH = Effort(steps=200, chance=1e-3)
 BRIEF = Effort(steps=60, chance=0.1)
-"""To compare recipes: less would favour small models, which arrive sooner."""
+"""Effort for the comparison of candidates; a smaller effort would favour small models, which converge sooner."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Experiment:
-    """One unbroken run in units of deviations: inputs with a column of ones, outputs, and which of them are there."""
+    """Unbroken run in standard deviations: inputs with a column of ones, outputs, and a mask of valid samples."""
 
     u: Float[np.ndarray, "T m1"]
     y: Float[np.ndarray, "T p"]
@@ -66,7 +66,7 @@ class Directions:
     def arrays(
         self,
     ) -> tuple[Float[np.ndarray, "n n d"], Float[np.ndarray, "n m1 d"], Float[np.ndarray, "p n d"], Float[np.ndarray, "p m1 d"]]:
-        """Return the four."""
+        """Return the four arrays."""
         return self.A, self.B, self.C, self.D
 
     def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
@@ -74,24 +74,24 @@ class Directions:
         return Directions(A=self.A @ root, B=self.B @ root, C=self.C @ root, D=self.D @ root)
 
     def through(self, mixing: Float[np.ndarray, "m v"]) -> "Directions":
-        """Return the changes where inputs are made of others: u = mixing·v."""
+        """Return the changes after a change of inputs u = mixing·v."""
         return Directions(A=self.A, B=mixed(self.B, mixing), C=self.C, D=mixed(self.D, mixing))
 
     def moved(self, system: Affine, step: Float[np.ndarray, " d"]) -> Affine:
-        """Return the system a step further."""
+        """Return the system after a step along the directions."""
         return replace(
             system, A=system.A + self.A @ step, B=system.B + self.B @ step, C=system.C + self.C @ step, D=system.D + self.D @ step
         )
 
 
 def mixed(matrix: Float[np.ndarray, "n m1 *d"], mixing: Float[np.ndarray, "m v"]) -> Float[np.ndarray, "n v1 *d"]:
-    """Return what takes v where a matrix takes u = mixing·v; its last column, of the constants, stays."""
+    """Return the matrix for inputs v with u = mixing·v; the last column, for the offsets, is unchanged."""
     m = len(mixing)
     return np.concatenate([np.einsum("nm...,mv->nv...", matrix[:, :m], mixing), matrix[:, m:]], axis=1)
 
 
 def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[Experiment]:
-    """Return the records in units of deviations, cut where an input is missing; a missing output explains nothing."""
+    """Return the records in standard deviations, split at missing inputs; missing outputs are masked."""
     made = []
     m = units.input_count
     for record in records:
@@ -108,7 +108,7 @@ def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[E
 
 
 def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experiment]:
-    """Return the experiments with the outputs as further inputs, cut where one is missing."""
+    """Return the experiments with the outputs as additional inputs, split at missing outputs."""
     made = []
     for item in experiments:
         for start, stop in runs_of(item.there):
@@ -118,30 +118,30 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
     return made
 
 
-def misfit(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
-    """Return what a free run from the best initial state leaves; zero where an output is missing."""
+def residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
+    """Return the residual of a free run from the least-squares initial state; zero at a missing output."""
     x0, e, last = _from_best_start(system, experiment)
-    set_out_from(*_contiguous(system.A, system.C), x0, experiment.there, last, e)
+    subtract_initial_response(*_contiguous(system.A, system.C), x0, experiment.there, last, e)
     return e
 
 
 def _from_best_start(system: Affine, experiment: Experiment) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "T p"], int]:
-    """Return the state at the start that explains a free run best, what a run from zero leaves, and how long a start shows."""
+    """Return the least-squares initial state, the residual of a run from zero, and the steps over which the start matters."""
     last = _lasting(system, len(experiment.y))
     matrices = _contiguous(system.A, system.B, system.C, system.D)
-    e, square, right = run_misfit(*matrices, experiment.u, experiment.y, experiment.there, last)
+    e, square, right = run_residual(*matrices, experiment.u, experiment.y, experiment.there, last)
     return _solution(square, right[:, None])[:, 0], e, last
 
 
 def _contiguous(*matrices: Float[np.ndarray, "_ _"]) -> tuple[Float[np.ndarray, "_ _"], ...]:
-    """Return matrices as compiled code is compiled for, once."""
+    """Return C-contiguous matrices, the layout of the compiled kernels."""
     return tuple(np.ascontiguousarray(matrix) for matrix in matrices)
 
 
 def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
-    """Return the sum of squares of what free runs leave; infinite where one has no end."""
+    """Return the sum of squared free-run residuals; infinite for a diverging run."""
     with np.errstate(all="ignore"):
-        total = sum(float(np.vdot(e, e)) for e in (misfit(system, item) for item in experiments))
+        total = sum(float(np.vdot(e, e)) for e in (residual(system, item) for item in experiments))
     return total if np.isfinite(total) else float("inf")
 
 
@@ -152,11 +152,13 @@ def refined(
     fixed: Bool[np.ndarray, "p m1"],
     effort: Effort = THOROUGH,
 ) -> Affine:
-    """Return the system nearby with the smallest output error.
+    """Return the local minimum of the output error.
 
     Args:
-        fixed: Entries of D that stay as they are.
-        effort: How far it goes.
+        system: Initial model.
+        experiments: Data.
+        fixed: Mask of the entries of D that stay unchanged.
+        effort: Iteration limits.
     """
     return descended(system, experiments, lambda now: directions(now, fixed), effort)
 
@@ -169,13 +171,17 @@ def descended(
     *,
     ceiling: float = 1.0,
 ) -> Affine:
-    """Return the system with the smallest output error along directions that may depend on where it stands.
+    """Return the minimum of the output error along directions that may depend on the current system.
 
     Args:
-        ceiling: Largest modulus of a pole that a stable system may come to.
+        system: Initial model.
+        experiments: Data.
+        ways_from: Function from a system to its search directions.
+        effort: Iteration limits.
+        ceiling: Largest allowed spectral radius of a stable system.
     """
-    # A stable system stays so: what gains by a growing mode gains on these data alone.
-    # One that stands on the circle may move by what does not show over the record.
+    # A stable system stays stable: a growing mode would fit only these data.
+    # A system on the unit circle may move by an amount without visible effect over the record.
     radius, rows = system.radius, sum(item.y.size for item in experiments)
     bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
     best, now = system, cost(system, experiments)
@@ -190,9 +196,9 @@ def descended(
             trial = ways.moved(best, step)
             there = cost(trial, experiments) if trial.radius <= bound else float("inf")
             if there < now:
-                # After Nielsen (1999): the better the parabola foretold the gain, the bolder the next step.
-                foretold = float(2.0 * step @ g - step @ H @ step)
-                damping *= max(0.1, 1.0 - (2.0 * (now - there) / foretold - 1.0) ** 3)
+                # Nielsen (1999): the better the quadratic model predicted the gain, the smaller the next damping.
+                predicted_gain = float(2.0 * step @ g - step @ H @ step)
+                damping *= max(0.1, 1.0 - (2.0 * (now - there) / predicted_gain - 1.0) ** 3)
                 best, now, rise = trial, there, 2.0
                 break
             damping, rise = damping * rise, rise * 2.0
@@ -204,13 +210,13 @@ def descended(
 def normal_equations(
     system: Affine, experiments: Sequence[Experiment], ways: Directions
 ) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
-    """Return J'J and J'e, initial states eliminated: by modes, or by the recursion where poles nearly coincide."""
+    """Return J'J and J'e with initial states eliminated, in modal coordinates or, for nearly equal poles, by recursion."""
     modes = modes_of(system)
     if modes is not None and np.abs(modes.poles).max() < 1.0 + 1e-9:
         M = _modal_changes(modes, system, ways)
         sums = [derivative_sums(modes, system, item.u, item.y, item.there) for item in experiments]
         square, right = sum(item.square for item in sums), sum(item.right for item in sums)
-        if not np.iscomplexobj(M):  # real poles: what is imaginary is zero
+        if not np.iscomplexobj(M):  # real poles: the imaginary part is zero
             return M.T @ square.real @ M, M.T @ right.real
         across = M.conj().T
         return (across @ square @ M).real, (across @ right).real
@@ -224,9 +230,9 @@ def normal_equations(
 
 
 def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.ndarray, "w d"]:
-    """Return the changes of modal B, λ, and C and D by output, along directions.
+    """Return the changes of modal B, of λ, and of C and D per output, along directions.
 
-    A change of A moves the poles by its diagonal in modal coordinates; the rest turns the modes (first order in both).
+    The diagonal of dA in modal coordinates moves the poles; the off-diagonal part rotates the modes (first order in both).
     """
     n, m1, p, d = system.order, system.B.shape[1], len(system.C), ways.A.shape[2]
     dA = (modes.W @ ways.A.reshape(n, n * d)).reshape(n, n, d)
@@ -245,10 +251,10 @@ def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.nda
 def jacobian(
     system: Affine, experiment: Experiment, ways: Directions
 ) -> tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]:
-    """Return the derivatives of a free run along directions, and what it leaves; the initial state eliminated."""
+    """Return the derivatives of a free run along directions and its residual; the initial state is eliminated."""
     run_from = initial_state(system, experiment)
     n, d = system.order, ways.A.shape[2]
-    # The initial state is an input's impulse one sample earlier.
+    # The initial state acts as an impulse on an additional input, one sample earlier.
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
     u = np.column_stack([u, np.zeros(len(u))])
     u[0, -1] = 1.0
@@ -268,7 +274,7 @@ def jacobian(
 
 
 def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
-    """Return the directions in which the system's behaviour changes: orthogonal to other choices of its states."""
+    """Return the directions that change the system's behaviour, orthogonal to changes of state coordinates."""
     n, m1, p = system.order, system.B.shape[1], len(system.C)
     constant = system.D.shape[1] - 1 if not fixed[:, -1].all() else int(np.flatnonzero(~fixed.all(axis=0))[-1])
     free = np.flatnonzero(~fixed.ravel())
@@ -290,7 +296,7 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
 
 
 def _complement(columns: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a c"]:
-    """Return an orthonormal basis of what is orthogonal to some columns."""
+    """Return an orthonormal basis of the orthogonal complement of the columns."""
     a, b = columns.shape
     whole = np.zeros((a, a), order="F")
     whole[:, :b], tau, _, _ = lapack.dgeqrf(columns)
@@ -299,20 +305,20 @@ def _complement(columns: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a c"]:
 
 
 def initial_state(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
-    """Return the state at the start that explains a free run best."""
+    """Return the least-squares initial state of a free run."""
     return _from_best_start(system, experiment)[0]
 
 
 def _lasting(system: Affine, steps: int) -> int:
-    """Return for how many steps an initial state shows in the outputs."""
+    """Return the number of steps over which an initial state affects the outputs."""
     if system.radius >= 0.999:
         return steps
-    # Beyond, less than 1e-9 of it is left (a factor for states that grow before they decay).
+    # Below 1e-9 the initial state is negligible; 20 n allows for transient growth before the decay.
     return min(steps, int(20.0 * system.order + math.log(1e-9) / math.log(max(system.radius, 1e-3))))
 
 
 def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
-    """Return the effect of the initial state on the outputs, as far as it lasts."""
+    """Return the effect of the initial state on the outputs over its significant steps."""
     last = _lasting(system, len(experiment.y))
     O = observability(*_contiguous(system.A, system.C), last)
     if not experiment.there[:last].all():
@@ -321,13 +327,13 @@ def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K 
 
 
 def _solution(square: Float[np.ndarray, "n n"], right: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
-    """Return the solution of normal equations; directions that leave no trace stay zero."""
+    """Return the solution of normal equations; unobservable directions stay zero."""
     L, failed = lapack.dpotrf(square, lower=1, clean=0)
     pivots = np.diag(L)
     if not failed and pivots.min() > WELL_SEEN * pivots.max():
         return np.asarray(lapack.dpotrs(L, right, lower=1)[0])
     if not np.isfinite(square).all():
-        return np.full(right.shape, np.nan)  # a system that explodes: its cost has no end
+        return np.full(right.shape, np.nan)  # a diverging system has infinite cost
     values, V = np.linalg.eigh(square)
     kept = values > 1e-12 * max(values[-1], 1e-300)
     return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ right))

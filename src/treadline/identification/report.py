@@ -1,4 +1,4 @@
-"""What the data said, and how sure: a model judged on data, with warnings that carry numbers."""
+"""Report of an identification: fit, residual tests and warnings with numbers."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -9,24 +9,24 @@ import numpy as np
 from treadline.identification import validate
 from treadline.models import InputOutputRecord, LinearModel
 
-MEANINGFUL = 0.01
-"""p-value below which residuals are reported to hold something that the model misses."""
-STILL = 0.5
-"""Ratio of what outputs move in the judging data and in the fitted data, below which a fit says little."""
+P_VALUE_LIMIT = 0.01
+"""p-value below which a residual test is reported as failed."""
+LOW_MOTION_RATIO = 0.5
+"""Ratio of output deviation in validation and fitted data below which a fit is not informative."""
 
-LONG_ENOUGH = 20
-"""Samples of a record from which its residuals are tested, over ten lags."""
-NOTHING_EXPLAINED = 10.0
-"""Percent of fit and of variance below which a model is none."""
+TESTED_SAMPLES_MIN = 20
+"""Smallest number of samples of a record with residual tests over ten lags."""
+FIT_PERCENT_MIN = 10.0
+"""Fit and variance accounted for [%] below which the model explains practically nothing."""
 EXACT_PERCENT = 1e-10
-"""Share of the variance that rounding may leave."""
-NEARLY_TOGETHER = 0.15
-"""Share of an input's variance that tells the inputs apart, below which they count as moving together: correlation 0.85."""
+"""Unexplained share of the variance [%] attributed to rounding."""
+COLLINEAR_VARIANCE = 0.15
+"""Variance of the weakest input combination relative to one input's, below which inputs count as collinear (0.85 correlated)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """A recipe that was tried, and its error on data held out over the outputs' spread."""
+class CandidateScore:
+    """Candidate and its cross-validation error relative to the outputs' standard deviation."""
 
     method: str
     lags: int
@@ -34,46 +34,46 @@ class Candidate:
     step: str
     constants: bool
     error: float | None
-    """None where the model exploded."""
+    """Cross-validation error; None for a diverging model."""
     chosen: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationReport:
-    """What the data said, and how sure."""
+    """Fit, validation, uncertainty and warnings of an identification."""
 
     order: int
     lags: int
     method: str
     subspace: str
-    """What gave A and C first: ``okid-era``, ``era-dc`` or ``pbsid``."""
+    """Subspace method that gave the initial A and C: ``okid-era``, ``era-dc`` or ``pbsid``."""
     constants: bool
-    """Whether offsets were estimated; if not, rest is zero."""
+    """Whether offsets were estimated; otherwise they are zero."""
     step: str
-    """The last step that was taken: ``subspace``, ``inputs-again``, ``output-error`` or ``prediction-error``."""
+    """Last fitting step: ``subspace``, ``inputs-again``, ``output-error`` or ``prediction-error``."""
     feedthrough: bool
     mirrored: bool
-    """Whether a left and a right input act by their difference alone."""
+    """Whether the difference of a left and a right input is the only input."""
     delays: list[int]
-    """Samples after which each input shows in the outputs; 0 is feedthrough."""
+    """Delay of each input in samples; 0 is feedthrough."""
     singular_values: list[float]
     gap: float | None
-    """σ_n / σ_{n+1}; None where there is no σ_{n+1}."""
+    """Gap σ_n / σ_{n+1}; None if there is no σ_{n+1}."""
     noise_level: float | None
-    """Singular value that noise alone would show; None where it was not asked."""
+    """Largest singular value of noise alone; None if not computed."""
     poles: list[tuple[float, float]]
     pole_ci95: list[float] | None
-    """Radius of the disc about each pole that holds the true one with 95 %."""
+    """Radius of the disc about each pole that contains the true pole with 95 % probability."""
     fit_percent: dict[str, float]
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
     crosscorrelation_p: float | None
-    """p-values of the residuals being white, and having nothing to do with the inputs; None where too few are judged."""
+    """p-values of white residuals and of residuals independent of the inputs; None for too few validation samples."""
     excitation_order: int
-    """Largest order that the inputs excite persistently, as far as it was looked at."""
+    """Largest order that the inputs excite persistently, up to the number of lags."""
     samples: int
     dropped: int
-    candidates: list[Candidate]
+    candidates: list[CandidateScore]
     warnings: list[str]
     seconds: float
 
@@ -83,8 +83,8 @@ class IdentificationReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
-    """How a model does on data."""
+class ValidationScores:
+    """Fit and residual tests of a model on validation data."""
 
     fit_percent: dict[str, float]
     one_step_vaf_percent: dict[str, float]
@@ -92,41 +92,43 @@ class Judgement:
     crosscorrelation_p: float | None
 
 
-def judge(model: LinearModel, judged: Sequence[InputOutputRecord]) -> Judgement:
-    """Return a model's figures, mean over the records; of p-values the smallest, times their number (Bonferroni).
+def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -> ValidationScores:
+    """Return a model's fit and residual tests: means over the records, smallest p-values with Bonferroni correction.
 
-    Records too short to test do not count.
+    Records too short for the tests are left out.
     """
-    judged = [record for record in judged if whole_samples(record) >= LONG_ENOUGH] or [max(judged, key=whole_samples)]
+    judged = [record for record in judged if whole_samples(record) >= TESTED_SAMPLES_MIN] or [max(judged, key=whole_samples)]
     with np.errstate(over="ignore", invalid="ignore"):
         residuals = [validate.one_step_residuals(model, record) for record in judged]
         vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
         fit = np.mean([validate.fit_percent(model, record) for record in judged], axis=0)
     names = model.output_names
-    # Rounding has no law: where nothing else is left, nothing speaks against the model.
+    # A residual of pure rounding has no meaningful p-value; the tests count as passed.
     exact = bool(np.all(100.0 - vaf < EXACT_PERCENT))
-    return Judgement(
-        fit_percent={name: _figure(value) for name, value in zip(names, fit, strict=True)},
-        one_step_vaf_percent={name: _figure(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=1.0 if exact else known(smallest([validate.whiteness_p(e) for e in residuals])),
+    return ValidationScores(
+        fit_percent={name: _json_number(value) for name, value in zip(names, fit, strict=True)},
+        one_step_vaf_percent={name: _json_number(value) for name, value in zip(names, vaf, strict=True)},
+        whiteness_p=1.0 if exact else finite_or_none(bonferroni([validate.whiteness_p(e) for e in residuals])),
         crosscorrelation_p=1.0
         if exact
-        else known(smallest([validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)])),
+        else finite_or_none(
+            bonferroni([validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)])
+        ),
     )
 
 
 def whole_samples(record: InputOutputRecord) -> int:
-    """Return the number of samples of which nothing is missing."""
+    """Return the number of samples without a missing channel."""
     return int(record.whole.sum())
 
 
-def doubts(
-    judgement: Judgement,
+def validation_warnings(
+    scores: ValidationScores,
     model: LinearModel,
     fitted: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
 ) -> list[str]:
-    """Return what a user should know before trusting the model."""
+    """Return the warnings on stability, fit and residuals."""
     found = []
     radius = float(np.abs(np.linalg.eigvals(model.A)).max())
     if radius > 1.0 + 1e-6:
@@ -134,62 +136,64 @@ def doubts(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
         )
-    for name, value in judgement.fit_percent.items():
+    for name, value in scores.fit_percent.items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*judgement.fit_percent.values(), *judgement.one_step_vaf_percent.values()) < NOTHING_EXPLAINED:
+    if max(*scores.fit_percent.values(), *scores.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
         found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
-        found += _stillness(model, fitted, judged)
-    if judgement.whiteness_p is not None and judgement.whiteness_p < MEANINGFUL:
-        found.append(f"the residuals are not white (p = {judgement.whiteness_p:.1e}): noise has dynamics that the model lacks")
-    if judgement.crosscorrelation_p is not None and judgement.crosscorrelation_p < MEANINGFUL:
+        found += _low_motion_warnings(model, fitted, judged)
+    if scores.whiteness_p is not None and scores.whiteness_p < P_VALUE_LIMIT:
+        found.append(f"the residuals are not white (p = {scores.whiteness_p:.1e}): the model lacks dynamics of the noise")
+    if scores.crosscorrelation_p is not None and scores.crosscorrelation_p < P_VALUE_LIMIT:
         found.append(
-            f"the residuals still depend on the inputs (p = {judgement.crosscorrelation_p:.1e}): a higher order, a delay or a "
+            f"the residuals still depend on the inputs (p = {scores.crosscorrelation_p:.1e}): a higher order, a delay or a "
             "nonlinearity is missing"
         )
     return found
 
 
-def together(records: Sequence[InputOutputRecord], names: Sequence[str], *, mirrored: bool = False) -> list[str]:
-    """Return a warning where inputs move nearly together: what tells them apart is then known from little.
+def collinearity_warnings(records: Sequence[InputOutputRecord], names: Sequence[str], *, mirrored: bool = False) -> list[str]:
+    """Return a warning for nearly collinear inputs, whose separate effects are poorly determined.
 
     Args:
-        mirrored: Whether they act by their difference alone.
+        records: Experiments.
+        names: Input names.
+        mirrored: Whether the inputs act by their difference alone.
     """
     u = np.vstack([record.u for record in records])
     u = u[np.isfinite(u).all(axis=1)]
     values, V = np.linalg.eigh(np.corrcoef(u.T)) if u.shape[1] > 1 else (np.ones(1), np.eye(1))
-    if values[0] > NEARLY_TOGETHER:
+    if values[0] > COLLINEAR_VARIANCE:
         return []
     two = np.argsort(-np.abs(V[:, 0]))[:2]
-    apart = "their difference, by which they act," if mirrored else "what tells the inputs apart"
-    remedy = "turn more" if mirrored else "let each move by itself"
+    apart = "their difference, the effective input," if mirrored else "the component that separates them"
+    remedy = "turn more" if mirrored else "move each input independently"
     return [
         f"poor excitation: '{names[int(two[0])]}' and '{names[int(two[1])]}' move nearly together; {apart} has "
         f"{100.0 * float(values[0]):.0f} % of one input's variance: {remedy}"
     ]
 
 
-def _stillness(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: Sequence[InputOutputRecord]) -> list[str]:
+def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord], judged: Sequence[InputOutputRecord]) -> list[str]:
     before, after = (np.nanstd(np.vstack([record.y for record in records]), axis=0) for records in (fitted, judged))
     return [
-        f"'{name}' moves {ratio:.2f} times as much in the validation part as in the fitted part: its fit says little"
+        f"'{name}' moves {ratio:.2f} times as much in the validation part as in the fitted part: its fit is not informative"
         for name, ratio in zip(model.output_names, after / before, strict=True)
-        if ratio < STILL
+        if ratio < LOW_MOTION_RATIO
     ]
 
 
-def smallest(p_values: Sequence[float]) -> float:
-    """Return the p-value of all of several hypotheses."""
+def bonferroni(p_values: Sequence[float]) -> float:
+    """Return the combined p-value of several tests (Bonferroni)."""
     return min(1.0, len(p_values) * min(p_values))
 
 
-def known(value: float) -> float | None:
-    """Return a number, or None where there is none."""
+def finite_or_none(value: float) -> float | None:
+    """Return the number, or None if it is not finite."""
     return float(value) if np.isfinite(value) else None
 
 
-def _figure(value: float) -> float:
-    """Return a number that JSON can hold: what exploded is minus a lot."""
+def _json_number(value: float) -> float:
+    """Return a JSON-compatible number; a diverging fit becomes -1e9."""
     return float(value) if np.isfinite(value) else -1e9

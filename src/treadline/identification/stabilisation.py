@@ -1,9 +1,9 @@
-"""Which poles a system has, and which the noise adds: the stabilisation diagram.
+"""Stabilisation diagram: separates system poles from spurious poles.
 
 B. Peeters and G. De Roeck, Stochastic System Identification for Operational Modal Analysis: A Review, Journal of Dynamic
-Systems, Measurement, and Control 123(4), 659-667, 2001. A pole of the system comes back at every order above the true
-one; a pole that noise or surplus states made wanders from order to order. Tolerances are those customary in modal
-analysis: 1 % in frequency, 5 % in damping, against the nearest pole of the order below.
+Systems, Measurement, and Control 123(4), 659-667, 2001. A system pole recurs at every order above the true order; a
+spurious pole varies with the order. The tolerances are customary in modal analysis: 1 % in frequency, 5 % in damping,
+compared with the nearest pole of the next lower order.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,24 +17,24 @@ from treadline.identification.era import HankelSvd
 FREQUENCY_TOLERANCE = 0.01
 DAMPING_TOLERANCE = 0.05
 ORDER_MOST = 40
-"""Highest order of a diagram: beyond, its rows cannot be told apart."""
+"""Highest order of a diagram; more rows would not be legible."""
 ROUNDING = 1e-12
-"""Relative size at which a singular value is rounding, and an imaginary part too."""
+"""Relative size below which a singular value or an imaginary part is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stabilisation:
-    """The poles of every order in one list, a complex pair once."""
+class StabilisationDiagram:
+    """Poles of every order in one list, each complex pair once."""
 
     order: Int[np.ndarray, " k"]
     frequency_hz: Float[np.ndarray, " k"]
-    """Natural frequency ``|ln λ| / (2π T)``; of a real pole, its corner frequency."""
+    """Natural frequency ``|ln λ| / (2π T)`` [Hz]; the corner frequency for a real pole."""
     damping: Float[np.ndarray, " k"]
-    """``-Re ln λ / |ln λ|``: 1 for a decaying real pole, negative for one that grows."""
+    """Damping ratio ``-Re ln λ / |ln λ|``: 1 for a decaying real pole, negative for a growing pole."""
     frequency_stable: Bool[np.ndarray, " k"]
-    """Whether the order below has a pole within 1 % in frequency."""
+    """Whether the next lower order has a pole within 1 % in frequency."""
     damping_stable: Bool[np.ndarray, " k"]
-    """Whether one of those is within 5 % in damping too."""
+    """Whether such a pole is also within 5 % in damping."""
 
 
 def stabilisation(
@@ -44,14 +44,15 @@ def stabilisation(
     *,
     frequency_tolerance: float = FREQUENCY_TOLERANCE,
     damping_tolerance: float = DAMPING_TOLERANCE,
-) -> Stabilisation:
+) -> StabilisationDiagram:
     """Return the stabilisation diagram of the models ``A = state_matrix(order)``.
 
     Args:
-        orders: Rising; each is held against the one before it.
-        dt_s: Sampling period of the models.
-        frequency_tolerance: Largest change of a stable frequency, as a share of it.
-        damping_tolerance: Largest change of a stable damping, as a share of it.
+        state_matrix: Function from an order to the state matrix.
+        orders: Orders in ascending order; each is compared with the previous.
+        dt_s: Sampling period of the models [s].
+        frequency_tolerance: Largest relative change of a stable frequency.
+        damping_tolerance: Largest relative change of a stable damping.
     """
     columns: list[Float[np.ndarray, "5 k"]] = [np.empty((5, 0))]
     below = np.empty((2, 0))
@@ -62,7 +63,7 @@ def stabilisation(
         columns.append(np.vstack([np.full(here.shape[1], order), here, close.any(axis=1), damped.any(axis=1)]))
         below = here
     order_, frequency_hz, damping, frequency_stable, damping_stable = np.hstack(columns)
-    return Stabilisation(
+    return StabilisationDiagram(
         order=order_.astype(int),
         frequency_hz=frequency_hz,
         damping=damping,
@@ -72,24 +73,24 @@ def stabilisation(
 
 
 def modes(poles: Complex[np.ndarray, " n"], dt_s: float) -> Float[np.ndarray, "2 k"]:
-    """Return natural frequencies [Hz] and dampings of discrete poles, a complex pair once; poles at zero have neither."""
+    """Return natural frequencies [Hz] and damping ratios of discrete poles, each complex pair once, without poles at zero."""
     upper = poles[(poles.imag >= -ROUNDING * np.abs(poles)) & (poles != 0.0)]
     rates = np.log(upper)
     size = np.abs(rates)
-    # A perfect integrator, λ = 1, has frequency zero and no damping of its own.
+    # A perfect integrator, λ = 1, has frequency zero and no defined damping.
     damping = np.divide(-rates.real, size, out=np.zeros(size.shape), where=size > 0.0)
     return np.vstack([size / (2.0 * np.pi * dt_s), damping])
 
 
 def _change(here: Float[np.ndarray, " k"], below: Float[np.ndarray, " j"]) -> Float[np.ndarray, "k j"]:
-    """Return how far each value lies from each of the order below, as a share of the latter."""
+    """Return the relative distance of each value from each value of the next lower order."""
     return np.abs(here[:, None] - below) / np.maximum(np.abs(below), 1e-300)
 
 
-def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) -> Stabilisation:
-    """Return the stabilisation diagram of ERA's models of orders 1 … ``most``, all from one decomposed Hankel matrix.
+def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) -> StabilisationDiagram:
+    """Return the stabilisation diagram of ERA's models of orders 1 … ``most`` from one decomposed Hankel matrix.
 
-    The realisation is balanced: the state matrix of a lower order is the leading block of a higher one's.
+    In a balanced realisation the state matrix of a lower order is the leading block of a higher order's.
     """
     rank = min(most, int(np.sum(svd.s > ROUNDING * svd.s[0])))
     A = svd.system_matrix(rank)

@@ -1,4 +1,4 @@
-"""The steps of identification, usable alone: ``okid``, then ``era``; or ``pbsid``.
+"""Identification in single steps: ``okid`` followed by ``era``; or ``pbsid``.
 
 >>> observer = okid(record, lags=20)
 >>> A, B, C, D = era(system_markov(observer, 41), order=2)
@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 from treadline.errors import PoorExcitation
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_records, check_whole
+from treadline.identification.checks import channel_names, check_integers, check_records
 from treadline.identification.gram import Gram, gram_of
 from treadline.identification.okid import ObserverMarkov, observer_markov
 from treadline.identification.pbsid import pbsid as realised_by_pbsid
 from treadline.identification.pbsid import state_map
 from treadline.identification.threads import one_thread
-from treadline.identification.windows import carried_lags
+from treadline.identification.windows import max_supported_lags
 from treadline.models import InputOutputRecord, LinearModel
 
 
@@ -22,13 +22,13 @@ from treadline.models import InputOutputRecord, LinearModel
 def okid(
     records: InputOutputRecord | Sequence[InputOutputRecord], *, lags: int, feedthrough: bool = True, solver: str = "gram"
 ) -> ObserverMarkov:
-    """Return the observer's Markov parameters that fit one or more experiments best.
+    """Return the observer's Markov parameters for one or more experiments by least squares.
 
     Paper: Eq. (9a), (9b).
 
     Raises:
-        RecordError: If the data cannot carry as many lags.
-        SettingsError: If lags is no whole number, at least 1.
+        RecordError: If the data do not support as many lags.
+        SettingsError: If lags is not an integer, at least 1.
     """
     return observer_markov(_sums(records, lags, None, solver), feedthrough=feedthrough)
 
@@ -45,8 +45,8 @@ def pbsid(
     """Return the model of an order by PBSID_opt (Chiuso, 2007).
 
     Raises:
-        RecordError: If the data cannot carry as many lags, or do not show as many states.
-        SettingsError: If order or lags is no whole number, at least 1.
+        RecordError: If the data do not support as many lags or states.
+        SettingsError: If order or lags is not an integer, at least 1.
     """
     data = _sums(records, lags, order, solver)
     states = state_map(data, lags, feedthrough=feedthrough)
@@ -58,7 +58,7 @@ def pbsid(
 
 
 def _sums(records: InputOutputRecord | Sequence[InputOutputRecord], lags: int, order: int | None, solver: str) -> Gram:
-    check_whole(order=order, lags=lags)
+    check_integers(order=order, lags=lags)
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
     units = check_records(given)
-    return gram_of(given, carried_lags(given, lags, order), units, solver=solver)
+    return gram_of(given, max_supported_lags(given, lags, order), units, solver=solver)

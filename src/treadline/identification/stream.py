@@ -1,4 +1,4 @@
-"""Identification of more data than the memory holds: the sums of all of it, and its last samples to judge by."""
+"""Identification of data larger than memory: a Gram matrix of all samples, and the last samples for validation."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -8,22 +8,22 @@ import numpy as np
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_alike, check_gaps, check_records, check_whole, gaps_in
-from treadline.identification.from_sums import from_sums, made_by
+from treadline.identification.checks import channel_names, check_alike, check_gaps, check_integers, check_records, gaps_in
+from treadline.identification.from_gram import from_gram, provenance_of
 from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
 from treadline.identification.identify import SOLVERS
 from treadline.identification.threads import one_thread
 from treadline.identification.validate import joined_in_time, most_recent
-from treadline.identification.windows import LAGS_MOST, carried_lags
+from treadline.identification.windows import LAGS_MOST, max_supported_lags
 from treadline.models import InputOutputRecord
 
 METHODS = ("pbsid", "okid-era", "era-dc")
-"""What the sums alone give; refinements need all samples."""
+"""Methods that need only the Gram matrix; refinements need all samples."""
 KEPT = 20_000
-"""Last samples, by which the model is judged."""
+"""Number of most recent samples kept for validation."""
 HALF_LEAST = 0.1
-"""Share of the windows below which a part of the data does not count as a half."""
+"""Smallest share of the windows for a part of the data to count as a half."""
 
 
 @one_thread()
@@ -35,42 +35,48 @@ def identify_chunks(
     feedthrough: bool | None = None,
     solver: str = "gram",
 ) -> Identified:
-    """Return the linear model of long experiments that come in chunks, in bounded memory.
+    """Return the linear model of long experiments read in chunks, in bounded memory.
 
     Args:
-        experiments: Of each its consecutive chunks; the first of all in which every channel moves decide the units of the sums, and
-            how many lags are tried.
-        order: Number of states; the largest gap of the singular values decides when left out, with ``pbsid`` Schwarz's
-            criterion where that leaves doubt.
-        lags: Observer lags; when left out Schwarz's criterion decides, with ``okid-era`` and ``era-dc`` Akaike's.
+        experiments: Consecutive chunks of each experiment. The first chunks in which every channel moves determine the
+            units and the largest number of lags.
+        order: Number of states. When left out, the largest gap of the singular values decides, with ``pbsid`` the BIC if the
+            gap is unclear.
+        lags: Observer lags. When left out, the BIC decides, with ``okid-era`` and ``era-dc`` the AICc.
         method: ``pbsid``, ``okid-era`` or ``era-dc``.
-        feedthrough: Whether an input may act within its own sample.
+        feedthrough: Whether an input acts within the same sample.
         solver: ``gram`` or ``qr``.
 
     Raises:
-        RecordError: If a chunk cannot be used, or the data cannot carry what is asked.
+        RecordError: If a chunk is unusable, or the data do not support the request.
         SettingsError: If an option is unknown or out of range.
     """
     started = time.perf_counter()
     for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
         if value not in allowed:
             raise SettingsError(f"{name} is '{value}'; for chunks allowed: {', '.join(allowed)}")
-    check_whole(order=order, lags=lags)
+    check_integers(order=order, lags=lags)
     rest = _chunks(experiments)
     start = _start(rest, lags, order)
-    data, half, last = _summed(start, rest, solver)
+    data, half, last = _gram_of_chunks(start, rest, solver)
     kept = sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
     if start.left_out:
-        warnings.append(
-            f"the first {start.left_out} samples, in which a channel stands still or too much is missing, were left out"
-        )
-    found = from_sums(
-        data, half, last, order=order, lags=lags, method=method, feedthrough=feedthrough, warnings=warnings, again=False
+        warnings.append(f"the first {start.left_out} samples, with a constant channel or too many gaps, were left out")
+    found = from_gram(
+        data,
+        half,
+        last,
+        order=order,
+        lags=lags,
+        method=method,
+        feedthrough=feedthrough,
+        warnings=warnings,
+        records_are_complete=False,
     )
     names = channel_names(start.chunks[0].record)
     return Identified(
-        model=to_model(found.system, found.units, data.dt_s, names, made_by(method, found.recipe)),
+        model=to_model(found.system, found.units, data.dt_s, names, provenance_of(method, found.candidate)),
         found=found,
         method=method,
         fitted=last,
@@ -85,54 +91,54 @@ def identify_chunks(
 class _Chunk:
     record: InputOutputRecord
     begins: bool
-    """Whether it is the first of its experiment."""
+    """Whether the chunk is the first of its experiment."""
     goes_on: bool = False
-    """Whether the sample before it is of the same experiment and whole: what looks back across a gap tells nothing."""
+    """Whether the previous sample is complete and of the same experiment, so that windows may extend into it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Start:
-    """The first samples, as many as tell the units and carry all lags that are tried."""
+    """Initial chunks, enough to determine the units and to support all lags tried."""
 
     chunks: list[_Chunk]
     units: Units
     lags: int
     left_out: int
-    """Samples before them."""
+    """Samples left out before the first chunk."""
 
 
 def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chunk]:
-    """Yield all chunks if they are alike; at the end of an experiment that is mostly holes, refuse it."""
+    """Yield all chunks after a check that they are alike; reject an experiment with too many gaps at its end."""
     first: InputOutputRecord | None = None
     for experiment in experiments:
         samples = gaps = 0
-        is_whole = False
+        is_complete = False
         for number, record in enumerate(experiment):
             first = first or record
             check_alike([first, record], parts=True)
             samples, gaps = samples + len(record), gaps + gaps_in(record)
-            yield _Chunk(record=record, begins=number == 0, goes_on=is_whole)
-            is_whole = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
+            yield _Chunk(record=record, begins=number == 0, goes_on=is_complete)
+            is_complete = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
         check_gaps(gaps, samples)
 
 
 def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _Start:
-    """Return the first chunks, as many as it takes until every channel moves and as many lags are carried as are tried.
+    """Return the initial chunks, until every channel moves and the largest number of lags is supported.
 
-    A robot waits to be sent: what it does meanwhile is kept as far as the memory goes.
+    A robot may stand still at first; such samples are kept as far as the memory limit allows.
     """
     waiting: list[_Chunk] = []
-    refused = PoorExcitation("there is no chunk of data; give a longer record")
+    rejection = PoorExcitation("there is no chunk of data; give a longer record")
     found: _Start | None = None
     left_out = 0
     for chunk in chunks:
         waiting = [*waiting, chunk]
         records = _joined(waiting)
         try:
-            carried, units = carried_lags(records, lags, order), check_records(records, parts=True)
+            carried, units = max_supported_lags(records, lags, order), check_records(records, parts=True)
             found = _Start(chunks=waiting, units=units, lags=carried, left_out=left_out)
         except PoorExcitation as error:
-            refused = error
+            rejection = error
         samples = sum(len(item.record) for item in waiting)
         if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= KEPT):
             break
@@ -140,12 +146,12 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _St
             left_out, samples = left_out + len(waiting[0].record), samples - len(waiting[0].record)
             waiting = waiting[1:]
     if found is None:
-        raise refused
-    return replace(found, chunks=waiting)  # gaps may have let the last of them carry less: they are data all the same
+        raise rejection
+    return replace(found, chunks=waiting)  # later chunks with gaps may support fewer lags but still contribute data
 
 
 def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:
-    """Return chunks as parts of experiments."""
+    """Return the chunks joined into unbroken parts of experiments."""
     parts: list[list[_Chunk]] = []
     for chunk in chunks:
         if chunk.goes_on and parts:
@@ -156,14 +162,14 @@ def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:
 
 
 def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRecord]:
-    """Return the parts of experiments with one more chunk."""
+    """Return the parts of experiments extended by one chunk."""
     if chunk.goes_on and records:
         return [*records[:-1], joined_in_time([records[-1], chunk.record])]
     return [*records, chunk.record]
 
 
-def _summed(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, Gram | None, list[InputOutputRecord]]:
-    """Return the sums of all chunks, those of about the first half, and the last samples."""
+def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, Gram | None, list[InputOutputRecord]]:
+    """Return the Gram matrix of all chunks, of about the first half, and the last samples."""
     first, last = start.chunks[0].record, most_recent(_joined(start.chunks), KEPT)
     builder = GramBuilder(start.lags, start.units, first.dt_s, solver=solver)
     marks: list[Gram] = []
@@ -177,7 +183,7 @@ def _summed(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, G
 
 
 def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
-    """Add a chunk, and note the sums where they have doubled: some mark is near the half of whatever comes."""
+    """Add a chunk and store the Gram matrix at each doubling, so that a mark near the half exists for any length."""
     if chunk.begins:
         builder.begin()
     middle = len(chunk.record) // 2
@@ -189,7 +195,7 @@ def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
 
 
 def _half(whole: Gram, marks: list[Gram]) -> Gram | None:
-    """Return the sums at the mark that is nearest to the middle; None where before or after it is next to nothing."""
+    """Return the Gram matrix at the mark nearest to the middle; None if either part is too small."""
     first = min(marks, key=lambda mark: abs(mark.count - 0.5 * whole.count), default=None)
     if first is None or min(first.count, whole.count - first.count) < HALF_LEAST * whole.count:
         return None

@@ -1,7 +1,7 @@
-"""One thread of BLAS for the time of an identification.
+"""Single-threaded BLAS during an identification.
 
-Its matrices are small: a second thread costs more than it brings, ten to a hundred times where cores are shared, and sums
-in another order differ in their last digits.
+The matrices are small: a second thread costs more than it gains, ten to a hundred times where cores are shared, and a
+different order of summation changes the last digits.
 """
 
 from collections.abc import Iterator
@@ -18,6 +18,6 @@ def _libraries() -> ThreadpoolController:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Limit BLAS to one thread."""
+    """Context manager that limits BLAS to one thread."""
     with _libraries().limit(limits=1):
         yield

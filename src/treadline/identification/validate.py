@@ -1,6 +1,6 @@
-"""How good a model is: on data it has not seen, one step ahead, some steps ahead, and running free.
+"""Validation of a model on unseen data: one-step prediction, multi-step forecast and free run.
 
-Behind a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
+After a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ CROSS_LAGS = 10
 
 
 def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
-    """Return Y_0 = D, Y_k = C A^(k-1) B: the outputs after a unit impulse on each input.
+    """Return the impulse response Y_0 = D, Y_k = C A^(k-1) B.
 
     Paper: Eq. (7), Fig. 8.
     """
@@ -33,47 +33,47 @@ def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps
 
 
 def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
-    """Return the outputs of a free run from a state."""
+    """Return the outputs of a free run from the initial state x0."""
     v = writeable(u - model.input_offset)
     y = free_run(*(writeable(item) for item in (model.A, model.B, model.C, model.D, x0)), v)
     return np.asarray(y + model.output_offset)
 
 
 def writeable(array: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Return an array as compiled code knows it: contiguous, and not read-only."""
+    """Return a contiguous, writeable array, the layout of the compiled kernels."""
     return np.require(array, np.float64, ["C", "W"])
 
 
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
-    """Return the state at the record's start that explains its outputs best in a free run; no input may be missing."""
+    """Return the least-squares initial state of a free run; the inputs must be complete."""
     n = model.order
     response = observability(writeable(model.A), writeable(model.C), len(record))
-    misfit = record.y - simulate(model, record.u, np.zeros(n))
-    whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    # Each output counts by its own spread: units must not decide.
-    weight = 1.0 / np.maximum(np.std(record.y[whole], axis=0), 1e-300) if whole.any() else np.ones(misfit.shape[1])
-    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (misfit[whole] * weight).ravel()
+    residual = record.y - simulate(model, record.u, np.zeros(n))
+    whole = np.isfinite(residual).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
+    # Outputs are weighted by their standard deviation, so the result does not depend on their units.
+    weight = 1.0 / np.maximum(np.std(record.y[whole], axis=0), 1e-300) if whole.any() else np.ones(residual.shape[1])
+    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (residual[whole] * weight).ravel()
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
 def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
-    """Return 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) of a free run per output, initial state estimated.
+    """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, initial state estimated.
 
-    Of a record with missing inputs it is that of the runs between them together.
-    For an integrator it means little: its free run drifts with the smallest disturbance.
+    For a record with missing inputs the runs between the gaps are combined. The fit of an integrator is not informative: its
+    free run drifts with the smallest disturbance.
     """
     runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
     y = np.vstack([run.y for run in runs])
     predicted = np.vstack([simulate(model, run.u, initial_state(model, run)) for run in runs])
     error = np.sqrt(np.nansum((y - predicted) ** 2, axis=0))
-    spread = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
-    return np.asarray(100.0 * (1.0 - error / np.maximum(spread, 1e-300)))
+    deviation = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
+    return np.asarray(100.0 * (1.0 - error / np.maximum(deviation, 1e-300)))
 
 
 def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
-    """Return the state of the model's observer before each sample; a missing output is bridged by the model.
+    """Return the observer's state before each sample; missing outputs are bridged by prediction.
 
-    NaN where an input is missing, and between two that follow each other too closely.
+    NaN at a missing input, and between two missing inputs in close succession.
     """
     states = np.full((len(record), model.order), np.nan)
     for span in record.stretches(TEST_VALUES * model.order):
@@ -85,7 +85,7 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
     x0 = initial_state(model, head(record, 50))
     v = record.u - model.input_offset
-    # x⁺ = (A - KC) x + (B - KD) v + K y: a sample with a NaN corrects nothing.
+    # x⁺ = (A - KC) x + (B - KD) v + K y; a sample with a NaN applies no correction.
     whole = np.isfinite(record.y).all(axis=1)
     correction = np.where(whole[:, None], record.y - model.output_offset - v @ model.D.T, 0.0) @ gain.T
     closed = model.A - gain @ model.C
@@ -93,19 +93,19 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
 
 
 def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return what the observer could not predict one step ahead."""
+    """Return the innovations: errors of the observer's one-step prediction."""
     states = predictor_states(model, record)
     v = record.u - model.input_offset
     return np.asarray(record.y - (states @ model.C.T + v @ model.D.T + model.output_offset))
 
 
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
-    """Return the variance accounted for, per output."""
+    """Return the variance accounted for [%] per output."""
     return np.asarray(100.0 * (1.0 - np.nanvar(residuals, axis=0) / np.maximum(np.nanvar(y, axis=0), 1e-300)))
 
 
 def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
-    """Return the RMS error of forecasts ``steps`` ahead, from every sample, with the inputs as they came.
+    """Return the RMS error of forecasts ``steps`` ahead from every sample, with measured inputs.
 
     Raises:
         PoorExcitation: If the record is shorter than the forecast.
@@ -135,11 +135,11 @@ def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS)
 
 
 def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = CROSS_LAGS) -> float:
-    """Return the p-value of the residuals having nothing to do with inputs up to some samples ago.
+    """Return the p-value of the residuals being independent of past inputs.
 
-    The covariance of residuals and past inputs, weighed by both covariances, is χ² where they are independent and one of
-    them is white (Ljung, System Identification, 1999, section 16.6, for all pairs at once). What they share says the model
-    misses dynamics. On the data that were fitted p runs high: the fit has made the residuals look independent.
+    The cross-covariance, weighted by both covariances, is χ² distributed for independent signals of which one is white (Ljung,
+    System Identification, 1999, section 16.6, for all pairs at once). A small p-value indicates missing dynamics. On the
+    fitted data the p-value is too large, because the fit decorrelates the residuals.
     """
     whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
     past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
@@ -167,20 +167,20 @@ def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
 
 
 def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:
-    """Return one record of several of which each begins where the one before ends."""
+    """Return one record of several consecutive records."""
     return replace(records[0], u=np.vstack([record.u for record in records]), y=np.vstack([record.y for record in records]))
 
 
 def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[InputOutputRecord]:
-    """Return the last records, cut to so many samples in all of which nothing is missing."""
+    """Return the last records with a total of ``samples`` complete samples."""
     kept: list[InputOutputRecord] = []
-    left = samples
+    remaining = samples
     for record in reversed(records):
         whole = np.flatnonzero(record.whole)
-        whole = whole[max(0, whole.size - left) :]
+        whole = whole[max(0, whole.size - remaining) :]
         if whole.size:
             kept.insert(0, part(record, int(whole[0]), int(whole[-1]) + 1))
-            left -= whole.size
+            remaining -= whole.size
     return kept
 
 

@@ -1,4 +1,4 @@
-"""How many lags the data can carry."""
+"""Number of lags that the data support."""
 
 from collections.abc import Sequence
 
@@ -8,20 +8,20 @@ from treadline.errors import TooFewSamples
 from treadline.models import InputOutputRecord
 
 LAGS_MOST = 40
-"""Largest number of lags tried when none is given."""
+"""Largest number of lags tried by default."""
 WINDOWS_LEAVE = 0.4
-"""Share of the samples that must be left where windows look back on gaps, or beyond the start of a short record."""
+"""Smallest share of the samples that must remain as windows without gaps."""
 ROWS_PER_PARAMETER = 8
-"""Windows wanted per coefficient of one output."""
+"""Windows per coefficient of one output for automatically chosen lags."""
 ROWS_LEAST = 2
-"""Windows per coefficient that must be exceeded where the number of lags is given."""
+"""Windows per coefficient that must be exceeded for a given number of lags."""
 
 
-def carried_lags(records: Sequence[InputOutputRecord], lags: int | None, order: int | None) -> int:
-    """Return the number of lags wanted, or the most that the data carry.
+def max_supported_lags(records: Sequence[InputOutputRecord], lags: int | None, order: int | None) -> int:
+    """Return the given number of lags, or the largest number that the data support.
 
     Raises:
-        TooFewSamples: If the data are too short for them, or for the order.
+        TooFewSamples: If the data are too short for the lags or the order.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     most = lags if lags is not None else _affordable_lags(records)
@@ -38,19 +38,19 @@ def carried_lags(records: Sequence[InputOutputRecord], lags: int | None, order: 
 
 
 def fewest_samples(inputs: int, outputs: int, *, lags: int | None = None, order: int | None = None, records: int = 1) -> int:
-    """Return how many samples without a gap carry what is asked; the first ``lags`` of each record are targets of no window."""
+    """Return the number of samples without gaps needed; the first ``lags`` samples of each record are not targets."""
     needed = max(lags or 0, -(-(order or 1) // outputs), 1)
     unknowns = _unknowns(inputs, outputs, needed)
     return (ROWS_PER_PARAMETER * unknowns if lags is None else ROWS_LEAST * unknowns + 1) + needed * records
 
 
 def _unknowns(m: int, p: int, lags: int) -> int:
-    """Return the coefficients of one output: a constant, the inputs now, and inputs and outputs of each lag."""
+    """Return the number of coefficients of one output: a constant, the current inputs, and inputs and outputs of each lag."""
     return 1 + m + lags * (m + p)
 
 
 def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]:
-    """Return the number of windows, the first samples of each record being targets of none, and how many a gap costs."""
+    """Return the number of complete windows and the number lost to gaps."""
     whole = lost = 0
     for record in records:
         count = max(len(record) - lags, 0)
@@ -64,7 +64,7 @@ def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]
 
 
 def _affordable_lags(records: Sequence[InputOutputRecord]) -> int:
-    """Return the largest number of lags for which there are enough windows per coefficient; 0 if there is none."""
+    """Return the largest number of lags with enough windows per coefficient; 0 if there is none."""
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     total = sum(len(record) for record in records)
     for lags in range(LAGS_MOST, 0, -1):

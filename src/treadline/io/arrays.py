@@ -1,6 +1,7 @@
-"""Named arrays side by side: what NPZ and MAT files hold, and how a column of one is addressed.
+"""Columns from named arrays, as stored in NPZ and MAT files.
 
-A vector is a column by its name, a matrix by ``name[0]``, ``name[1]`` (rows are samples), a field of a struct by ``struct.field``.
+A vector is a column by its name, a column of a matrix is ``name[0]``, ``name[1]`` (rows are samples), a struct field is
+``struct.field``.
 """
 
 import re
@@ -14,20 +15,20 @@ from treadline.errors import LogFormatError, ShapeMismatch
 from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, seconds_of
 
 MAX_ARRAY_BYTES = 1024**3
-"""Unpacked, all wanted arrays of a file together."""
+"""Largest decompressed size of all requested arrays of a file together [bytes]."""
 
 _PLACE = re.compile(r"\[(\d{1,6})\]$")
 
 
 def name_of(column: str) -> str:
-    """Return the array that a column is taken from."""
+    """Return the array name of a column."""
     return _PLACE.sub("", column)
 
 
 def table_of(
     file: Path, wanted: tuple[str, ...], there: Collection[str], array: Callable[[str], Shaped[np.ndarray, "..."]]
 ) -> Table:
-    """Return the wanted columns as one table; ``array`` reads one by its name."""
+    """Return the requested columns as one table; ``array`` reads one array by name."""
     clock = clock_of(list(there), wanted)
     every = {name: array(name) for name in dict.fromkeys([*map(name_of, wanted), *([clock] if clock else [])])}
     columns = {name: _column(file, name, every[name_of(name)]) for name in wanted}
@@ -51,13 +52,13 @@ def table_of(
 
 
 def check_kind(file: Path, name: str, kind: np.dtype) -> None:
-    """Refuse arrays of anything but real numbers."""
+    """Reject arrays of other types than real numbers."""
     if kind.kind not in "biuf":
         raise LogFormatError(f"{file}: '{name}' holds {kind}, not real numbers; save it as a plain array of numbers")
 
 
 def check_bytes(file: Path, size: int) -> None:
-    """Refuse what would not fit."""
+    """Reject data larger than the memory limit."""
     if size > MAX_ARRAY_BYTES:
         raise LogFormatError(f"{file}: unpacks to {size} bytes; at most {MAX_ARRAY_BYTES} are read: save it as Parquet or CSV")
 
@@ -66,7 +67,7 @@ def _column(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> Shape
     name, found = name_of(column), _PLACE.search(column)
     place = int(found[1]) if found else None
     if values.ndim <= 2 and values.size == max(values.shape, default=0) and place in {None, 0}:
-        return values.reshape(-1)  # a row or a column of MATLAB's is a vector too
+        return values.reshape(-1)  # MATLAB stores a vector as a matrix with one row or one column
     if values.ndim != 2:
         raise ShapeMismatch(f"{file}: '{name}' has {values.ndim} dimensions; a vector or a matrix is needed")
     rows, count = values.shape

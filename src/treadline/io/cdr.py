@@ -1,6 +1,6 @@
 """CDR, the wire format of ROS 2 messages: little-endian values, aligned to their size.
 
-Only what a log writes; readers of ROS 2 (and the tests' independent decoder) read it back.
+Only the types used in the logs; readers of ROS 2 (and the tests' independent decoder) read the output.
 """
 
 import struct
@@ -8,11 +8,11 @@ import struct
 from treadline.signals import TICK_S
 
 HEADER = b"\x00\x01\x00\x00"
-"""Encapsulation: CDR, little-endian."""
+"""Encapsulation header: CDR, little-endian."""
 
 
 class CdrWriter:
-    """Appends values one after the other; alignment counts from behind the encapsulation."""
+    """Writer of one CDR message; alignment counts from the end of the encapsulation header."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -23,7 +23,7 @@ class CdrWriter:
             self._data += bytes(gap)
 
     def uint8(self, value: int) -> None:
-        """Append a byte, or a bool."""
+        """Append a byte or bool."""
         self._data.append(value)
 
     def int32(self, value: int) -> None:
@@ -37,12 +37,12 @@ class CdrWriter:
         self._data += struct.pack("<I", value)
 
     def doubles(self, *values: float) -> None:
-        """Append 64-bit floats: an array of fixed length, or fields in a row."""
+        """Append 64-bit floats: an array of fixed length, or consecutive fields."""
         self._align(8)
         self._data += struct.pack(f"<{len(values)}d", *values)
 
     def string(self, text: str) -> None:
-        """Append a string with its length and closing zero."""
+        """Append a string with its length and terminating zero."""
         data = text.encode() + b"\x00"
         self.uint32(len(data))
         self._data += data
@@ -53,7 +53,7 @@ class CdrWriter:
         self._data += data
 
     def written(self, data: bytes) -> None:
-        """Append bytes that another writer has made at the same place."""
+        """Append bytes from another writer, made at the same alignment."""
         self._data += data
 
     def stamp(self, t_s: float, frame_id: str) -> None:
@@ -62,17 +62,17 @@ class CdrWriter:
         self.string(frame_id)
 
     def time(self, t_s: float) -> None:
-        """Append what stands in a std_msgs/Header before the frame's name."""
+        """Append the part of a std_msgs/Header before the frame name."""
         self._align(4)
         self._data += struct.pack("<iI", *divmod(nanoseconds_of(t_s), 1_000_000_000))
 
     def message(self) -> bytes:
-        """Return the whole message."""
+        """Return the complete message."""
         return HEADER + bytes(self._data)
 
 
 class Ros1Writer(CdrWriter):
-    """The same of a ROS 1 message: nothing is aligned, strings end without a zero, headers begin with a count."""
+    """Writer of one ROS 1 message: no alignment, strings without terminating zero, headers with a sequence number."""
 
     def _align(self, size: int) -> None:
         pass
@@ -82,24 +82,25 @@ class Ros1Writer(CdrWriter):
         self.raw(text.encode())
 
     def time(self, t_s: float) -> None:
-        """Append what stands in a std_msgs/Header before the frame's name."""
+        """Append the part of a std_msgs/Header before the frame name."""
         self.uint32(0)
         super().time(t_s)
 
     def message(self) -> bytes:
-        """Return the whole message."""
+        """Return the complete message."""
         return bytes(self._data)
 
 
 TICK_NS = round(TICK_S * 1e9)
+"""Duration of a tick [ns]."""
 
 
 def seconds_of(time_ns: int) -> float:
-    """Return a time in seconds: of a whole tick the very number that a mission counts, so that a replay repeats every bit."""
+    """Return a time in seconds; a multiple of the tick gives exactly the mission's float, so that a replay is bit-identical."""
     ticks, rest = divmod(time_ns, TICK_NS)
     return time_ns / 1e9 if rest else ticks * TICK_S
 
 
 def nanoseconds_of(t_s: float) -> int:
-    """Return a time on the mission clock in nanoseconds."""
+    """Return a mission time in nanoseconds."""
     return round(t_s * 1e9)

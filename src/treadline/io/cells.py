@@ -1,8 +1,8 @@
-"""Cells of a CSV file as numbers: a block at a time, and one by one where the block is not plain.
+"""Conversion of the cells of a CSV file to numbers, block by block.
 
-A block is parsed as a whole by numpy, or by pyarrow where it is installed and the file is long (three times as fast, the same
-bits). Only a block that they refuse, or in which a cell is quoted or a row has another length, is read cell by cell: that
-finds the line and the column of the fault, or the number that the fast parsers do not know.
+A block is parsed by numpy, or by pyarrow if installed and the file is long (three times faster, identical results). If the fast
+parser fails, a cell is quoted, or rows differ in length, the block is parsed cell by cell; this gives the line and column of an
+error, and reads number formats unknown to the fast parsers.
 """
 
 import csv
@@ -10,6 +10,7 @@ import io
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,33 +23,37 @@ from treadline.io.tables import NANOSECONDS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """What the header says: how cells are parted, which columns there are, which are wanted."""
+    """Layout of a CSV file from its header: delimiter, columns, requested columns, clock."""
 
     file: Path
     delimiter: str
     header: list[str]
     places: list[int]
-    """Columns that are wanted."""
+    """Indices of the requested columns."""
     clock: int | None
+    """Index of the clock column, or None."""
+    has_timestamps: bool = False
+    """Whether the clock column holds ISO 8601 text."""
 
     @property
     def clock_name(self) -> str | None:
-        """Return the name of the clock's column."""
+        """Name of the clock column, or None."""
         return None if self.clock is None else self.header[self.clock]
 
 
 Parser = Callable[[Sheet, bytes, list[int], type], Shaped[np.ndarray, "n k"]]
+"""Function from sheet, block, column indices and number type to an array of numbers."""
 Cells = tuple[Shaped[np.ndarray, "n k"], Shaped[np.ndarray, " n"] | None, Int[np.ndarray, " n"]]
-"""The wanted columns, the clock's ticks, and the line of each row."""
+"""Requested columns, clock values, and the line number of each row."""
 
 
 def cells_of(sheet: Sheet, block: bytes, line: int, parse: Parser) -> Cells:
-    """Return what is wanted of a block that begins at a line."""
+    """Return the requested cells of a block whose first line has the number ``line``."""
     rows = _rows_of_one_length(sheet, block)
-    if rows and sheet.places:
+    if rows and sheet.places and not sheet.has_timestamps:
         try:
             values, ticks = _taken(sheet, lambda places, kind: parse(sheet, block, places, kind))
-        except ValueError:  # pyarrow's are children of it
+        except ValueError:  # base class of pyarrow's errors
             pass
         else:
             if len(values) == rows:
@@ -65,9 +70,11 @@ def cells_of(sheet: Sheet, block: bytes, line: int, parse: Parser) -> Cells:
 def _taken(
     sheet: Sheet, numbers: Callable[[list[int], type], Shaped[np.ndarray, "n k"]]
 ) -> tuple[Shaped[np.ndarray, "n k"], Shaped[np.ndarray, " n"] | None]:
-    """Return the wanted columns and the clock; nanoseconds as whole numbers, for a float rounds them."""
+    """Return the requested columns and the clock; nanoseconds as integers, because a float rounds them."""
     if sheet.clock is None:
         return numbers(sheet.places, float), None
+    if sheet.has_timestamps:
+        return numbers(sheet.places, float), numbers([sheet.clock], datetime)[:, 0]
     if sheet.clock_name in NANOSECONDS:
         return numbers(sheet.places, float), numbers([sheet.clock], int)[:, 0]
     both = numbers([*sheet.places, sheet.clock], float)
@@ -75,7 +82,7 @@ def _taken(
 
 
 def _rows_of_one_length(sheet: Sheet, block: bytes) -> int:
-    """Return the number of rows, or 0 where they differ in length or a cell is quoted."""
+    """Return the number of rows, or 0 if rows differ in length or a cell is quoted."""
     marks = np.frombuffer(block, np.uint8)
     ends = np.flatnonzero(marks == ord("\n"))
     if not block.endswith(b"\n"):
@@ -89,13 +96,13 @@ def _rows_of_one_length(sheet: Sheet, block: bytes) -> int:
 
 
 def by_numpy(sheet: Sheet, block: bytes, places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
-    """Return the columns of a plain block; a cell that is no number is a ValueError."""
+    """Return columns of an unquoted block, parsed by numpy; an invalid cell raises ValueError."""
     text = io.StringIO(block.decode("ascii", "replace"))
     return np.loadtxt(text, dtype=kind, delimiter=sheet.delimiter, comments=None, usecols=places, ndmin=2)
 
 
 def fastest() -> Parser:
-    """Return pyarrow's parser where it is installed, else numpy's."""
+    """Return pyarrow's parser if installed, else numpy's."""
     try:
         from pyarrow import csv as arrow
     except ImportError:
@@ -117,20 +124,29 @@ def fastest() -> Parser:
 
 
 def _one_by_one(sheet: Sheet, numbered: list[tuple[int, list[str]]], places: list[int], kind: type) -> Shaped[np.ndarray, "n k"]:
-    values: Shaped[np.ndarray, "n k"] = np.empty((len(numbered), len(places)), dtype=kind)
+    values: Shaped[np.ndarray, "n k"] = np.empty((len(numbered), len(places)), dtype=float if kind is float else int)
+    convert = nanoseconds_of if kind is datetime else kind
     for i, (line, row) in enumerate(numbered):
         for j, place in enumerate(places):
             text = row[place].strip()
             try:
-                values[i, j] = kind(text) if text or kind is int else math.nan
+                values[i, j] = convert(text) if text or kind is not float else math.nan
             except (ValueError, OverflowError):
-                what = "a whole number" if kind is int else "a number (decimals have a point)" if "," in text else "a number"
+                number = "a number (decimals have a point)" if "," in text else "a number"
+                what = {int: "a whole number", datetime: "an ISO 8601 time"}.get(kind, number)
                 raise LogFormatError(f"{sheet.file}:{line}: column '{sheet.header[place]}' holds '{text}', not {what}") from None
     return values
 
 
+def nanoseconds_of(text: str) -> int:
+    """Return an ISO 8601 time as nanoseconds since 1970, to the microsecond; a time without an offset is taken as UTC."""
+    time = datetime.fromisoformat(text)
+    since = (time if time.tzinfo else time.replace(tzinfo=UTC)) - datetime.fromtimestamp(0, UTC)
+    return since // timedelta(microseconds=1) * 1000
+
+
 def decoded(file: Path, block: bytes, line: int) -> str:
-    """Return a block that begins at a line as text."""
+    """Return a block as text; ``line`` is the number of its first line."""
     try:
         return block.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -1,8 +1,8 @@
-"""The wanted columns of a log's messages, each topic with its own times.
+"""Selected fields of a log's messages as time series, each topic with its own time axis.
 
-A column is ``topic.field``, nested fields by dots, elements by brackets: ``/imu.angular_velocity.z``, ``/tracks.data[0]``; the
-slash in front may be left out. A topic's time is ``header.stamp`` where its messages have one that is ever set, else the time
-of logging; of messages with the same time the last one counts.
+A column is ``topic.field``, nested fields with dots, elements with brackets: ``/imu.angular_velocity.z``, ``/tracks.data[0]``; the
+leading slash is optional. The time of a topic is ``header.stamp`` if any of its messages has a non-zero stamp, else the log time.
+Of messages with equal times the last is used.
 """
 
 import re
@@ -17,11 +17,11 @@ from jaxtyping import Float64
 
 from treadline.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
-from treadline.io.ros_types import Topic, decoder_of
+from treadline.io.ros_types import RecordedTopic, decoder_of
 from treadline.io.tables import listed
 
 Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
-"""Times in nanoseconds since the log's first, and values."""
+"""Times since the first message of the log [ns], and values."""
 
 _FIELD = re.compile(r"\w+(\.\w+|\[\d{1,9}\])*", re.ASCII)
 _STEP = re.compile(r"(\w*[A-Za-z_]\w*)|\[(\d+)\]", re.ASCII)
@@ -29,7 +29,7 @@ _STEP = re.compile(r"(\w*[A-Za-z_]\w*)|\[(\d+)\]", re.ASCII)
 
 @dataclass(slots=True)
 class _Channel:
-    """What is taken from the messages of one topic."""
+    """Collected times, stamps and values of one topic."""
 
     columns: dict[str, list[str | int]] = field(default_factory=dict)
     times: "array[int]" = field(default_factory=lambda: array("q"))
@@ -38,12 +38,12 @@ class _Channel:
 
 
 class Channels:
-    """Collects the wanted columns, message by message."""
+    """Collector of the requested columns, message by message."""
 
     def __init__(self, path: Path, wanted: tuple[str, ...]) -> None:
         self._path = path
         self._seen: dict[str, None] = {}
-        self._decoders: dict[Topic, Callable[[bytes], Any]] = {}
+        self._decoders: dict[RecordedTopic, Callable[[bytes], Any]] = {}
         self._channels: dict[str, _Channel] = {}
         for name in wanted:
             topic, _, inside = name.partition(".")
@@ -53,12 +53,12 @@ class Channels:
             self._channels.setdefault(_slashed(topic), _Channel()).columns[name] = steps
 
     def wants(self, topic: str) -> bool:
-        """Answer whether the messages of a topic are asked for; every topic of the log is asked once."""
+        """Return whether any column of a topic is requested, and record the topic name for error messages."""
         self._seen[_slashed(topic)] = None
         return _slashed(topic) in self._channels
 
-    def take(self, topic: Topic, time_ns: int, data: bytes) -> None:
-        """Take the wanted fields off a message."""
+    def take(self, topic: RecordedTopic, time_ns: int, data: bytes) -> None:
+        """Extract the requested fields of a message."""
         decode = self._decoders.get(topic)
         if decode is None:
             decode = self._decoders[topic] = decoder_of(topic)
@@ -74,11 +74,11 @@ class Channels:
         """Return times and values of each column.
 
         Raises:
-            LogFormatError: If a topic is not in the log, or has not two messages.
-            RecordError: If a topic's time goes back.
+            LogFormatError: If a topic is missing in the log, or has fewer than two messages.
+            RecordError: If the time of a topic decreases.
         """
         if not self._channels:
-            raise LogFormatError(f"{self._path}: no column is asked for; name one as topic.field (topics: {listed(self._seen)})")
+            raise LogFormatError(f"{self._path}: no column is requested; name one as topic.field (topics: {listed(self._seen)})")
         clocks = {topic: self._clock(topic, channel) for topic, channel in self._channels.items()}
         origin = min(int(times[0]) for times, _ in clocks.values())
         series: dict[str, Series] = {}
@@ -87,12 +87,12 @@ class Channels:
             values = np.array(channel.values).reshape(-1, len(channel.columns))[rows]
             for name, column in zip(channel.columns, values.T, strict=True):
                 if np.isinf(column).any():
-                    raise NotFinite(f"{self._path}: column '{name}' holds Inf; mend the recording")
+                    raise NotFinite(f"{self._path}: column '{name}' holds Inf; repair the recording")
                 series[name] = (times - origin).astype(float), column
         return series
 
     def _clock(self, topic: str, channel: _Channel) -> tuple[np.ndarray, np.ndarray]:
-        """Return the times that count, increasing, and the places of their messages."""
+        """Return the increasing times in use, and the indices of their messages."""
         if topic not in self._seen:
             raise LogFormatError(
                 f"{self._path}: no topic '{topic}' for '{next(iter(channel.columns))}' (there are: {listed(self._seen)}); "
@@ -122,13 +122,13 @@ def _slashed(topic: str) -> str:
 
 
 def _stamp(message: Any) -> int:
-    """Return the time that a message's header carries, 0 if none."""
+    """Return the stamp in a message header [ns], 0 without header."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     return 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def _number(message: Any, name: str, steps: list[str | int]) -> float:
-    """Return the number that a column's steps lead to."""
+    """Return the number at a path of fields and indices."""
     value = message
     for step in steps:
         try:
@@ -139,12 +139,12 @@ def _number(message: Any, name: str, steps: list[str | int]) -> float:
             count = len(value) if hasattr(value, "__len__") else "no"
             raise LogFormatError(f"'{name}': a message has {count} elements there, not [{step}]") from None
     if not isinstance(value, int | float | np.number | np.bool_):
-        raise LogFormatError(f"'{name}' is no number but {type(value).__name__} (there are: {_fields(value)})")
+        raise LogFormatError(f"'{name}' is not a number but {type(value).__name__} (there are: {_fields(value)})")
     return float(value)
 
 
 def _fields(value: Any) -> str:
-    """Return what can follow behind a value."""
+    """Return the possible continuations of a path, for error messages."""
     if hasattr(value, "__len__"):
         return f"[0] to [{len(value) - 1}]" if len(value) and not isinstance(value, str) else "none"
     return listed(item for item in dir(value) if not item.startswith("_"))

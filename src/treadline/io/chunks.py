@@ -1,7 +1,7 @@
-"""Records longer than the memory: consecutive chunks of one experiment, each checked as a whole record would be.
+"""Records larger than the memory: consecutive chunks of one experiment, checked like a whole record.
 
-A chunk starts where the one before it ended; time must increase and keep the period across the border too. The share of rows
-with NaN is known at the end: too many of them are an error after the last chunk.
+Each chunk continues the previous one; time must increase with the same period across the border. The fraction of rows with NaN is
+known at the end only: too many of them raise an error after the last chunk.
 """
 
 from collections.abc import Iterable, Iterator
@@ -17,7 +17,7 @@ from treadline.io.tables import Log, Table, check_gaps, check_period, check_valu
 from treadline.models import InputOutputRecord
 
 ROWS = 262_144
-"""Rows of a chunk: 10 MB of five columns."""
+"""Default number of rows per chunk: 10 MB with five columns."""
 
 
 def read_chunks(
@@ -29,17 +29,17 @@ def read_chunks(
     period_s: float | None = None,
     allow_gaps: bool = False,
 ) -> "ChunkReader":
-    """Return an iterator over the chunks of a CSV or Parquet file; its ``fraction`` says how far it has come.
+    """Return an iterator over the chunks of a CSV or Parquet file; its ``fraction`` is the progress.
 
     Args:
-        rows: Rows of each chunk at most; where none are missing, of all but the last.
-        period_s: Sampling period; the median step of the first chunk when left out.
-        allow_gaps: Accept rows with NaN, and rows that are missing where all times lie on the grid of the period: those become
-            rows of NaN, in chunks of their own where they are many.
+        rows: Largest number of rows per chunk; without missing rows, all chunks but the last have this length.
+        period_s: Sampling period; by default the median step of the first chunk.
+        allow_gaps: Accept rows with NaN, and missing rows if all times lie on the grid of the period: missing rows become rows of
+            NaN, in separate chunks for long gaps.
 
     Raises:
-        RecordError: While it is iterated, with file, line and column.
-        PeriodMismatch: If time is irregular: a stream is not resampled.
+        RecordError: During iteration, with file, line and column.
+        PeriodMismatch: If the time axis is irregular: a stream is not resampled.
     """
     check_period(period_s)
     if rows < 2:
@@ -52,7 +52,7 @@ def read_chunks(
 
 
 class ChunkReader:
-    """Chunks of one experiment, in order; iterating again starts again."""
+    """Iterable over the chunks of one experiment, in order; a second iteration starts from the beginning."""
 
     def __init__(
         self, log: Log, inputs: tuple[str, ...], outputs: tuple[str, ...], rows: int, period_s: float | None, *, allow_gaps: bool
@@ -65,7 +65,7 @@ class ChunkReader:
 
     @property
     def fraction(self) -> float:
-        """Share of the file that has been read."""
+        """Fraction of the file read so far."""
         return self._log.fraction
 
     def __iter__(self) -> Iterator[InputOutputRecord]:
@@ -90,19 +90,19 @@ class ChunkReader:
             check_gaps(table.file, gaps, rows)
 
     def _places(self, table: Table, t_s: Times, period_s: float, before_s: float | None) -> Times | None:
-        """Return where the rows belong if some are missing between them, or None where each follows the one before."""
+        """Return the grid indices of the rows if rows are missing between them, else None."""
         error = uneven(table, t_s, period_s, before_s, remedy="read it whole: a stream is not resampled")
         if error is None:
             return None
         places = places_of(t_s, period_s, before_s) if self._allow_gaps else None
-        # One wild time stamp would have nothing made for days.
+        # A single wrong time stamp would otherwise produce rows of NaN for days.
         if places is None or places[-1] > MOST_ROWS:
             raise error
         return places
 
 
 def _of_length(tables: Iterable[Table], rows: int) -> Iterator[Table]:
-    """Yield the same rows in tables of one length; the last may be shorter."""
+    """Yield the same rows in tables of equal length; the last can be shorter."""
     waiting: list[Table] = []
     for table in tables:
         waiting.append(table)

@@ -1,9 +1,9 @@
-"""Signals out of the ROS 2 messages that ``messages`` writes: the way back, for replay and for scoring.
+"""Decoding of ROS messages into signals, for replay and scoring: the inverse of ``messages``.
 
-The standard ones (image, calibration, IMU) are read whoever wrote them, also as ROS 1 has them.
+Standard messages (image, calibration, IMU) of any publisher are read, also in ROS 1 serialisation.
 
-A pose and its ``…/detail`` say one thing twice; the detail is exact, so only it is read. A frame is whole when its
-calibration has come. The camera's mount is not in a ``CameraInfo``: it comes back as zero.
+A pose and its ``…/detail`` contain the same values; only the exact detail is read. A frame is complete after its calibration
+message. A ``CameraInfo`` message does not include the camera mount, so decoded mounts are zero.
 """
 
 import struct
@@ -39,10 +39,10 @@ from treadline.signals import (
 
 
 class CdrReader:
-    """Takes values off a message one after the other; never beyond its end."""
+    """Sequential reader of the fields of one message; never reads beyond its end."""
 
     def __init__(self, data: bytes, *, origin_ns: int = 0, logged_ns: int = 0) -> None:
-        """Read a message whose clock shows ``origin_ns`` when the mission's shows zero."""
+        """Start reading a message whose time ``origin_ns`` is zero on the mission clock."""
         if data[:4] != HEADER:
             raise LogFormatError("a message is not little-endian CDR")
         self._data = data[4:]
@@ -51,7 +51,7 @@ class CdrReader:
         self._logged_ns = logged_ns
 
     def take(self, size: int) -> bytes:
-        """Return the next bytes."""
+        """Return the next ``size`` bytes."""
         if size > len(self._data) - self._at:
             raise LogFormatError("a message ends before its last field")
         self._at += size
@@ -73,7 +73,7 @@ class CdrReader:
         return struct.unpack(f"<{count}d", self.take(8 * count))
 
     def sequence(self) -> tuple[float, ...]:
-        """Return the next sequence of 64-bit floats; an empty one is not aligned."""
+        """Return the next sequence of 64-bit floats; an empty sequence has no alignment padding."""
         count = self.uint32()
         return self.doubles(count) if count else ()
 
@@ -82,14 +82,14 @@ class CdrReader:
         return self.take(self.uint32())[:-1].decode()
 
     def time(self) -> float:
-        """Return the next time; one that was never set is the time of logging."""
+        """Return the next time; a zero stamp is replaced by the log time."""
         self._align(4)
         seconds, nanoseconds = struct.unpack("<iI", self.take(8))
         time_ns = seconds * 1_000_000_000 + nanoseconds or self._logged_ns
         return seconds_of(time_ns - self._origin_ns)
 
     def stamp(self) -> tuple[float, str]:
-        """Return the time and the frame of the next std_msgs/Header."""
+        """Return time and frame name of the next std_msgs/Header."""
         return self.time(), self.string()
 
     def _align(self, size: int) -> None:
@@ -97,7 +97,7 @@ class CdrReader:
 
 
 class Ros1Reader(CdrReader):
-    """The same of a ROS 1 message: nothing is aligned, strings end without a zero, headers begin with a count."""
+    """Sequential reader of one ROS 1 message: no alignment, strings without terminating zero, headers with a sequence number."""
 
     def __init__(self, data: bytes, *, origin_ns: int = 0, logged_ns: int = 0) -> None:
         super().__init__(HEADER + data, origin_ns=origin_ns, logged_ns=logged_ns)
@@ -107,7 +107,7 @@ class Ros1Reader(CdrReader):
         return self.take(self.uint32()).decode()
 
     def stamp(self) -> tuple[float, str]:
-        """Return the time and the frame of the next std_msgs/Header."""
+        """Return time and frame name of the next std_msgs/Header."""
         self.uint32()
         return super().stamp()
 
@@ -115,18 +115,18 @@ class Ros1Reader(CdrReader):
         pass
 
 
-class Decoder:
-    """Turns a run's own messages into signals; holds the two images of a frame until its calibration comes."""
+class LogDecoder:
+    """Decoder of a run's own messages; holds the two images of a frame until the calibration message arrives."""
 
     def __init__(self) -> None:
         self._images: dict[str, Picture] = {}
 
     def signal(self, topic: str, data: bytes) -> Any | None:
-        """Return the signal that a message completes, or None."""
+        """Return the signal completed by a message, or None."""
         if topic in IMAGES:
             self._images[topic] = picture(CdrReader(data))
             if self._images[topic].encoding != IMAGES[topic]:
-                raise LogFormatError(f"{topic} holds '{self._images[topic].encoding}'; '{IMAGES[topic]}' is read")
+                raise LogFormatError(f"{topic} has the encoding '{self._images[topic].encoding}'; '{IMAGES[topic]}' is required")
             return None
         if topic == "/camera/color/camera_info":
             return self._frame(CdrReader(data))
@@ -145,11 +145,11 @@ class Decoder:
 
 
 IMAGES = {"/camera/color/image_raw": "rgb8", "/camera/depth/image_rect": "32FC1"}
-"""Encoding of each image topic of a run's log."""
+"""Image topics of a run log with their encodings."""
 
 
 class Picture(NamedTuple):
-    """One image as its message holds it."""
+    """Image of one message."""
 
     t_s: float
     encoding: str
@@ -168,14 +168,14 @@ ENCODINGS: dict[str, tuple[str, int]] = {
     "16UC1": ("u2", 1),
     "32FC1": ("f4", 1),
 }
-"""Number type and channels of the encodings that are read."""
+"""Number type and number of channels of the supported encodings."""
 
 
 def picture(r: CdrReader) -> Picture:
     """Return the image in a sensor_msgs/Image."""
     t_s, height, width, encoding = heading_of_image(r)
     if encoding not in ENCODINGS:
-        raise LogFormatError(f"an image is encoded in '{encoding[:40]}'; read are: {', '.join(ENCODINGS)}")
+        raise LogFormatError(f"unsupported image encoding '{encoding[:40]}'; supported: {', '.join(ENCODINGS)}")
     number, channels = ENCODINGS[encoding]
     kind = np.dtype((">" if r.uint8() else "<") + number)
     step, pixels = r.uint32(), r.take(r.uint32())
@@ -188,7 +188,7 @@ def picture(r: CdrReader) -> Picture:
 
 
 def heading_of_image(r: CdrReader) -> tuple[float, int, int, str]:
-    """Return what stands before an image's pixels: time, height, width, encoding."""
+    """Return the fields before the pixels of an image: time, height, width, encoding."""
     t_s, _ = r.stamp()
     return t_s, r.uint32(), r.uint32(), r.string()
 
@@ -204,7 +204,7 @@ def calibration(r: CdrReader) -> tuple[float, PinholeCamera]:
 
 
 def imu(r: CdrReader) -> ImuSample:
-    """Return the sample in a sensor_msgs/Imu; where it says that orientation is not measured, the quaternion is zero."""
+    """Return the sample in a sensor_msgs/Imu; an orientation marked as not measured is a zero quaternion."""
     t_s, _ = r.stamp()
     values = np.array(r.doubles(4 + 9 + 3 + 9 + 3))
     return ImuSample(
@@ -232,20 +232,20 @@ def _named(r: CdrReader) -> tuple[float, str, dict[str, float]]:
 
 def _counted(values: tuple[float, ...], count: int) -> tuple[float, ...]:
     if len(values) != count:
-        raise LogFormatError(f"a JointState holds {len(values)} numbers where {count} belong")
+        raise LogFormatError(f"a JointState holds {len(values)} numbers; {count} are required")
     return values
 
 
 def one_of(words: Any, word: str) -> Any:
-    """Return a word, if it is one of a ``Literal``'s."""
+    """Return a word after checking for membership in a ``Literal``."""
     known = get_args(words)
     if word not in known:
-        raise LogFormatError(f"'{word[:40]}' stands where one of {', '.join(known)} belongs; is it of another version?")
+        raise LogFormatError(f"unknown value '{word[:40]}'; known: {', '.join(known)}; is it of another version?")
     return word
 
 
-class Status(NamedTuple):
-    """The one status of a DiagnosticArray that ``messages`` writes."""
+class DiagnosticStatus(NamedTuple):
+    """Single status of a DiagnosticArray written by ``messages``."""
 
     t_s: float
     level: int
@@ -255,18 +255,18 @@ class Status(NamedTuple):
     values: dict[str, str]
 
 
-def status(r: CdrReader) -> Status:
+def status(r: CdrReader) -> DiagnosticStatus:
     """Return the status in a diagnostic_msgs/DiagnosticArray."""
     t_s, _ = r.stamp()
     if r.uint32() != 1:
         raise LogFormatError("a DiagnosticArray of treadline holds one status")
     level, name, message, hardware = r.uint8(), r.string(), r.string(), r.string()
-    return Status(t_s, level, name, message, hardware, {r.string(): r.string() for _ in range(r.uint32())})
+    return DiagnosticStatus(t_s, level, name, message, hardware, {r.string(): r.string() for _ in range(r.uint32())})
 
 
 def _event(r: CdrReader) -> Event:
-    told = status(r)
-    return Event(t_s=told.t_s, name=told.name, cause=told.message)
+    found = status(r)
+    return Event(t_s=found.t_s, name=found.name, cause=found.message)
 
 
 def _belts(r: CdrReader) -> tuple[float, float, float, bool]:
@@ -346,16 +346,16 @@ def _quality(r: CdrReader) -> FrameQuality:
 
 
 def _plan(r: CdrReader) -> MotionPlan:
-    told = status(r)
-    values = told.values
+    found = status(r)
+    values = found.values
     flipper = (
         FlipperCommand(t_s=float(values["flipper_t_s"]), rate_rad_s=float(values["flipper_rad_s"]))
         if "flipper_t_s" in values
         else None
     )
     return MotionPlan(
-        t_s=told.t_s,
-        phase=one_of(Phase, told.name),
+        t_s=found.t_s,
+        phase=one_of(Phase, found.name),
         speed_m_s=float(values["speed_m_s"]),
         turn_m_s=float(values["turn_m_s"]) if "turn_m_s" in values else None,
         heading_rad=float(values["heading_rad"]),
@@ -363,7 +363,7 @@ def _plan(r: CdrReader) -> MotionPlan:
         pitch_feedforward_m_s=float(values.get("pitch_feedforward_m_s", 0.0)),
         flipper=flipper,
         needs_stair=values["needs_stair"] == "True",
-        cause=told.message,
+        cause=found.message,
         hold=values.get("hold"),
     )
 
@@ -387,7 +387,7 @@ def _stair_map(r: CdrReader) -> StairMap:
 IMU = "sensor_msgs/msg/Imu"
 JOINTS = "sensor_msgs/msg/JointState"
 HEADINGS = "/stair/heading_measured/detail"
-"""Topic of the headings that vision saw."""
+"""Topic of recorded heading measurements."""
 EVENTS = "/diagnostics"
 OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/imu": (IMU, imu),
@@ -405,11 +405,11 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     EVENTS: ("diagnostic_msgs/msg/DiagnosticArray", _event),
     "/truth": (JOINTS, _truth),
 }
-"""Topics of a run's log, images aside: their type, and what reads them."""
+"""Topics of a run log except images: message type and reader."""
 LOOKED: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/camera/quality": (JOINTS, _quality),
     "/stair/map/detail": (JOINTS, _stair_map),
 }
-"""What a frame said beside the heading: all there is where its images were not kept, or its camera looks for itself."""
+"""Topics of frame results besides the heading, for logs without images and for cameras with their own detector."""
 BETWEEN: dict[str, tuple[str, Callable[[CdrReader], Any]]] = LOOKED | {"/plan": ("diagnostic_msgs/msg/DiagnosticArray", _plan)}
-"""The same, and topics that only nodes speak to each other on."""
+"""Topics of ``LOOKED`` and topics used only between nodes."""

@@ -16,10 +16,10 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def read_mat(file: Path, wanted: tuple[str, ...]) -> Table:
-    """Return the wanted columns of a MAT file.
+    """Return the requested columns of a MAT file.
 
     Raises:
-        LogFormatError: If it is broken, too large, of version 7.3, or holds something else.
+        LogFormatError: If the file is damaged, too large, of version 7.3, or has non-numeric columns.
     """
     there = dict(_paths("", load_mat(file)))
     for name in wanted:
@@ -29,7 +29,7 @@ def read_mat(file: Path, wanted: tuple[str, ...]) -> Table:
     def array(path: str) -> Shaped[np.ndarray, "..."]:
         value = there[path]
         if not isinstance(value, np.ndarray):
-            raise LogFormatError(f"{file}: '{path}' is no array of numbers; save it as one")
+            raise LogFormatError(f"{file}: '{path}' is not a numeric array; save it as one")
         check_kind(file, path, value.dtype)
         return value
 
@@ -40,7 +40,7 @@ def load_mat(file: Path) -> dict[str, Any]:
     """Return the variables of a MAT file.
 
     Raises:
-        LogFormatError: If it is broken, too large or of version 7.3.
+        LogFormatError: If the file is damaged, too large or of version 7.3.
     """
     check_bytes(file, file.stat().st_size)
     data = file.read_bytes()
@@ -51,16 +51,16 @@ def load_mat(file: Path) -> dict[str, Any]:
             return variables(data, MAX_ARRAY_BYTES)
         from scipy.io import loadmat
 
-        # Version 4. A stream in memory gives no more than it has, whatever length a broken file asks for.
+        # Version 4. A stream in memory limits every read to the file size, whatever length a damaged file declares.
         found = loadmat(cast("Any", io.BytesIO(data)))
-    except Exception as error:  # noqa: BLE001 - broken bytes meet their parsers as whatever they cause
+    except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
         cause = " ".join(str(error).split())[:200] or "it ends early"
-        raise LogFormatError(f"{file}: not a whole MAT file: {cause}; was it cut short or changed?") from None
+        raise LogFormatError(f"{file}: not a valid MAT file: {cause}; is it truncated or modified?") from None
     return {name: value for name, value in found.items() if not name.startswith("__")}
 
 
 def _paths(prefix: str, values: dict[str, Any]) -> list[tuple[str, Any]]:
-    """Return every variable, and every field of a struct, by the path that addresses it."""
+    """Return all variables and struct fields with their paths."""
     every: list[tuple[str, Any]] = []
     for name, value in values.items():
         every += _paths(f"{prefix}{name}.", value) if isinstance(value, dict) else [(prefix + name, value)]

@@ -1,7 +1,7 @@
-"""The variables of a MAT file of version 5 (MATLAB's -v6 and -v7): numbers, text, cells and structs.
+"""Variables of a MAT file of version 5 (MATLAB's -v6 and -v7): numbers, text, cells and structs.
 
-Read here and not by scipy, whose compiled parser takes type codes from a damaged file on trust and brings the process down. Here a
-variable is never larger than the bytes that hold it, and what is compressed unpacks up to a cap.
+scipy's compiled parser trusts type codes of a damaged file and crashes the process; this parser checks them. A variable is never
+larger than its bytes in the file, and decompression has a size limit.
 
 Format: MathWorks, MAT-File Format, level 5. An element is a tag (type, bytes) and its data, padded to 8 bytes.
 """
@@ -20,17 +20,17 @@ _CELL, _STRUCT, _CHAR = 1, 2, 4
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x800
 _DEEPEST = 16
-"""Structs within structs."""
+"""Largest nesting depth of structs."""
 
 Variable = Any
-"""An array, a text, a list (cell), a dict (struct of one element), or None for what has no numbers (sparse, functions, objects)."""
+"""Array, text, list (cell), dict (struct with one element), or None for other types (sparse, functions, objects)."""
 
 
 def variables(data: bytes, most_bytes: int) -> dict[str, Variable]:
-    """Return what a file holds, by name.
+    """Return the variables of a file by name.
 
     Raises:
-        ValueError: If an element is broken, or all of them unpack to more than ``most_bytes``.
+        ValueError: If an element is damaged, or the decompressed size exceeds ``most_bytes``.
     """
     order = "<" if data[126:128] == b"IM" else ">"
     found: dict[str, Variable] = {}
@@ -58,14 +58,14 @@ def _inflated(data: memoryview, most_bytes: int) -> bytes:
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """Yield type and data of the elements that follow one another."""
+    """Yield type and data of consecutive elements."""
     at = 0
     while at < len(data):
         if len(data) - at < 8:
             raise ValueError("a tag ends early")
         kind, size = np.frombuffer(data[at : at + 8], order + "u4").tolist()
         small = kind >> 16
-        if small:  # up to four bytes stand within the tag
+        if small:  # data of up to four bytes are stored inside the tag
             kind, size, at = kind & 0xFFFF, small, at + 4
             padded = 4
         else:
@@ -78,7 +78,7 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
 
 
 def _variable(data: memoryview, order: str, depth: int) -> tuple[str, Variable]:
-    """Return the name and the value of a matrix element."""
+    """Return name and value of a matrix element."""
     if depth > _DEEPEST:
         raise ValueError(f"structs within structs, more than {_DEEPEST} deep")
     if not data:

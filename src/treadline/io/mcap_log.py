@@ -1,4 +1,7 @@
-"""A run's log: MCAP with ROS 2 messages. Same signals, same bytes: nothing in it knows the wall clock.
+"""A run's log: MCAP with ROS 2 messages. Same signals, same bytes: nothing in it depends on the wall clock.
+
+Each message keeps two times: ``publish_time`` is the signal's stamp, ``log_time`` is the mission time at which the signal was
+taken. A late camera frame has a log time after its stamp, so that a replay delivers the frame as late as the run did.
 
 It grows under a temporary name and takes its own when closed; an interrupted run is closed too, and stays readable.
 """
@@ -15,15 +18,21 @@ from mcap.writer import CompressionType, Writer
 from treadline.errors import TreadlineError
 from treadline.interrupts import deferred
 from treadline.io.cdr import nanoseconds_of
+from treadline.io.mcap_read import LIBRARY
 from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
 
-LIBRARY = "treadline"
 CHUNK_BYTES = 4 * 1024 * 1024
 
 
 class RunLog:
-    """Takes signals and truth; ``image_every`` keeps every n-th frame, 0 keeps none; ``messages`` says what each is written as."""
+    """Writer of signals and ground truth into one MCAP file.
+
+    Args:
+        path: File to write.
+        image_every: Keep every n-th frame; 0 keeps none.
+        messages: Encoder from a signal to its messages.
+    """
 
     def __init__(self, path: Path, *, image_every: int = 0, messages: Callable[[Any], list[Message]] = messages_of) -> None:
         self._path = path
@@ -45,18 +54,24 @@ class RunLog:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def __call__(self, signal: Any) -> None:
-        """Write one signal."""
+    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
+        """Write one signal.
+
+        Args:
+            signal: Signal with a stamp ``t_s``.
+            taken_s: Mission time at which the signal was taken [s]; the stamp where it is left out.
+        """
         if isinstance(signal, RgbdFrame):
             self._frames += 1
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
                 return
-        time_ns = nanoseconds_of(signal.t_s)
+        stamp_ns = nanoseconds_of(signal.t_s)
+        taken_ns = stamp_ns if taken_s is None else nanoseconds_of(taken_s)
         messages = self._messages(signal)
         with deferred(), self._told():
             for topic, kind, data in messages:
                 channel = self._channel(topic, kind)
-                self._writer.add_message(channel, time_ns, data, time_ns, self._counts[channel])
+                self._writer.add_message(channel, taken_ns, data, stamp_ns, self._counts[channel])
                 self._counts[channel] += 1
 
     def close(self) -> None:

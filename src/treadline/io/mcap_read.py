@@ -1,7 +1,7 @@
-"""Messages of any MCAP file, and the signals of a run's own log. The file is not trusted: sizes and counts have caps.
+"""Messages of any MCAP file, and the signals of a run's own log. The file is not trusted: sizes and counts are limited.
 
-Checksums are compared wherever the writer left one. A run's log has them everywhere, so there a chunk without one is refused
-as well (``sealed``): anything wrong with it is one ``LogFormatError``, and what was yielded before it had passed its checksum.
+Checksums are verified if present. A log written by treadline has checksums everywhere, so a chunk without checksum is rejected
+(``sealed``): any damage gives one ``LogFormatError``, and all messages yielded before have verified checksums.
 """
 
 import dataclasses
@@ -14,22 +14,23 @@ from typing import IO, Any, cast
 import lz4.frame
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
+from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from treadline.errors import LogFormatError
-from treadline.io.decode import Decoder
-from treadline.io.ros_types import Packet, Topic
+from treadline.io.decode import LogDecoder
+from treadline.io.ros_types import Packet, RecordedTopic
 
 MAX_FILE_BYTES = 8 * 1024**3
-"""Of a run's log; others are read record by record, however long."""
+"""Largest size of a run log [bytes]; other logs are read record by record without a limit."""
 MAX_CHUNK_BYTES = 256 * 1024**2
-"""Decompressed; our writer closes a chunk at 4 MB."""
+"""Largest decompressed chunk [bytes]; the treadline writer closes a chunk at 4 MB."""
 MAX_MESSAGES = 50_000_000
-"""Some twelve hours of driving."""
+"""Largest number of messages: about twelve hours of driving."""
+LIBRARY = "treadline"
+"""Library name in the MCAP header of logs written by treadline."""
 _PIECE = 1 << 20
 
-# What the parser of a broken file may stumble over: lengths, opcodes, text, numbers beyond their range.
 BROKEN = (
     McapError,
     zstandard.ZstdError,
@@ -41,15 +42,16 @@ BROKEN = (
     OverflowError,
     MemoryError,
 )
+"""Exceptions of the parsers for damaged files: lengths, opcodes, text, numbers out of range."""
 
 
 def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Iterator[Any]:
-    """Yield the signals, events and truth of a run's log in the order they were written, of the topics wanted.
+    """Yield signals, events and ground truth of a run log in recorded order, for the requested topics.
 
     Raises:
-        LogFormatError: If the file is missing, too large, damaged or not a log of treadline.
+        LogFormatError: If the file is missing, too large, damaged or not a treadline log.
     """
-    decoder = Decoder()
+    decoder = LogDecoder()
     try:
         for topic, _, data in mcap_messages(path, wants, sealed=True):
             signal = decoder.signal(topic.name, data)
@@ -60,20 +62,32 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
     except OSError as error:
         raise LogFormatError(f"{path}: {error.strerror or error}") from None
     except BROKEN as error:
-        raise LogFormatError(f"{path}: not a whole MCAP file: {error}; was it cut short or changed?") from None
+        raise LogFormatError(f"{path}: not a valid MCAP file: {error}; is it truncated or modified?") from None
+
+
+def has_arrivals(path: Path) -> bool:
+    """Return whether the log times of a file are mission times of arrival, as in every log that treadline writes."""
+    if path.suffix.lower() != ".mcap" or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        try:
+            header = next(iter(StreamReader(file, record_size_limit=MAX_CHUNK_BYTES).records), None)
+        except BROKEN:
+            return False  # the survey of the log reports the damage
+    return isinstance(header, Header) and header.library == LIBRARY
 
 
 def mcap_messages(path: Path, wants: Callable[[str], bool], *, sealed: bool = False) -> Iterator[Packet]:
-    """Yield the messages of the topics wanted, in the order of the file.
+    """Yield the messages of the requested topics, in file order.
 
     Args:
-        sealed: Whether every message must stand in a chunk with a checksum, as in what treadline writes.
+        sealed: Whether each message must be in a chunk with a checksum, as in logs written by treadline.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if sealed and len(data) > MAX_FILE_BYTES:
             raise LogFormatError(f"{len(data)} bytes; at most {MAX_FILE_BYTES} are read")
         schemas: dict[int, Schema] = {}
-        topics: dict[int, Topic | None] = {}
+        topics: dict[int, RecordedTopic | None] = {}
         count = 0
         for record in _unpacked(data, sealed=sealed):
             if isinstance(record, Schema):
@@ -87,9 +101,9 @@ def mcap_messages(path: Path, wants: Callable[[str], bool], *, sealed: bool = Fa
                 yield topic, record.log_time, record.data
 
 
-def _topic(channel: Channel, schemas: dict[int, Schema]) -> Topic:
+def _topic(channel: Channel, schemas: dict[int, Schema]) -> RecordedTopic:
     schema = schemas.get(channel.schema_id)
-    return Topic(
+    return RecordedTopic(
         name=channel.topic,
         encoding=channel.message_encoding,
         kind="" if schema is None else schema.name,
@@ -99,12 +113,14 @@ def _topic(channel: Channel, schemas: dict[int, Schema]) -> Topic:
 
 
 def _unpacked(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
-    # The map's read() stops at the end by itself; what it has is read record by record, however long the file.
+    # The map's read() stops at the end of the file; reading record by record keeps the memory use independent of the file size.
     reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES)
     for record in reader.records:
         if isinstance(record, Chunk):
             if sealed and (record.compression != "zstd" or record.uncompressed_crc == 0):
-                raise LogFormatError(f"a chunk is compressed by '{record.compression}' or has no checksum; zstd and one are needed")
+                raise LogFormatError(
+                    f"a chunk is compressed by '{record.compression}' or has no checksum; zstd and a checksum are required"
+                )
             yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
         elif not sealed:
             yield record
@@ -115,33 +131,35 @@ def _unpacked(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
 
 
 def _inflated(chunk: Chunk) -> bytes:
-    """Return what a chunk holds; never more than it announces."""
+    """Return the decompressed chunk, limited to its declared size."""
     size = chunk.uncompressed_size
     if size > MAX_CHUNK_BYTES:
         raise LogFormatError(f"a chunk unpacks to {size} bytes; at most {MAX_CHUNK_BYTES} are read")
     if chunk.compression not in _INFLATE:
-        raise LogFormatError(f"a chunk is compressed by '{chunk.compression}'; zstd and lz4 are read: mcap compress makes it so")
+        raise LogFormatError(
+            f"a chunk is compressed by '{chunk.compression}'; zstd and lz4 are supported: convert it with mcap compress"
+        )
     data = _INFLATE[chunk.compression](chunk.data, size + 1)
     if len(data) != size:
-        raise LogFormatError(f"a chunk does not unpack to the {size} bytes that it announces")
+        raise LogFormatError(f"a chunk does not unpack to its declared {size} bytes")
     return data
 
 
 def inflate_zstd(data: bytes, most: int) -> bytes:
-    """Return what a frame holds, at most so many bytes."""
+    """Return the decompressed frame, at most ``most`` bytes."""
     stream = zstandard.ZstdDecompressor().stream_reader(data)
     return _gathered(lambda: stream.read(_PIECE), most)
 
 
 def inflate_lz4(data: bytes, most: int) -> bytes:
-    """Return what a frame holds, at most so many bytes."""
+    """Return the decompressed frame, at most ``most`` bytes."""
     frame = lz4.frame.LZ4FrameDecompressor()
     rest = iter((data,))
     return _gathered(lambda: b"" if frame.eof else frame.decompress(next(rest, b""), max_length=_PIECE), most)
 
 
 def _gathered(piece: Callable[[], bytes], most: int) -> bytes:
-    """Join pieces until they end: a size that is announced is no reason to allocate it."""
+    """Join pieces up to a limit; a declared size alone must not cause an allocation."""
     plain = bytearray()
     while len(plain) < most and (more := piece()):
         plain += more

@@ -1,8 +1,8 @@
-"""ROS messages of what a run's log holds and of what nodes tell each other: topic, type and bytes for each signal.
+"""ROS messages of signals, for run logs and for communication between nodes: topic, type and bytes.
 
-The types are the standard ones, so that Foxglove, PlotJuggler and ``ros2 bag`` open the log. Belts, seat and truth are
-``JointState``: names beside numbers. What a pose cannot hold (rate, σ, source) goes to a companion ``…/detail``. The bytes are
-ROS 2's, or with ``Ros1Writer`` those of ROS 1: the fields are the same.
+The types are standard ROS types, so that Foxglove, PlotJuggler and ``ros2 bag`` can open a log. Belts, seat and ground truth are
+``JointState`` messages: names with numbers. Values without a place in a pose (rate, σ, source) are sent on a companion topic
+``…/detail``. The bytes are CDR (ROS 2), or ROS 1 with ``Ros1Writer``; the fields are identical.
 """
 
 import math
@@ -104,16 +104,17 @@ DEFINITIONS = {
         "MSG: diagnostic_msgs/KeyValue\nstring key\nstring value",
     ),
 }
-"""Field lists by type, as ROS 2 defines them."""
+"""Message definitions by type, in ROS 2 notation."""
 
 TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
+"""Names of the ground-truth quantities in a log."""
 
 Writer = type[CdrWriter]
-"""Which ROS's bytes are written."""
+"""Writer class: selects ROS 1 or ROS 2 serialisation."""
 
 
 def messages_of(signal: Any, topic: str | None = None, writer: Writer = CdrWriter) -> list[Message]:
-    """Return the messages that hold a signal, on its own topic unless another is given."""
+    """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
     kind = next(kind for kind in type(signal).__mro__ if kind in _WRITERS)
     own, write = _WRITERS[kind]
     return write(signal, topic or own, writer)
@@ -128,7 +129,7 @@ def joints(
     frame: str,
     writer: Writer = CdrWriter,
 ) -> Message:
-    """Return a JointState."""
+    """Return a JointState message."""
     w = writer()
     w.time(t_s)
     w.written(_labels(names, frame, writer))
@@ -140,10 +141,11 @@ def joints(
 
 
 _LABELS: dict[tuple[tuple[str, ...], str, Writer], bytes] = {}
+"""Cache of ``_labels``."""
 
 
 def _labels(names: tuple[str, ...], frame: str, writer: Writer) -> bytes:
-    """Return what stands between a JointState's time and its numbers: the same in each message of a topic."""
+    """Return the bytes between time and numbers of a JointState, which are constant for a topic."""
     key = (names, frame, writer)
     if key not in _LABELS:
         w = writer()
@@ -160,13 +162,13 @@ def _labels(names: tuple[str, ...], frame: str, writer: Writer) -> bytes:
 def status(
     topic: str,
     t_s: float,
-    told: tuple[int, str, str, str],
+    header: tuple[int, str, str, str],
     values: Mapping[str, str],
     frame: str,
     writer: Writer = CdrWriter,
 ) -> Message:
-    """Return a DiagnosticArray of one status: level, name, message, hardware; and what stands behind it by key."""
-    level, *texts = told
+    """Return a DiagnosticArray with one status: level, name, message and hardware, and values by key."""
+    level, *texts = header
     w = writer()
     w.stamp(t_s, frame)
     w.uint32(1)
@@ -223,7 +225,7 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     w.uint32(len(stair.nosings_B))
     for place in stair.nosings_B.tolist():
         w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
-    # What was not seen is not named: no number stands for nothing.
+    # Quantities without a measurement are left out, so that no number encodes "unknown".
     maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
     known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}

@@ -1,7 +1,7 @@
-"""Linear models in files of other tools, and to and from python-control.
+"""Linear models in file formats of other tools, and conversion to and from python-control.
 
-``.json`` is treadline's own; ``.mat`` holds the matrices under the names that control engineers give them: A, B, C, D, dt, the
-observer gain K, the offsets u0 and y0, and the names of inputs and outputs. Every number comes back bit for bit.
+``.json`` is the native format; ``.mat`` contains the matrices under their usual names: A, B, C, D, dt, the observer gain K, the
+offsets u0 and y0, and the names of inputs and outputs. The round trip is exact.
 """
 
 import io
@@ -25,10 +25,10 @@ _MATRICES = ("A", "B", "C", "D")
 
 
 def write_model(model: LinearModel, path: Path) -> None:
-    """Write a model as JSON or as a MAT file (version 5), by the suffix.
+    """Write a model as JSON or as a MAT file (version 5), depending on the suffix.
 
     Raises:
-        SettingsError: If the suffix is another.
+        SettingsError: If the suffix is neither ``.json`` nor ``.mat``.
     """
     if _suffix(path) == ".json":
         model.save(path)
@@ -53,7 +53,7 @@ def read_model(path: Path) -> LinearModel:
     """Return the model in a JSON or MAT file.
 
     Raises:
-        SettingsError: If it is missing, broken, or no model.
+        SettingsError: If the file is missing, damaged, or not a model.
     """
     if _suffix(path) == ".json":
         return LinearModel.load(path)
@@ -69,7 +69,7 @@ def read_model(path: Path) -> LinearModel:
 
 @runtime_checkable
 class StateSpaceLike(Protocol):
-    """Anything with the four matrices and a period: python-control's StateSpace, scipy's dlti, harold's State."""
+    """Protocol of a discrete state-space system: python-control's StateSpace, scipy's dlti, harold's State."""
 
     A: Any
     B: Any
@@ -81,8 +81,8 @@ class StateSpaceLike(Protocol):
 def to_statespace(model: LinearModel) -> "StateSpace":
     """Return the model as python-control's StateSpace.
 
-    It has no place for offsets (its inputs and outputs are deviations from ``input_offset`` and ``output_offset``), for the
-    observer gain, or for dots in a name (they become underscores).
+    StateSpace cannot hold offsets (its inputs and outputs are deviations from ``input_offset`` and ``output_offset``), the observer
+    gain, or dots in names (replaced by underscores).
     """
     try:
         from control import StateSpace
@@ -100,7 +100,7 @@ def from_statespace(system: StateSpaceLike) -> LinearModel:
     """Return a discrete-time system as a model without offsets.
 
     Raises:
-        ModelError: If its time is continuous or its period unknown, or its matrices are not real and of one order.
+        ModelError: If the system is continuous, its period is unknown, or its matrices are not real or of different orders.
     """
     dt = system.dt
     if dt is None or dt is True or not dt > 0.0:
@@ -116,7 +116,7 @@ def from_statespace(system: StateSpaceLike) -> LinearModel:
             output_names=tuple(getattr(system, "output_labels", None) or ()),
         )
     except (NotFinite, ShapeMismatch) as error:
-        raise ModelError(f"the system is no model: {error}") from None
+        raise ModelError(f"the system is not a valid model: {error}") from None
 
 
 def _model_of(found: dict[str, Any]) -> LinearModel:
@@ -154,8 +154,8 @@ def _real(name: str, value: Any) -> Float64[np.ndarray, "..."]:
 
 def _suffix(path: Path) -> str:
     if path.is_dir():
-        raise SettingsError(f"{path}: is a folder; give the model a file's name, model.json or model.mat")
+        raise SettingsError(f"{path}: is a folder; give a file name, model.json or model.mat")
     suffix = path.suffix.lower()
     if suffix not in {".json", ".mat"}:
-        raise SettingsError(f"{path}: '{suffix}' is no kind of model file: .json or .mat")
+        raise SettingsError(f"{path}: unsupported model format '{suffix}'; supported: .json, .mat")
     return suffix

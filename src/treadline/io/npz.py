@@ -1,6 +1,6 @@
-"""NPZ: the arrays are read straight from the archive, after their headers have been compared with its directory.
+"""NPZ files: arrays read directly from the archive, with header sizes checked against the archive directory.
 
-Nothing is unpickled: an array of objects has no numbers, whatever its header says.
+Nothing is unpickled; object arrays are rejected.
 """
 
 import zipfile
@@ -15,7 +15,7 @@ from treadline.errors import LogFormatError
 from treadline.io.arrays import check_bytes, check_kind, name_of, table_of
 from treadline.io.tables import Table, missing
 
-# What a broken archive may stumble over; zipfile names no common parent.
+# Exceptions raised for damaged archives; zipfile has no common base class.
 _BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
@@ -30,10 +30,10 @@ _BROKEN = (
 
 
 def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
-    """Return the wanted columns of an NPZ file.
+    """Return the requested columns of an NPZ file.
 
     Raises:
-        LogFormatError: If it is broken, too large, or holds something else.
+        LogFormatError: If the file is damaged, too large, or has non-numeric columns.
     """
     try:
         with zipfile.ZipFile(file) as archive:
@@ -44,7 +44,7 @@ def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
             check_bytes(file, sum(members[name].file_size for name in {name_of(name) for name in wanted}))
             return table_of(file, wanted, members, lambda name: _array(file, archive, members[name]))
     except _BROKEN as error:
-        raise LogFormatError(f"{file}: not a whole NPZ file: {error}; was it cut short or changed?") from None
+        raise LogFormatError(f"{file}: not a valid NPZ file: {error}; is it truncated or modified?") from None
 
 
 def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Shaped[np.ndarray, "..."]:
@@ -54,5 +54,5 @@ def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Sha
         header = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
         shape, in_columns, kind = header(stream)
         check_kind(file, name, kind)
-        data = stream.read()  # zipfile compares the checksum, and stops at the size in the directory
+        data = stream.read()  # zipfile verifies the checksum, and stops at the size in the directory
     return np.frombuffer(data, kind).reshape(shape, order="F" if in_columns else "C")

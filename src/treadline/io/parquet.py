@@ -1,4 +1,4 @@
-"""Parquet, read in batches by pyarrow (the extra ``parquet``)."""
+"""Parquet files, read in batches by pyarrow (the extra ``parquet``)."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,10 +11,11 @@ from treadline.errors import LogFormatError
 from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
 
 BATCH_ROWS = 65_536
+"""Rows per batch."""
 
 
 class ParquetLog:
-    """The wanted columns of a Parquet file."""
+    """Streaming reader of the requested columns of a Parquet file."""
 
     def __init__(self, file: Path, wanted: tuple[str, ...]) -> None:
         self._file = file
@@ -24,7 +25,7 @@ class ParquetLog:
 
     @property
     def fraction(self) -> float:
-        """Share of the rows that has been read."""
+        """Fraction of the rows read so far."""
         return self._done / self._size
 
     def __iter__(self) -> Iterator[Table]:
@@ -35,17 +36,17 @@ class ParquetLog:
                 f"{self._file}: Parquet needs pyarrow: pip install '.[parquet]' in treadline's folder, or save it as CSV"
             ) from None
         try:
-            # pre_buffer would hold what has been read until the end.
+            # pre_buffer would keep all batches in memory until the end.
             with parquet.ParquetFile(self._file, page_checksum_verification=True, pre_buffer=False) as file:
                 yield from self._tables(file)
         except (ArrowException, OSError, ValueError, MemoryError) as error:
-            raise LogFormatError(f"{self._file}: not a whole Parquet file: {str(error).splitlines()[0]}") from None
+            raise LogFormatError(f"{self._file}: not a valid Parquet file: {str(error).splitlines()[0]}") from None
 
     def _tables(self, file: Any) -> Iterator[Table]:
         there = file.schema_arrow.names
         doubled = sorted({name for name in self._wanted if there.count(name) > 1})
         if doubled:
-            raise LogFormatError(f"{self._file}: column '{doubled[0]}' stands twice")
+            raise LogFormatError(f"{self._file}: column '{doubled[0]}' occurs twice; rename one of the two")
         for name in self._wanted:
             if name not in there:
                 raise missing(self._file, name, there)
@@ -84,7 +85,7 @@ def _numbers(file: Path, name: str, column: Any) -> Float64[np.ndarray, " n"]:
 
 
 def _ticks(file: Path, clock: str, column: Any) -> Shaped[np.ndarray, " n"]:
-    """Return the clock: seconds, or nanoseconds as whole numbers."""
+    """Return the clock column: seconds as floats, or nanoseconds as integers."""
     from pyarrow import timestamp, types
 
     is_stamp = types.is_timestamp(column.type)

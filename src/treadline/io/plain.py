@@ -1,4 +1,4 @@
-"""JSON values: what a result may hold on disk and on stdout."""
+"""Conversion of values to JSON types for results on disk and on stdout."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """Return a value as JSON knows it: arrays as lists, what is not finite as null."""
+    """Return a value as JSON types: arrays as lists, non-finite numbers as null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if hasattr(value, "tolist"):

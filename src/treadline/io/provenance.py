@@ -1,4 +1,4 @@
-"""Where a result came from: versions, commit and the command that repeats it."""
+"""Provenance of a result: software versions, git commit and the command line that reproduces it."""
 
 import platform
 import shlex
@@ -10,18 +10,19 @@ from pathlib import Path
 from typing import Any
 
 PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco", "opencv-python-headless", "matplotlib", "mcap")
+"""Packages whose versions are recorded."""
 
 GIT_S = 10.0
-"""Longest wait for an answer: on a slow disk a tree takes a while to compare."""
+"""Timeout of the git command [s]; comparing a source tree on a slow disk takes seconds."""
 
 
 def provenance() -> dict[str, Any]:
-    """Return versions, the git commit if there is one (``-dirty`` where it is not quite what ran), and the command line."""
+    """Return versions, git commit (``-dirty`` if tracked files are modified; None without git) and command line."""
     return {"versions": versions(), "git_commit": git_commit(), "command": command()}
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of what the results depend on."""
+    """Return the versions of Python and of the packages that affect results."""
     found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -32,12 +33,12 @@ def versions() -> dict[str, str]:
 
 
 def git_commit() -> str | None:
-    """Return the commit of the source tree, with ``-dirty`` where tracked files differ from it; None outside a tree."""
+    """Return the commit of the source tree, ``-dirty`` if tracked files are modified; None outside a git repository."""
     git = shutil.which("git")
     if git is None:
         return None
     try:
-        # The program is git, found on the path; the arguments are constants: the whole hash, whatever tags there are.
+        # S603: git is found on the path and all arguments are constants. ``--exclude=*`` ignores tags, so the full hash is given.
         done = subprocess.run(  # noqa: S603
             [git, "--no-optional-locks", "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty"],
             cwd=Path(__file__).parent,
@@ -52,10 +53,11 @@ def git_commit() -> str | None:
 
 
 def command() -> str:
-    """Return the command line as a user would type it, for a shell.
+    """Return the command line in shell syntax.
 
-    It repeats the run in the same folder: relative paths stand whole. Absolute ones are cut to their last name, for no file of a
-    run names this machine's folders; who repeats it puts those files where the command is typed.
+    The command reproduces the run in the same working folder: relative paths are kept. Absolute paths are reduced to their last
+    component, because run files must not contain folder names of this machine; to reproduce, put these files into the working
+    folder.
     """
     return shlex.join(["treadline", *(_without_folders(word) for word in sys.argv[1:])])
 

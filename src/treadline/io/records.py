@@ -1,8 +1,8 @@
-"""Input-output records: logs of any kind in, checked rows out.
+"""Input-output records from logs of all supported formats.
 
-The suffix says which kind: CSV (.csv, .txt, .tsv), NPZ, MAT, Parquet, MCAP, ROS bags; a folder is a run or a bag. Errors name the
-file and the place. A row with NaN is refused unless gaps are allowed; then it stays, and identification leaves out the
-windows that hold it.
+The suffix selects the format: CSV (.csv, .txt, .tsv), NPZ, MAT, Parquet, MCAP, ROS bags; a folder is a run folder or a bag. Error
+messages name the file and the location. Rows with NaN are rejected unless gaps are allowed; allowed gaps stay in the record, and
+identification leaves out the windows that contain them.
 """
 
 from collections.abc import Iterable
@@ -17,11 +17,17 @@ from treadline.io.tables import Log, Table, check_gaps, check_period, check_valu
 from treadline.models import InputOutputRecord, write_whole
 
 TIME = "t_s"
+"""Name of the time column of a record."""
 RECORD = "record.csv"
+"""File name of the record in a run folder."""
 LOG = "log.mcap"
+"""File name of the MCAP log in a run folder."""
 DELIMITED = (".csv", ".txt", ".tsv")
+"""Suffixes of delimited text files."""
 BAGS = (".mcap", ".bag", ".db3")
+"""Suffixes of message logs."""
 KINDS = ".csv, .txt, .tsv, .npz, .mat, .parquet, .mcap, .bag, .db3"
+"""Supported suffixes, for error messages."""
 
 
 def read_record(
@@ -36,17 +42,18 @@ def read_record(
     """Return the record in a file, a run folder or a bag.
 
     Args:
-        inputs: Columns that drove the system. In MCAP and bags ``topic.field``: ``/imu.angular_velocity.z``, ``/tracks.data[0]``.
-        outputs: Columns that answered.
-        period_s: Sampling period; read from the clock when left out (``t_s``, ``t``, ``time``, ``t_ns``, ``timestamp_ns``).
-        resample: Bring an irregular time axis to the period: inputs are held, outputs interpolated. Channels of a bag, each with
-            times of its own, are always brought to one.
-        allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag), and rows that are missing where
-            all times lie on the grid of the period: those become rows of NaN.
+        inputs: Input columns. In MCAP files and bags ``topic.field``: ``/imu.angular_velocity.z``, ``/tracks.data[0]``.
+        outputs: Output columns.
+        period_s: Sampling period; by default the median step of the clock column (``t_s``, ``t``, ``time``, ``t_ns``,
+            ``timestamp_ns``).
+        resample: Resample an irregular time axis to the period: inputs by sample-and-hold, outputs by linear interpolation.
+            Channels of a bag have separate time axes and are always resampled.
+        allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag), and missing rows if all times
+            lie on the grid of the period: missing rows become rows of NaN.
 
     Raises:
         RecordError: With file, line and column.
-        PeriodMismatch: If time is irregular and ``resample`` is off.
+        PeriodMismatch: If the time axis is irregular and ``resample`` is off.
     """
     check_period(period_s)
     file = file_of(path)
@@ -78,7 +85,7 @@ def read_record(
 
 
 def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> None:
-    """Write a record as CSV, numbers as exact as they are."""
+    """Write a record as CSV with full floating-point precision."""
     lines = [",".join((TIME, *record.input_names, *record.output_names))]
     for k in range(len(record)):
         row = (first_t_s + k * record.dt_s, *record.u[k].tolist(), *record.y[k].tolist())
@@ -87,7 +94,7 @@ def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> Non
 
 
 def file_of(path: Path) -> Path:
-    """Return the file to read: a run folder's record or log, a bag's folder as it is."""
+    """Return the file to read: the record or log of a run folder; the folder itself for a bag."""
     if not path.exists():
         raise LogFormatError(f"{path}: no such file")
     if path.is_file():
@@ -101,16 +108,16 @@ def file_of(path: Path) -> Path:
     if any(item.suffix in BAGS for item in path.iterdir()):
         return path
     raise LogFormatError(
-        f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder that excite wrote"
+        f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder written by excite"
     )
 
 
 def _of_a_run(path: Path, error: LogFormatError) -> LogFormatError:
-    """Return what is wrong with a log; of a run folder's, also that the record is missing, and why."""
+    """Return the error of a log; for a run folder, with a note on the missing record."""
     if not (path / "manifest.json").is_file():
         return error
     return LogFormatError(
-        f"{path}: no {RECORD}: the run was interrupted, or is a climb's; make a record with treadline excite, or name topics "
+        f"{path}: no {RECORD}: the run was interrupted, or made by climb; make a record with treadline excite, or name topics "
         f"of its log ({error})"
     )
 
@@ -123,7 +130,7 @@ def _check_readable(file: Path) -> None:
 
 
 def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
-    """Return a file that can be read row by row, open for reading; None for other kinds."""
+    """Return a streaming reader for a delimited or Parquet file; None for other formats."""
     suffix = file.suffix.lower()
     if suffix in DELIMITED:
         from treadline.io.delimited import CsvLog
@@ -137,7 +144,7 @@ def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
 
 
 def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
-    """Return a file of columns as tables that follow one another."""
+    """Return a columnar file as consecutive tables."""
     log = open_log(file, wanted)
     if log is not None:
         return log
@@ -149,11 +156,11 @@ def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
         from treadline.io.mat import read_mat
 
         return [read_mat(file, wanted)]
-    raise LogFormatError(f"{file}: '{file.suffix}' is no kind of log that is read: {KINDS}, a run folder or a bag's folder")
+    raise LogFormatError(f"{file}: unsupported log format '{file.suffix}'; supported: {KINDS}, a run folder or a bag folder")
 
 
 def joined(tables: list[Table]) -> Table:
-    """Return tables that follow one another as one."""
+    """Return consecutive tables as one table."""
     if len(tables) == 1:
         return tables[0]
     times = [table.t_s for table in tables if table.t_s is not None]

@@ -1,7 +1,7 @@
-"""Clocks: whether the rows of a table keep their period, and how rows that do not are brought to one.
+"""Sampling grids: test of a table's time axis for a constant period, and resampling.
 
-Inputs are held, for that is what acted; outputs are interpolated. Where rows are missing and the others keep the grid, nothing
-need be made up: they come back as rows of NaN.
+Inputs are resampled by sample-and-hold, as they acted; outputs by linear interpolation. If rows are missing and the others lie on
+the grid, the missing rows become rows of NaN instead of interpolated values.
 """
 
 from collections.abc import Iterator
@@ -13,20 +13,22 @@ from treadline.errors import PeriodMismatch, RecordError
 from treadline.io.tables import MOST_GAPS, Table, check_gaps, gaps_in
 
 Times = Float64[np.ndarray, " n"]
+"""Times [s]."""
 
 IRREGULAR = 0.05
-"""Largest deviation of a sampling interval from the period, as a share of it."""
+"""Largest relative deviation of a sampling interval from the period."""
 MOST_ROWS = 10_000_000
-"""Most rows that resampling makes: four weeks at 4 Hz; one wild time stamp asks for more."""
+"""Largest number of resampled rows: four weeks at 4 Hz; a single wrong time stamp would require more."""
 RESAMPLE = "pass --resample"
+"""Default remedy in error messages."""
 
 
 def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float | None = None) -> float:
-    """Return the period asked for, or the median step; time must increase.
+    """Return the requested period, or the median step; time must increase.
 
     Args:
-        t_s: The table's clock.
-        before_s: Time of the row before the table, when it continues another.
+        t_s: Clock of the table.
+        before_s: Time of the row before the table, if the table continues another one.
     """
     steps = _steps(t_s, before_s)
     back = np.flatnonzero(steps <= 0.0)
@@ -38,14 +40,14 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
 def uneven(
     table: Table, t_s: Times, period_s: float, before_s: float | None = None, *, remedy: str = RESAMPLE
 ) -> PeriodMismatch | None:
-    """Return the error for the first step that is not the period, or None."""
+    """Return the error for the first step that differs from the period, or None."""
     steps = _steps(t_s, before_s)
     off = np.flatnonzero(np.abs(steps - period_s) > IRREGULAR * period_s)
     if not off.size:
         return None
     k = int(off[0])
     places = places_of(t_s, period_s, before_s)
-    # What share of a stream is missing, nobody knows before its end.
+    # The fraction of missing rows of a stream is unknown before its end.
     if places is not None and (before_s is not None or len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
@@ -54,10 +56,10 @@ def uneven(
 
 
 def with_gaps(table: Table, t_s: Times, period_s: float) -> Float64[np.ndarray, "k c"] | None:
-    """Return the columns with a row of NaN for each that is missing; None where a step is no multiple of the period.
+    """Return the columns with rows of NaN for missing rows; None if a step is not a multiple of the period.
 
     Raises:
-        NotFinite: If too many rows are missing or hold NaN.
+        NotFinite: If too many rows are missing or contain NaN.
     """
     places = places_of(t_s, period_s)
     if places is None:
@@ -68,7 +70,7 @@ def with_gaps(table: Table, t_s: Times, period_s: float) -> Float64[np.ndarray, 
 
 
 def spread(values: Float64[np.ndarray, "n c"], places: Times, rows: int) -> Iterator[Float64[np.ndarray, "_ c"]]:
-    """Yield rows at their places and rows of NaN between them, so many at a time; the last may be fewer."""
+    """Yield rows at their places with rows of NaN between them, in parts of at most ``rows`` rows."""
     total = int(places[-1]) + 1
     for start in range(0, total, rows):
         part = np.full((min(rows, total - start), values.shape[1]), np.nan)
@@ -78,21 +80,21 @@ def spread(values: Float64[np.ndarray, "n c"], places: Times, rows: int) -> Iter
 
 
 def places_of(t_s: Times, period_s: float, before_s: float | None = None) -> Times | None:
-    """Return the place of each row on the period's grid, or None where a step is no multiple of the period.
+    """Return the index of each row on the sampling grid, or None if a step is not a multiple of the period.
 
     Args:
-        before_s: Time of the row before the first, from which places count on; left out, the first row's is 0.
+        before_s: Time of the row before the first, from which indices are counted; without it the first row has index 0.
     """
     steps = _steps(t_s, before_s) / period_s
     whole = np.rint(steps)
-    # Not "off >": what overflows fails every comparison.
+    # The negated form also catches NaN from an overflow, which fails every comparison.
     if not ((np.abs(steps - whole) <= IRREGULAR) & (whole >= 1.0)).all():
         return None
     return np.concatenate([[0.0], np.cumsum(whole)]) if before_s is None else np.cumsum(whole) - 1.0
 
 
 def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64[np.ndarray, "k c"]:
-    """Return the columns at the period, the first ``inputs`` of them held."""
+    """Return the columns on the sampling grid, the first ``inputs`` of them by sample-and-hold."""
     grid = t_s[0] + period_s * np.arange(rows_of(str(table.file), t_s[0], t_s[-1], period_s))
     values = np.empty((len(grid), len(table.names)))
     for j, column in enumerate(table.values.T):
@@ -101,12 +103,12 @@ def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64
 
 
 def held(grid: Float64[np.ndarray, " k"], times: Times, values: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:
-    """Return the last value at or before each point of the grid."""
+    """Return the last value at or before each grid point."""
     return values[np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 1)]
 
 
 def rows_of(what: str, first: float, last: float, period: float) -> int:
-    """Return how many points a grid has; times and period in one unit."""
+    """Return the number of points of a grid; times and period in the same unit."""
     count = (last - first) / period + 1.0
     if not count <= MOST_ROWS:
         raise RecordError(f"{what}: {count:.3g} rows at that period; at most {MOST_ROWS} are made: give a longer --period")
@@ -118,5 +120,5 @@ def _steps(t_s: Times, before_s: float | None) -> Float64[np.ndarray, " k"]:
 
 
 def _behind(table: Table, k: int, before_s: float | None) -> str:
-    """Return where the row stands that step k leads to."""
+    """Return the location of the row at the end of step k."""
     return table.where(k + 1 if before_s is None else k)

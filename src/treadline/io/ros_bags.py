@@ -1,6 +1,6 @@
-"""Messages of ROS bags: ``.bag`` of ROS 1, by rosbags, and ``.db3`` of ROS 2, which is SQLite.
+"""Messages of ROS bags: ``.bag`` of ROS 1, read by rosbags, and ``.db3`` of ROS 2, an SQLite file.
 
-The files are not trusted: no read beyond the file, no chunk unpacked beyond the cap of MCAP's.
+The files are not trusted: no read beyond the end of the file, and the size limit of MCAP chunks for decompression.
 """
 
 import bz2
@@ -16,13 +16,13 @@ import zstandard
 from treadline.errors import LogFormatError
 from treadline.io import mcap_read
 from treadline.io.mcap_read import inflate_lz4, inflate_zstd
-from treadline.io.ros_types import Packet, Topic, needs_rosbags
+from treadline.io.ros_types import Packet, RecordedTopic, needs_rosbags
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 
 def db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
-    """Yield the messages of the topics wanted of a ROS 2 SQLite file, in the order of time."""
+    """Yield the messages of the requested topics of a ROS 2 SQLite file, in order of time."""
     with path.open("rb") as file:
         magic = file.read(16)
     if magic != b"SQLite format 3\0":
@@ -41,7 +41,9 @@ def db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
         for key, name, kind, encoding in base.execute("SELECT id, name, type, serialization_format FROM topics"):
             language, text = definitions.get(kind, ("", ""))
             if wants(name):
-                topics[key] = Topic(name=name, encoding=encoding, kind=kind, language=language if text else "", definition=text)
+                topics[key] = RecordedTopic(
+                    name=name, encoding=encoding, kind=kind, language=language if text else "", definition=text
+                )
         marks = ",".join("?" * len(topics))
         query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"  # noqa: S608 - marks
         for key, time_ns, data in base.execute(query, list(topics)):
@@ -49,7 +51,7 @@ def db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
 
 
 def _plain(data: bytes) -> bytes:
-    """Return a message; rosbag2 may compress each by itself."""
+    """Return a message, decompressed if rosbag2 compressed it individually."""
     if not data.startswith(_ZSTD):
         return data
     size = zstandard.get_frame_parameters(data).content_size
@@ -59,11 +61,13 @@ def _plain(data: bytes) -> bytes:
 
 
 class _Open:
-    """The part of a file that rosbags uses; a seek beyond the end is left to the next read, as files do."""
+    """File object for rosbags: delegates to the map; a seek beyond the end takes effect at the next read, as with files."""
 
     def __init__(self, data: mmap.mmap) -> None:
         self._data = data
-        self.read, self.tell, self.readline = data.read, data.tell, data.readline
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._data, name)
 
     def seek(self, offset: int, whence: int = 0) -> int:
         place = offset + (self._data.tell() if whence else 0)
@@ -71,11 +75,11 @@ class _Open:
         return place
 
     def close(self) -> None:
-        """The map is closed by who opened it."""
+        """Do nothing; the opener closes the map."""
 
 
 class _Mapped:
-    """A path as rosbags opens it; the map's read() gives no more than the file has, whatever a broken header asks for."""
+    """Path object for rosbags; the map limits every read to the file size, whatever a damaged header declares."""
 
     def __init__(self, data: mmap.mmap) -> None:
         self._data = data
@@ -89,7 +93,7 @@ class _Mapped:
 
 
 def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
-    """Yield the messages of the topics wanted of a ROS 1 bag, in the order of time."""
+    """Yield the messages of the requested topics of a ROS 1 bag, in order of time."""
     try:
         from rosbags.rosbag1 import Reader
     except ImportError:
@@ -99,7 +103,7 @@ def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
         with reader:
             reader.chunks = {at: chunk._replace(decompressor=_capped(chunk.decompressor)) for at, chunk in reader.chunks.items()}
             topics = {
-                item.id: Topic(item.topic, "ros1", item.msgtype, "ros1msg", item.msgdef.data)
+                item.id: RecordedTopic(item.topic, "ros1", item.msgtype, "ros1msg", item.msgdef.data)
                 for item in reader.connections
                 if wants(item.topic)
             }
@@ -109,7 +113,7 @@ def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
 
 
 def _capped(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
-    """Return a decompressor that gives up at the cap: a kilobyte can announce a terabyte."""
+    """Return a decompressor with a size limit: a kilobyte can declare a terabyte."""
     from rosbags.rosbag1.reader import decompressors
 
     most = mcap_read.MAX_CHUNK_BYTES

@@ -1,7 +1,7 @@
-"""Messages by their definition: what turns the bytes of a topic into an object with fields.
+"""Message decoders from message definitions: bytes of a topic to an object with fields.
 
-CDR with ``ros2msg`` definitions, as ROS 2 writes into MCAP, is decoded by mcap-ros2-support. ROS 1, IDL definitions, and bags that
-hold no definition at all are rosbags' matter (the extra ``ros``).
+mcap-ros2-support decodes CDR with ``ros2msg`` definitions, as written by ROS 2 into MCAP. rosbags (the extra ``ros``) decodes ROS 1
+messages, IDL definitions, and bags without definitions.
 """
 
 import re
@@ -16,40 +16,40 @@ from mcap_ros2.decoder import DecoderFactory
 from treadline.errors import LogFormatError
 
 MOST_ELEMENTS = 1 << 25
-"""Longest sequence that is decoded: a broken message announces billions."""
+"""Longest decoded sequence; a damaged message can declare billions of elements."""
 LONGEST_DEFINITION = 1 << 20
-"""Characters; the longest of the standard ones have some ten thousand."""
+"""Longest accepted message definition [characters]; the longest standard definitions have about ten thousand."""
 
 
-class Topic(NamedTuple):
-    """A topic as its file declares it."""
+class RecordedTopic(NamedTuple):
+    """Topic as declared in its file."""
 
     name: str
     encoding: str
-    """cdr or ros1."""
+    """Message encoding: cdr or ros1."""
     kind: str
-    """The message type, as sensor_msgs/msg/Imu."""
+    """Message type, for example sensor_msgs/msg/Imu."""
     language: str
-    """What the definition is written in: ros2msg, ros2idl, ros1msg, or nothing."""
+    """Language of the definition: ros2msg, ros2idl, ros1msg, or empty."""
     definition: str
 
 
-Packet = tuple[Topic, int, bytes]
-"""Topic, log time in nanoseconds, message."""
+Packet = tuple[RecordedTopic, int, bytes]
+"""Topic, log time [ns], message."""
 
 
-def decoder_of(topic: Topic) -> Callable[[bytes], Any]:
-    """Return what decodes the messages of a topic.
+def decoder_of(topic: RecordedTopic) -> Callable[[bytes], Any]:
+    """Return the decoder of a topic's messages.
 
     Raises:
-        LogFormatError: If its encoding is unknown, or rosbags is missing.
+        LogFormatError: If the encoding is unknown, or rosbags is not installed.
     """
-    # IDL knows constants that are computed: a shift writes a gigabyte in ten characters.
+    # IDL allows computed constants: a shift in ten characters gives a number of a gigabyte.
     if len(topic.definition) > LONGEST_DEFINITION or "<<" in topic.definition:
         raise LogFormatError(f"{topic.name}: the definition of '{topic.kind[:80]}' is too long or computes; no message type does")
     if topic.encoding == "cdr" and topic.language == "ros2msg":
         schema = Schema(id=1, data=topic.definition.encode(), encoding="ros2msg", name=topic.kind)
-        with redirect_stderr(StringIO()):  # the parser of definitions also prints what it raises
+        with redirect_stderr(StringIO()):  # the definition parser also prints its exceptions
             decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
         if decode is not None:
             return decode
@@ -58,17 +58,17 @@ def decoder_of(topic: Topic) -> Callable[[bytes], Any]:
     return _by_rosbags(topic)
 
 
-def _by_rosbags(topic: Topic) -> Callable[[bytes], Any]:
+def _by_rosbags(topic: RecordedTopic) -> Callable[[bytes], Any]:
     try:
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
     except ImportError:
         raise needs_rosbags(f"{topic.name} ({topic.kind})") from None
-    # rosbags makes classes of the names: nothing but names may pass.
+    # rosbags generates source code from the type names, so only valid names may pass.
     if not re.fullmatch(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,2}", topic.kind, re.ASCII):
-        raise LogFormatError(f"{topic.name} has the type '{topic.kind[:80]}', which is no name")
+        raise LogFormatError(f"{topic.name} has the type '{topic.kind[:80]}', which is not a valid name")
     package, *_, short = topic.kind.split("/")
     kind = f"{package}/msg/{short}"
-    # Bags without definitions come from ROS 2 Humble or older; each other topic brings its own.
+    # Bags without definitions come from ROS 2 Humble or older; newer bags include the definitions.
     store = get_typestore(Stores.EMPTY if topic.definition else Stores.ROS2_HUMBLE)
     store.max_sequence_length = MOST_ELEMENTS
     if topic.definition:
@@ -85,5 +85,5 @@ def _by_rosbags(topic: Topic) -> Callable[[bytes], Any]:
 
 
 def needs_rosbags(what: object) -> LogFormatError:
-    """Return the error for what only rosbags reads."""
+    """Return the error for an input that only rosbags can read."""
     return LogFormatError(f"{what} needs rosbags: pip install '.[ros]' in treadline's folder")

@@ -1,6 +1,7 @@
-"""A run folder: what was asked (manifest.json), what came out (result.json), how it went (series.csv, log.mcap, record.csv).
+"""File names and writers of a run folder.
 
-The controller that drove lies beside them (flown-controller.json).
+manifest.json holds the settings, result.json the result, series.csv the time series, log.mcap the signals, record.csv the
+input-output record and ``flown-controller.json`` the controller.
 """
 
 import json
@@ -17,53 +18,56 @@ from treadline.io.records import RECORD
 from treadline.models import ControllerDesign, write_whole
 
 LOG = "log.mcap"
+"""File name of the MCAP log."""
 MANIFEST = "manifest.json"
-FLOWN = "flown-controller.json"
-"""The controller that drove. Not ``controller.json``: ``treadline tune`` makes that, of a run too, and no run removes it."""
-WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, FLOWN, "report.html", "figures/run.svg")
-"""All that a run and its report write beside the manifest."""
+"""File name of the manifest."""
+RUN_CONTROLLER = "flown-controller.json"
+"""File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
+into run folders, and no run may remove it."""
+WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, RUN_CONTROLLER, "report.html", "figures/run.svg")
+"""Files written by a run and its report, besides the manifest."""
 SERIES_EVERY = 10
-"""Every tenth sample of 100 Hz: enough to draw."""
+"""Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""
 
 
 def begin_run(
     folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None, **more: Mapping[str, Any]
 ) -> None:
-    """Make a run's folder and say first what is run: a run that is interrupted can then be told apart, and repeated.
+    """Create a run folder and write the manifest first, so that an interrupted run can be identified and repeated.
 
     Args:
-        controller: What drives, if one does; its own file may be tuned anew meanwhile.
-        more: What else the manifest says, by its key.
+        controller: Controller used by the run; stored as a copy, because its own file can change during the run.
+        more: Additional entries of the manifest, by key.
     """
     clear_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_manifest(folder, settings, seed, **more)
     if controller is not None:
-        controller.save(folder / FLOWN)
+        controller.save(folder / RUN_CONTROLLER)
 
 
 def clear_run(folder: Path) -> None:
-    """Remove what an earlier run wrote, so that nobody takes its result for the next one's.
+    """Remove the files of an earlier run, so that old results cannot be mistaken for new ones.
 
-    A folder without a manifest is no run's, and keeps all it holds.
+    A folder without a manifest is not a run folder and is left unchanged.
     """
     if (folder / MANIFEST).is_file():
         remove(folder, (*WRITTEN, MANIFEST))
 
 
 def remove(folder: Path, names: Sequence[str]) -> None:
-    """Remove those files of a folder that are there."""
+    """Remove the named files of a folder, as far as they exist."""
     for name in names:
         (folder / name).unlink(missing_ok=True)
 
 
 def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> None:
-    """Write what is needed to repeat a run, and ``more`` by its key."""
+    """Write settings, seed and provenance of a run, and additional entries by key."""
     _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **more, **provenance()})
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:
-    """Write what a run came to."""
+    """Write the result of a run."""
     _write_json(folder / "result.json", result)
 
 
@@ -77,7 +81,7 @@ def write_series(folder: Path, columns: Mapping[str, Float[np.ndarray, " T"]]) -
 
 
 def read_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
-    """Return the columns that ``write_series`` wrote."""
+    """Return the columns written by ``write_series``."""
     with (folder / "series.csv").open(encoding="utf-8") as file:
         names = file.readline().strip().split(",")
         rows = np.genfromtxt(file, delimiter=",", filling_values=np.nan, ndmin=2)

@@ -1,8 +1,11 @@
-"""A recording as a chair's sensors: what it read, in the order of its stamps, and what it did, for comparison.
+"""A log as a source of sensor readings, and of the recorded commands and estimates for comparison.
 
-A log is not believed. A stamp that is not later than the one before on its topic is dropped, and so is a sample that is not
-finite; both are counted and told. Where the clock itself leaps, or nothing was recorded for long, the recording ends: what
-follows cannot be put in order. One second of the log is held at a time, to sort it; never more.
+A reading of our own logs is due at its log time, the mission time at which the run took it: late camera frames stay late. The log
+time of any other log is a recorder's wall clock; there a reading is due at its stamp.
+
+Logs are not trusted. A message whose stamp is not later than the previous one on its topic is dropped, and so is a sample that is
+not finite; both are counted and reported. The recording ends where its clock leaps, or where nothing was recorded for
+``SILENCE_S``. One second of the log is held in memory, to sort it.
 """
 
 import heapq
@@ -16,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from treadline.errors import ImageError, LogFormatError
+from treadline.io.cdr import seconds_of
 from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
 from treadline.io.log_frames import Calibrate, Frames, as_logged
-from treadline.io.mcap_read import BROKEN
+from treadline.io.mcap_read import BROKEN, has_arrivals
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
 from treadline.signals import (
     Event,
@@ -80,6 +84,7 @@ class SensorLog:
         """
         self._path = path
         self._sealed = sealed
+        self._has_arrivals = has_arrivals(path)
         self._unit_m = depth_unit_m
         self._calibrate = calibrate
         self.found = survey(path, sealed=sealed)
@@ -99,10 +104,19 @@ class SensorLog:
         return self.topics.depth is not None or "/stair/map/detail" in self.found
 
     def signals(self, aside: Callable[[Any], None]) -> Iterator[Sensor]:
-        """Yield what the sensors read, in time order from ``t_s = 0``.
+        """Yield the sensor readings in the order in which they are due, from ``t_s = 0``.
 
         Args:
-            aside: Takes the rest as it comes, up to a second early: commands, estimates, and events about what was dropped.
+            aside: Takes all other signals, up to a second early: commands, estimates, and events about dropped messages.
+        """
+        for _, signal in self.arrivals(aside):
+            yield signal
+
+    def arrivals(self, aside: Callable[[Any], None]) -> Iterator[tuple[float, Sensor]]:
+        """Yield each sensor reading with the mission time at which it is due [s], in time order.
+
+        Args:
+            aside: As of ``signals``.
         """
         self._aside = aside
         self._last: dict[str, tuple[float, int]] = {}
@@ -126,11 +140,16 @@ class SensorLog:
                 break
             if isinstance(signal, Sensor):
                 count += 1
-                heapq.heappush(self._ready, (signal.t_s, count, topic.name, signal))
-                yield from self._due(signal.t_s - HORIZON_S)
+                due_s = self._due_s(signal, logged_ns)
+                heapq.heappush(self._ready, (due_s, count, topic.name, signal))
+                yield from self._due(due_s - HORIZON_S)
             elif signal is not None:
                 aside(signal)
         yield from self._due(math.inf)
+
+    def _due_s(self, signal: Sensor, logged_ns: int) -> float:
+        """Return when a reading is due: at its arrival where the log kept it, never before its stamp."""
+        return max(signal.t_s, seconds_of(logged_ns - self._origin_ns)) if self._has_arrivals else signal.t_s
 
     def _wants(self, name: str) -> bool:
         ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
@@ -188,7 +207,7 @@ class SensorLog:
             self._drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
         return finite
 
-    def _due(self, until_s: float) -> Iterator[Sensor]:
+    def _due(self, until_s: float) -> Iterator[tuple[float, Sensor]]:
         while self._ready and self._ready[0][0] <= until_s:
             t_s, _, name, signal = heapq.heappop(self._ready)
             if t_s - self._given_s > SILENCE_S:
@@ -198,7 +217,7 @@ class SensorLog:
                 self._drop(self._given_s, name, "stamps of another clock", f"{t_s - self._given_s:+.3f} s")
             else:
                 self._given_s = t_s
-                yield signal
+                yield t_s, signal
 
     def _unpaired(self, t_s: float, reason: str) -> None:
         self._drop(t_s, str(self.topics.depth), reason, f"at {t_s:.3f} s")

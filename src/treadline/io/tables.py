@@ -1,6 +1,6 @@
-"""Tables: the wanted columns of a log side by side, with its clock, and the checks that hold for every format.
+"""Tables: requested columns of a log with their clock, and the checks common to all formats.
 
-A log of any format becomes one table or several that follow one another; ``records`` and ``chunks`` make records of them.
+A log of any format becomes one table or several consecutive tables; ``records`` and ``chunks`` turn tables into records.
 """
 
 import math
@@ -15,69 +15,76 @@ from jaxtyping import Float, Float64, Shaped
 from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError
 
 SECONDS = ("t_s", "t", "time")
+"""Names of clock columns in seconds."""
 NANOSECONDS = ("t_ns", "timestamp_ns")
+"""Names of clock columns in nanoseconds."""
+TIMESTAMPS = ("timestamp", "datetime")
+"""Names of clock columns in ISO 8601 text, in addition to the names in seconds."""
 UNWRAPPED = "_unwrapped_rad"
-"""What the name of an angle ends in that may pass π."""
+"""Name suffix of unwrapped angles, which may exceed π."""
 MOST_GAPS = 0.2
-"""Largest share of rows with NaN."""
+"""Largest accepted fraction of rows with NaN."""
 MOST_NAMED = 12
-"""Names that an error lists before it says how many more there are."""
+"""Largest number of names listed in an error message."""
 LONGEST_NAME = 80
+"""Largest number of characters of a name in an error message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Rows of one file, or of a part of it."""
+    """Rows of one file, or of a part of a file."""
 
     file: Path
     names: tuple[str, ...]
     values: Float64[np.ndarray, "n k"]
     clock: str | None
-    """Name of the column that told the time."""
+    """Name of the clock column."""
     t_s: Float64[np.ndarray, " n"] | None
+    """Time of each row [s]."""
     marks: Shaped[np.ndarray, " n"]
-    """What each row is called in an error: its line or its number; data and not a function, for a stream may not remember."""
+    """Line or row number of each row for error messages; an array, because a stream does not keep earlier rows."""
     spot: str = ": row {}"
+    """Format of a row's location in error messages."""
     header: tuple[str, ...] = ()
-    """All columns of the file, where it has a header."""
+    """All column names of the file; empty for formats without a header."""
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
 
     def where(self, k: int) -> str:
-        """Return where a row stands: file and line, or file and row."""
+        """Return the location of a row: file and line, or file and row."""
         return f"{self.file}{self.spot.format(self.marks[k])}"
 
 
 @runtime_checkable
 class Log(Protocol):
-    """A file open for reading: tables one after the other."""
+    """File open for streaming: an iterable of consecutive tables."""
 
     def __iter__(self) -> Iterator[Table]:
         """Yield the tables in the order of the rows."""
 
     @property
     def fraction(self) -> float:
-        """Share of the file that has been read."""
+        """Fraction of the file read so far."""
 
 
 def clock_of(there: Sequence[str], wanted: Sequence[str]) -> str | None:
-    """Return the column that tells the time: ``t_s``, ``t``, ``time`` in seconds, ``t_ns``, ``timestamp_ns`` in nanoseconds."""
+    """Return the clock column: ``t_s``, ``t``, ``time`` in seconds, ``t_ns``, ``timestamp_ns`` in nanoseconds."""
     return next((name for name in (*SECONDS, *NANOSECONDS) if name in there and name not in wanted), None)
 
 
 def seconds_of(ticks: Shaped[np.ndarray, " n"], origin: int) -> Float64[np.ndarray, " n"]:
-    """Return a clock in seconds; whole numbers are nanoseconds and count from the origin: since 1970 a float rounds them."""
+    """Return a clock in seconds; integers are nanoseconds, counted from the origin because a float rounds the time since 1970."""
     return (ticks - origin) / 1e9 if ticks.dtype.kind == "i" else ticks.astype(float)
 
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
-    """Return the error for a column that the file does not have."""
-    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)})")
+    """Return the error for a column missing in the file."""
+    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)}); name columns with --inputs and --outputs")
 
 
 def no_clock(table: Table) -> PeriodMismatch:
-    """Return the error for a table whose rows nothing tells the time of."""
+    """Return the error for a table without a clock column."""
     given = next((name for name in table.names if name in (*SECONDS, *NANOSECONDS)), None)
     if given is not None:
         return PeriodMismatch(
@@ -86,41 +93,41 @@ def no_clock(table: Table) -> PeriodMismatch:
     there = f" (there are: {listed(table.header)})" if table.header else ""
     return PeriodMismatch(
         f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
-        f"nanoseconds {' or '.join(NANOSECONDS)}"
+        f"nanoseconds {' or '.join(NANOSECONDS)}, in ISO 8601 text {' or '.join(TIMESTAMPS)}"
     )
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names as a list of bearable length, on one line whatever a file calls its columns."""
+    """Return names as a list of limited length on one line."""
     every = [" ".join(name.split())[:LONGEST_NAME] for name in names]
     more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
     return (", ".join(every[:MOST_NAMED]) + more) if every else "none"
 
 
 def check_count(file: Path, rows: int) -> None:
-    """Refuse what is too short to have a period."""
+    """Reject a table too short to have a period."""
     if rows < 2:
         raise LogFormatError(f"{file}: {rows} rows of data; at least two rows are needed")
 
 
 def check_period(period_s: float | None) -> None:
-    """Refuse a period that is no time."""
+    """Reject a period that is not a positive finite number."""
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise PeriodMismatch(f"--period is {period_s}; it must be positive")
 
 
 def check_values(table: Table, *, allow_gaps: bool) -> None:
-    """Refuse Inf, NaN unless gaps are allowed, and columns in the wrong unit."""
+    """Reject Inf, NaN unless gaps are allowed, and columns in a wrong unit."""
     _check_finite(table, table.names, table.values, allow_gaps=allow_gaps)
     if table.t_s is not None:
-        _check_finite(table, (str(table.clock),), table.t_s[:, None], allow_gaps=False, nan="mend the recording")
+        _check_finite(table, (str(table.clock),), table.t_s[:, None], allow_gaps=False, nan="repair the recording")
     for name, column in zip(table.names, table.values.T, strict=True):
         largest = float(np.nanmax(np.abs(column), initial=0.0))
-        # An angle that was unwrapped passes π; only its name tells it from degrees, which move as smoothly.
+        # An unwrapped angle exceeds π; only its name distinguishes it from an angle in degrees.
         if name.endswith("_rad") and not name.endswith(UNWRAPPED) and largest > math.pi:
             raise RecordError(
-                f"{table.file}: column '{name}' reaches {largest:.1f}, beyond π: degrees? convert it to radians; an angle "
-                f"that was unwrapped is called …{UNWRAPPED}"
+                f"{table.file}: column '{name}' reaches {largest:.1f}, beyond π: degrees? convert it to radians; the name of an "
+                f"unwrapped angle ends in {UNWRAPPED}"
             )
         if name.endswith("_m_s") and largest > 50.0:
             raise RecordError(f"{table.file}: column '{name}' reaches {largest:.0f} m/s: millimetres? convert it to metres")
@@ -132,10 +139,10 @@ def gaps_in(table: Table) -> int:
 
 
 def check_gaps(file: Path, gaps: int, rows: int) -> None:
-    """Refuse a record that is mostly holes."""
+    """Reject a record with too many gaps."""
     if gaps > MOST_GAPS * rows:
         raise NotFinite(
-            f"{file}: {gaps / rows:.0%} of the rows hold NaN or are missing; at most {MOST_GAPS:.0%} may: mend the recording"
+            f"{file}: {gaps / rows:.0%} of the rows hold NaN or are missing; at most {MOST_GAPS:.0%} may: repair the recording"
         )
 
 
@@ -145,12 +152,12 @@ def _check_finite(
     values: Float[np.ndarray, "n k"],
     *,
     allow_gaps: bool,
-    nan: str = "pass --allow-gaps, which leaves out what looks back on it",
+    nan: str = "pass --allow-gaps, which leaves out the windows with NaN",
 ) -> None:
     if np.isfinite(values).all():
         return
     for test, word, remedy in (
-        (np.isinf, "Inf", "mend the recording"),
+        (np.isinf, "Inf", "repair the recording"),
         (np.isnan, "NaN", nan),
     ):
         bad = np.argwhere(test(values))

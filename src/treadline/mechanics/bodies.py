@@ -285,26 +285,28 @@ def from_edge_m(landing_m: float, tracks: Tracks) -> float:
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the pose in which a scenario starts, a hair above what the chair will stand on.
+    """Return the pose in which a scenario starts, ``CLEARANCE_M`` above the floor, the nosings or the landing.
 
-    On the landing, heading and lateral place are those against the last flight.
+    Heading and lateral place are those against the flight: on the floor the first one, on the landing the last one.
     """
     heading, top = math.radians(start.heading_deg), staircase.steps[-1]
     slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
-    along = 0.5 * tracks.flat_run_m * math.cos(heading)
+    along, flight = 0.5 * tracks.flat_run_m * math.cos(heading), 0
     R_WB = rotation_y(-slope) @ rotation_z(heading)
     if start.place == "floor":
         p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
     elif start.place == "landing":
         behind_m = along + from_edge_m(staircase.landing_m, tracks)
         p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
+        flight = staircase.flight_count - 1
     else:
         step = staircase.steps[start.step]
+        flight = next(k for k, steps in enumerate(staircase.flights) if step in steps) if staircase.turn_rad else 0
         lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
         from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
-        p_WB = np.array([step.x_m, 0.0, step.z_m]) + from_nosing
-    if start.place == "landing":
-        R_WF, p_WF = staircase.flight_frame(staircase.flight_count - 1)
+        p_WB = step.nosing_F + from_nosing
+    if flight:
+        R_WF, p_WF = staircase.flight_frame(flight)
         p_WB, R_WB = p_WF + R_WF @ p_WB, R_WF @ R_WB
     return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)
 
@@ -319,8 +321,8 @@ def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> floa
     c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
     offsets = [
         (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s
-        for step in staircase.steps[: front.index + 1]
-        if not step.missing and (front.x_m - step.x_m) * c <= flat_run_m
+        for step in next(steps for steps in staircase.flights if front in steps)
+        if step.index <= front.index and not step.missing and (front.x_m - step.x_m) * c <= flat_run_m
     ]
     highest_m = max(offsets, default=0.0)
     return highest_m if highest_m > CLEARANCE_M else 0.0

@@ -1,9 +1,13 @@
-"""The staircase in the world: every step, nosing, landing and wall.
+"""The staircase in the world: steps, nosings, landings, walls and, where winders turn it, the newel.
 
-Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width.
-Several flights go straight on, alike but for their jitter, with a landing between any two; S stays the frame of the first, so that
-x along S grows over the landings too: by cos β a metre. Where the flights turn (quarter landings), each has a frame of its own, F:
-like W, below its first nosing. Places of steps are then in F, and S belongs to a flight.
+Paper: Fig. 3(a) (height h, width w).
+
+Frames: the world W has z up, x up the first flight and its origin on the floor below the first nosing, at mid-width. Where flights
+turn, each flight has a frame F of its own, like W below its first nosing; places of steps are in F. S is the frame of a flight's
+nosing plane. Flights that go straight on share one F and one S, in which x grows over the landings by cos β per metre.
+
+A stair turns at quarter landings between flights, or by winders, which divide it into the flight below (the winders included) and
+the flight above them.
 """
 
 import math
@@ -15,16 +19,22 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_y, rotation_z, wrap
+from treadline.mechanics.winders import Winders
 from treadline.stair_settings import Friction, Stair, StepOverride
 from treadline.step_rules import place_of
 
 TREAD_THICKNESS_M = 0.04
-"""Of an open-riser tread."""
+"""Thickness of an open-riser tread."""
 WALL_HEIGHT_M = 2.2
+"""Height of a wall above the steps."""
+NEWEL_HEIGHT_M = 1.0
+"""Height of a newel post above the last winder: about that of a handrail."""
 STOREY_M = 0.3
-"""Height above or below a flight within which a chair may still be on it: more than a pulley and its flipper lift it."""
+"""Height above or below a flight within which a chair counts as on it; pulley and flipper lift the chair by less."""
 FLOOR_LENGTH_M = 6.0
-"""Of floor before the first step."""
+"""Length of the floor before the first step."""
+SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
+"""Sign of a turn, positive to the left."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,23 +43,32 @@ class Step:
 
     index: int
     x_m: float
-    """Of the nosing's front at mid-width, along its flight (F)."""
+    """Place of the nosing's front at mid-width, along its flight (F)."""
     z_m: float
-    """Of the tread."""
+    """Height of the tread above the floor."""
     depth_m: float
-    """To the next nosing's front, across a landing too."""
+    """Distance to the next nosing's front at mid-width, across a landing too; of a winder, along the chord."""
     rise_m: float
-    """Above the tread (or floor) before."""
+    """Height above the tread (or floor) before."""
     yaw_rad: float
-    """Of the nosing about the vertical; zero is square to the flight."""
+    """Turn of the nosing about the vertical; zero is square to the flight (F)."""
     missing: bool
+    """Whether the step has no tread."""
     friction: tuple[Friction, Friction]
-    """Along and across the belt, on the left half and on the right one."""
+    """Friction coefficients along and across the belt, on the left half and on the right half."""
     nosing_radius_m: float
+    """Radius of the rounded front edge."""
+    y_m: float = 0.0
+    """Place of the nosing's middle across its flight (F), positive to the left: not zero for winders alone."""
     overhang_m: float = 0.0
     """Distance by which the tread stands out over the riser."""
     tread_slope_rad: float = 0.0
-    """Positive where the tread rises towards its back."""
+    """Slope of the tread, positive where it rises towards its back."""
+
+    @property
+    def nosing_F(self) -> Float[np.ndarray, " 3"]:
+        """Middle of the nosing's front in the frame of its flight."""
+        return np.array([self.x_m, self.y_m, self.z_m])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,11 +77,12 @@ class Box:
 
     kind: str
     """``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing`` or
-    ``wall``."""
+    ``wall`` (a newel post too)."""
     index: int
-    """Of the step; -1 for the rest."""
+    """Index of the step; -1 for floor and walls."""
     centre_W: tuple[float, float, float]
     half_m: tuple[float, float, float]
+    """Half extents along the box's own axes."""
     yaw_rad: float
     pitch_rad: float = 0.0
 
@@ -74,81 +94,114 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """A flight between a floor and a landing, or several with landings between them."""
+    """A flight between a floor and a landing, or several with landings or winders between them."""
 
     steps: tuple[Step, ...]
-    """Of all flights, the lowest first."""
+    """Steps of all flights, the lowest first."""
     width_m: float
     landing_m: float
+    """Depth of the uppermost landing."""
     open_risers: bool
     nosing_radius_m: float
+    """Radius of the nosings as designed; ``steps`` hold the radius of each."""
     slope_rad: float
-    """Of the nosing plane as designed, jitter aside."""
+    """Slope of the nosing plane as designed, without jitter."""
     friction: Friction
-    """As designed, along and across; ``steps`` have what each one has."""
+    """Friction coefficients as designed, along and across; ``steps`` hold those of each."""
     floor_friction: Friction
     walls: str
     end_wall: bool = False
     """Whether a wall stands across the far end of the uppermost landing."""
     flight_count: int = 1
-    turn: int = 0
-    """Turn at each landing: 1 a quarter to the left, -1 to the right, 0 straight on."""
+    """Number of flights; winders count as the top of the flight below them."""
+    turn_rad: float = 0.0
+    """Turn from each flight to the next, positive to the left; zero straight on."""
+    winders: Winders | None = None
 
     @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:
-        """The steps of each flight, the lowest first; the uppermost step of each is its landing."""
+        """Steps of each flight, the lowest first. The uppermost step is a landing, or the last winder."""
+        if self.winders is not None:
+            return self.steps[: self.winders.after], self.steps[self.winders.after :]
         each = len(self.steps) // self.flight_count
         return tuple(self.steps[k * each : (k + 1) * each] for k in range(self.flight_count))
 
+    @property
+    def straight_parts(self) -> tuple[tuple[Step, ...], ...]:
+        """Steps of each flight whose nosings are parallel: all but the winders after the first, whose nosing is square."""
+        if self.winders is None:
+            return self.flights
+        return self.steps[: self.winders.first + 1], self.steps[self.winders.after :]
+
     def alone(self, flight: int) -> "Staircase":
-        """Return one flight with its landing, as if there were no other: the world is then F."""
+        """Return one flight as if there were no other: W is then its F. Its uppermost step is a landing."""
         steps = self.flights[flight]
         is_last = steps[-1] is self.steps[-1]
         landing_m = self.landing_m if is_last else steps[-1].depth_m
-        return replace(self, steps=steps, landing_m=landing_m, end_wall=self.end_wall and is_last, flight_count=1, turn=0)
+        end_wall = self.end_wall and is_last
+        return replace(self, steps=steps, landing_m=landing_m, end_wall=end_wall, flight_count=1, turn_rad=0.0, winders=None)
 
     def flight_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
         """Return rotation and origin of a flight's frame F in the world."""
         R_WF, p_WF = np.eye(3), np.zeros(3)
-        if self.turn:
-            for landing in (steps[-1] for steps in self.flights[:flight]):
-                # The next flight leaves the landing by its side, flush with its far end.
-                beyond = np.array([landing.x_m + landing.depth_m - 0.5 * self.width_m, self.turn * 0.5 * self.width_m, 0.0])
-                p_WF = p_WF + R_WF @ beyond
-                R_WF = np.round(R_WF @ rotation_z(self.turn * 0.5 * math.pi))  # quarters: the entries are whole numbers
+        if self.turn_rad:
+            for below in range(flight):
+                p_WF = p_WF + R_WF @ self._next_origin_F(below)
+                # Rounded, so that a quarter turn has whole numbers.
+                R_WF = np.round(R_WF @ rotation_z(self.turn_rad), 15)
         return R_WF, p_WF
 
+    def _next_origin_F(self, flight: int) -> Float[np.ndarray, " 3"]:
+        """Return the origin of the next flight's frame in the frame of a flight, which turns."""
+        if self.winders is not None:
+            x, y, _ = self.winders.nosing(self.winders.count)
+            return np.array([self.steps[self.winders.first].x_m + x, y, 0.0])
+        landing = self.flights[flight][-1]
+        # The next flight leaves the landing by its side, flush with its far end.
+        aside_m = math.copysign(0.5 * self.width_m, self.turn_rad)
+        return np.array([landing.x_m + landing.depth_m - 0.5 * self.width_m, aside_m, 0.0])
+
+    def _length_m(self, flight: int) -> float:
+        """Return how far along the stair, in the plan, the next flight's origin lies from a flight's own.
+
+        At the corner of a turn a place has the same distance along the stair in both frames.
+        """
+        if self.winders is not None:
+            chord_m = 2.0 * self.winders.walking_radius_m * math.sin(0.5 * abs(self.turn_rad))
+            return self.steps[self.winders.first].x_m + chord_m
+        landing = self.flights[flight][-1]
+        return landing.x_m + landing.depth_m
+
     def stair_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], float]:
-        """Return a flight's S: rotation, origin, and how far along the stair its origin lies, across the landings before."""
-        if not self.turn:
+        """Return a flight's S: rotation, origin, and the origin's distance along the stair, over the flights before."""
+        if not self.turn_rad:
             return self.R_WS, self.p_WS, 0.0
         R_WF, p_WF = self.flight_frame(flight)
         first, c, s = self.flights[flight][0], math.cos(self.slope_rad), math.sin(self.slope_rad)
-        along_m = sum((steps[-1].x_m + steps[-1].depth_m) * c for steps in self.flights[:flight])
-        origin = p_WF + R_WF @ np.array([first.x_m, 0.0, first.z_m])
+        along_m = sum(self._length_m(below) * c for below in range(flight))
+        origin = p_WF + R_WF @ first.nosing_F
         return R_WF @ self.R_WS, origin, along_m + (first.z_m - self.steps[0].z_m) * s
 
     def flight_at(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> int:
-        """Return the flight that a chair is on; on a landing that of the two to whose course it is turned."""
-        if not self.turn:
+        """Return the flight that a chair is on; where two meet, the flight whose course is nearer to the chair's."""
+        if not self.turn_rad:
             return 0
         yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
-        level_m = float(p_WB[2])
+        height_m = float(p_WB[2])
         near = [
             k
             for k, steps in enumerate(self.flights)
-            if steps[0].z_m - steps[0].rise_m - STOREY_M <= level_m <= steps[-1].z_m + STOREY_M
+            if steps[0].z_m - steps[0].rise_m - STOREY_M <= height_m <= steps[-1].z_m + STOREY_M
         ]
-        askew = {k: abs(wrap(yaw - k * self.turn * 0.5 * math.pi)) for k in near or range(self.flight_count)}
-        return min(askew, key=lambda k: (askew[k], k))
+        heading_errors = {k: abs(wrap(yaw - k * self.turn_rad)) for k in near or range(self.flight_count)}
+        return min(heading_errors, key=lambda k: (heading_errors[k], k))
 
     @property
     def last_nosing_m(self) -> float:
         """Place of the uppermost nosing along the stair (S), from the first one, over the landings."""
         R_WS, p_WS, along_m = self.stair_frame(self.flight_count - 1)
         R_WF, p_WF = self.flight_frame(self.flight_count - 1)
-        last = self.steps[-1]
-        return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ np.array([last.x_m, 0.0, last.z_m]) - p_WS))
+        return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ self.steps[-1].nosing_F - p_WS))
 
     @property
     def R_WS(self) -> Float[np.ndarray, "3 3"]:
@@ -158,17 +211,17 @@ class Staircase:
     @property
     def p_WS(self) -> Float[np.ndarray, " 3"]:
         """Origin of S: the first nosing."""
-        return np.array([self.steps[0].x_m, 0.0, self.steps[0].z_m])
+        return self.steps[0].nosing_F
 
     @property
     def nosings_W(self) -> Float[np.ndarray, "N 3"]:
-        """Points on the nosings at mid-width, missing steps left out."""
-        if not self.turn:
-            return np.array([[step.x_m, 0.0, step.z_m] for step in self.steps if not step.missing])
+        """Middles of the nosings, without missing steps."""
+        if not self.turn_rad:
+            return np.array([step.nosing_F for step in self.steps if not step.missing])
         frames = [self.flight_frame(k) for k in range(self.flight_count)]
         return np.array(
             [
-                p_WF + R_WF @ np.array([step.x_m, 0.0, step.z_m])
+                p_WF + R_WF @ step.nosing_F
                 for (R_WF, p_WF), steps in zip(frames, self.flights, strict=True)
                 for step in steps
                 if not step.missing
@@ -177,46 +230,60 @@ class Staircase:
 
     @property
     def pitch_m(self) -> float:
-        """Mean distance between nosings along the first flight, √(h² + w²)."""
-        flight = self.flights[0]
+        """Mean distance between nosings along the first flight, √(h² + w²); with winders, of the longer straight part."""
+        flight = self.flights[0] if self.winders is None else max(self.straight_parts, key=len)
         first, last = flight[0], flight[-1]
         return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(flight) - 1)
 
     def boxes(self) -> tuple[Box, ...]:
-        """Return the solids with sharp front edges: floor, steps, landing, walls.
+        """Return the solids with sharp front edges: floor, steps, landings, walls.
 
-        The plant rounds the nosings off; the camera draws them as they are here.
+        The plant rounds the nosings off; the camera draws them with these sharp edges.
         """
-        if self.turn:
-            return tuple(
-                _placed(box, *self.flight_frame(k))
-                for k in range(self.flight_count)
-                for box in self.alone(k).boxes()
-                if k == 0 or box.kind != "floor"
-            )
-        last = self.steps[-1]
-        end_x = last.x_m + max(self.landing_m, last.depth_m)
-        half_width = 0.5 * self.width_m
-        solids = [
-            Box(
-                kind="floor",
-                index=-1,
-                centre_W=(-0.5 * FLOOR_LENGTH_M, 0.0, -0.1),
-                half_m=(0.5 * FLOOR_LENGTH_M + 0.5, half_width + 2.0, 0.1),
-                yaw_rad=0.0,
-            )
-        ]
-        landings = {flight[-1].index for flight in self.flights}
-        for step, after in zip(self.steps, (*self.steps[1:], None), strict=True):
-            if not step.missing:
-                back_x = end_x if after is None else step.x_m + step.depth_m + self._under(step, after)
-                solids += self._tread(step, back_x, "landing" if step.index in landings else "step")
-        solids += [wall for flight in self.flights for wall in self._walls(flight)]
+        floor = Box(
+            kind="floor",
+            index=-1,
+            centre_W=(-0.5 * FLOOR_LENGTH_M, 0.0, -0.1),
+            half_m=(0.5 * FLOOR_LENGTH_M + 0.5, 0.5 * self.width_m + 2.0, 0.1),
+            yaw_rad=0.0,
+        )
+        frames = [self.flight_frame(k) for k in range(self.flight_count)]
+        treads = [_placed(box, *frame) for k, frame in enumerate(frames) for box in self._treads(k)]
+        walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in self._walls(k)]
         if self.end_wall:
-            half_height = 0.5 * WALL_HEIGHT_M
-            wall_W = (end_x + 0.05, 0.0, last.z_m + half_height)
-            solids.append(Box(kind="wall", index=-1, centre_W=wall_W, half_m=(0.05, half_width, half_height), yaw_rad=0.0))
-        return tuple(solids)
+            walls.append(_placed(self._end_wall(), *frames[-1]))
+        return (floor, *treads, *walls)
+
+    def _treads(self, flight: int) -> list[Box]:
+        """Return the steps of a flight, winders included, and its landing, in F."""
+        steps = self.flights[flight]
+        is_last, half_width = flight + 1 == self.flight_count, 0.5 * self.width_m
+        goes_on = not is_last and not self.turn_rad
+        above: tuple[Step | None, ...] = (*steps[1:], self.flights[flight + 1][0] if goes_on else None)
+        boxes: list[Box] = []
+        for step, after in zip(steps, above, strict=True):
+            if step.missing:
+                continue
+            if self.winders is not None and self.winders.holds(step.index):
+                boxes += self._winder(step, self.winders)
+            elif after is None:
+                boxes += self._tread(step, max(self.landing_m, step.depth_m) if is_last else step.depth_m, "landing", half_width)
+            else:
+                kind = "landing" if step is steps[-1] else "step"
+                boxes += self._tread(step, step.depth_m + self._under(step, after), kind, half_width)
+        return boxes
+
+    def _end_wall(self) -> Box:
+        """Return the wall across the far end of the uppermost landing, in F."""
+        last, half_height = self.steps[-1], 0.5 * WALL_HEIGHT_M
+        end_x = last.x_m + max(self.landing_m, last.depth_m)
+        return Box(
+            kind="wall",
+            index=-1,
+            centre_W=(end_x + 0.05, 0.0, last.z_m + half_height),
+            half_m=(0.05, 0.5 * self.width_m, half_height),
+            yaw_rad=0.0,
+        )
 
     @property
     def surfaces(self) -> Float[np.ndarray, "N 7"]:
@@ -237,45 +304,100 @@ class Staircase:
         turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad) - math.tan(step.yaw_rad))
         return max(0.10, turned_m + 0.01) + after.overhang_m
 
-    def _tread(self, step: Step, back_x: float, kind: str) -> list[Box]:
-        """Return a step's box, or a slab and the riser below it where the tread overhangs."""
-        whole_m, half_width = step.rise_m + 0.10, 0.5 * self.width_m
-        if self.open_risers:
-            return [_behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, TREAD_THICKNESS_M))]
-        if step.overhang_m == 0.0:
-            return [_behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, whole_m))]
-        slab_m = max(TREAD_THICKNESS_M, 2.0 * step.nosing_radius_m)
-        slab = _behind_nosing(step, kind, half_width, back_x, 0.0, (0.0, slab_m))
-        return [slab, _behind_nosing(step, "riser", half_width, back_x, step.overhang_m, (slab_m, max(whole_m, slab_m + 0.01)))]
+    def _winder(self, step: Step, winders: Winders) -> list[Box]:
+        """Return the boxes that cover a winder's wedge; what they cover beyond it lies under the next steps or in the newel."""
+        into_newel_m = winders.newel_m * (1.0 - math.cos(winders.step_rad))
+        aside_m = 0.5 * into_newel_m * winders.side
+        inward = replace(step, x_m=step.x_m - aside_m * math.sin(step.yaw_rad), y_m=step.y_m + aside_m * math.cos(step.yaw_rad))
+        depth_m = winders.depth_m + self._under_next_winder(step, winders)
+        return self._tread(inward, depth_m, "step", 0.5 * (self.width_m + into_newel_m))
 
-    def _walls(self, flight: tuple[Step, ...]) -> list[Box]:
-        """Return the walls beside a flight alone: floor and landings are rooms in which a chair can turn."""
-        first, last = flight[0], flight[-1]
-        return [
+    def _under_next_winder(self, step: Step, winders: Winders) -> float:
+        """Return how far a winder reaches under the next step beyond its wedge: jitter turns their nosings apart."""
+        after = self.steps[step.index + 1]
+        design_rad = winders.step_rad if winders.holds(after.index) else -winders.nosing(winders.count - 1)[2]
+        turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad - step.yaw_rad - design_rad))
+        return max(0.10, turned_m + 0.01) + after.overhang_m
+
+    def _tread(self, step: Step, depth_m: float, kind: str, half_width: float) -> list[Box]:
+        """Return a step's box, or a slab and the riser below it where the tread overhangs."""
+        whole_m = step.rise_m + 0.10
+        if self.open_risers:
+            return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, TREAD_THICKNESS_M))]
+        if step.overhang_m == 0.0:
+            return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, whole_m))]
+        slab_m = max(TREAD_THICKNESS_M, 2.0 * step.nosing_radius_m)
+        slab = _behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, slab_m))
+        lower = (slab_m, max(whole_m, slab_m + 0.01))
+        return [slab, _behind_nosing(step, "riser", half_width, depth_m, step.overhang_m, lower)]
+
+    def _walls(self, flight: int) -> list[Box]:
+        """Return the walls of a flight in F: beside its straight part, and around its winders.
+
+        Floor and landings have none: a chair can turn there.
+        """
+        steps, winders = self.flights[flight], self.winders
+        winds = winders is not None and flight == 0
+        first, last = steps[0], steps[winders.first] if winders is not None and winds else steps[-1]
+        height_m = 0.5 * last.z_m + 0.5
+        straight = [
             Box(
                 kind="wall",
                 index=-1,
-                centre_W=(0.5 * (first.x_m + last.x_m), sign * (0.5 * self.width_m + 0.05), 0.5 * last.z_m + 0.5),
-                half_m=(0.5 * (last.x_m - first.x_m), 0.05, 0.5 * last.z_m + 0.5 + WALL_HEIGHT_M),
+                centre_W=(0.5 * (first.x_m + last.x_m), sign * (0.5 * self.width_m + 0.05), height_m),
+                half_m=(0.5 * (last.x_m - first.x_m), 0.05, height_m + WALL_HEIGHT_M),
                 yaw_rad=0.0,
             )
-            for side, sign in (("left", 1.0), ("right", -1.0))
-            if self.walls in (side, "both")
+            for sign in self._walled_sides
+            if last.x_m > first.x_m
         ]
+        return straight + (self._around(winders, last.x_m) if winders is not None and winds else [])
+
+    @property
+    def _walled_sides(self) -> list[float]:
+        """Sides with a wall: 1 on the left, -1 on the right."""
+        return [sign for side, sign in (("left", 1.0), ("right", -1.0)) if self.walls in (side, "both")]
+
+    def _around(self, winders: Winders, first_x_m: float) -> list[Box]:
+        """Return the newel, a box inscribed in its circle for each winder, and the wall at the outer side of each, in F."""
+        top_m = self.steps[winders.after - 1].z_m
+        boxes: list[Box] = []
+        for k in range(winders.count):
+            x, y, yaw = winders.nosing(k)
+            frame = rotation_z(yaw), np.array([first_x_m + x, y, 0.0])
+            half = 0.5 * abs(winders.step_rad)
+            post = Box(
+                kind="wall",
+                index=-1,
+                centre_W=(0.0, winders.side * winders.walking_radius_m, 0.5 * (top_m + NEWEL_HEIGHT_M)),
+                half_m=(winders.newel_m * math.sin(half), winders.newel_m * math.cos(half), 0.5 * (top_m + NEWEL_HEIGHT_M)),
+                yaw_rad=winders.side * half,
+            )
+            boxes.append(_placed(post, *frame))
+            if -winders.side in self._walled_sides:
+                outside = Box(
+                    kind="wall",
+                    index=-1,
+                    centre_W=(0.5 * winders.depth_m, -winders.side * (0.5 * self.width_m + 0.05), 0.5 * (top_m + WALL_HEIGHT_M)),
+                    half_m=(0.5 * winders.depth_m, 0.05, 0.5 * (top_m + WALL_HEIGHT_M)),
+                    yaw_rad=0.0,
+                )
+                boxes.append(_placed(outside, *frame))
+        return boxes
 
 
 def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
-    """Return a box of one flight in the world."""
+    """Return a box of a frame F in the world."""
     x, y, z = p_WF + R_WF @ np.array(box.centre_W)
     yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])
     return replace(box, centre_W=(float(x), float(y), float(z)), yaw_rad=yaw_rad)
 
 
-def _behind_nosing(step: Step, kind: str, half_width: float, back_x: float, front_m: float, depths_m: tuple[float, float]) -> Box:
-    """Return a box between two depths below a tread, from ``front_m`` behind the nosing to ``back_x``."""
+def _behind_nosing(step: Step, kind: str, half_width: float, depth_m: float, front_m: float, depths_m: tuple[float, float]) -> Box:
+    """Return a box between two depths below a tread, from ``front_m`` to ``depth_m`` behind the nosing, in F."""
     c, s = math.cos(step.tread_slope_rad), math.sin(step.tread_slope_rad)
     upper_m, lower_m = depths_m
-    half_depth, half_height = 0.5 * (back_x - step.x_m - front_m), 0.5 * (lower_m - upper_m)
+    half_depth, half_height = 0.5 * (depth_m - front_m), 0.5 * (lower_m - upper_m)
     along, below = front_m + half_depth, upper_m + half_height
     forward = along * c + below * s
     return Box(
@@ -283,7 +405,7 @@ def _behind_nosing(step: Step, kind: str, half_width: float, back_x: float, fron
         index=step.index,
         centre_W=(
             step.x_m + forward * math.cos(step.yaw_rad),
-            forward * math.sin(step.yaw_rad),
+            step.y_m + forward * math.sin(step.yaw_rad),
             step.z_m + along * s - below * c,
         ),
         half_m=(half_depth, half_width, half_height),
@@ -293,10 +415,11 @@ def _behind_nosing(step: Step, kind: str, half_width: float, back_x: float, fron
 
 
 def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = ()) -> Staircase:
-    """Return the staircase a scenario asks for; jitter is drawn from ``rng``.
+    """Return the staircase that a scenario describes, with its irregularities drawn.
 
     Args:
-        overrides: Steps that differ; what one says replaces design and jitter.
+        rng: Source of the jitter.
+        overrides: Steps that differ; an override replaces design and jitter.
     """
     count = stair.count
     own = _by_step(stair, overrides)
@@ -307,28 +430,30 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         rises[index] = keys.get("rise_m", rises[index])
         yaws[index] = keys["yaw_deg"] * DEG if "yaw_deg" in keys else yaws[index]
         longer[index] = keys["run_m"] - stair.run_m if "run_m" in keys else longer[index]
-    longer[stair.steps - 1 :: stair.steps] = 0.0  # a landing's depth is one of the stair's own
-    heights, moved = np.cumsum(rises), np.cumsum(longer) - longer
-    further_m = stair.between_m - stair.run_m
+    longer[stair.steps - 1 :: stair.steps] = 0.0  # stair.landing_m and between_m are the landings' depths
+    winders = _winders(stair)
+    if winders is not None:
+        longer[winders.first : winders.after] = 0.0
+    heights = np.cumsum(rises)
     left, right = stair.halves
-    turn = {"none": 0, "left": 1, "right": -1}[stair.turn]
-    first = np.arange(0, count, stair.steps)
-    begins = first * stair.run_m + np.arange(stair.flights) * further_m + moved[first] if turn else np.zeros(stair.flights)
+    places = _places(stair, longer, winders)
     steps = tuple(
         Step(
             index=i,
-            x_m=i * stair.run_m + i // stair.steps * further_m + float(moved[i]) - begins[i // stair.steps],
+            x_m=x_m,
+            y_m=y_m,
             z_m=float(heights[i]),
-            depth_m=(stair.between_m if stair.is_landing(i) and i + 1 < count else stair.run_m) + float(longer[i]),
+            depth_m=depth_m,
             rise_m=float(rises[i]),
-            yaw_rad=float(yaws[i]),
+            yaw_rad=turned + float(yaws[i]),
             missing=i in stair.missing_steps,
             friction=(keys.get("friction_left", left), keys.get("friction_right", right)),
             nosing_radius_m=keys.get("nosing_radius_m", stair.nosing_radius_m),
             overhang_m=keys.get("overhang_m", 0.0),
             tread_slope_rad=keys.get("tread_slope_deg", 0.0) * DEG,
         )
-        for i, keys in ((i, own.get(i, {})) for i in range(count))
+        for i, (x_m, y_m, turned, depth_m) in enumerate(places)
+        for keys in (own.get(i, {}),)
     )
     return Staircase(
         steps=steps,
@@ -341,19 +466,62 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         floor_friction=stair.floor_friction or stair.friction,
         walls=stair.walls,
         end_wall=stair.end_wall,
-        flight_count=stair.flights,
-        turn=turn,
+        flight_count=stair.flights if winders is None else 2,
+        turn_rad=0.5 * math.pi * SIGN_OF_TURN[stair.turn] if winders is None else winders.turn_rad,
+        winders=winders,
     )
 
 
+def _winders(stair: Stair) -> Winders | None:
+    if not stair.winders:
+        return None
+    return Winders(
+        first=stair.first_winder,
+        count=stair.winders,
+        turn_rad=stair.winder_turn_deg * DEG * SIGN_OF_TURN[stair.winder_to],
+        newel_m=stair.newel_m,
+        width_m=stair.width_m,
+    )
+
+
+def _places(stair: Stair, longer_m: Float[np.ndarray, " n"], winders: Winders | None) -> list[tuple[float, float, float, float]]:
+    """Return each step's place in its flight (x, y), the turn of its nosing by design, and its depth.
+
+    Args:
+        longer_m: Depth of each step beyond ``stair.run_m``.
+    """
+    count = stair.count
+    moved = np.cumsum(longer_m) - longer_m
+    further_m = stair.between_m - stair.run_m
+    first = np.arange(0, count, stair.steps)
+    turns = stair.turn != "none"
+    begins = first * stair.run_m + np.arange(stair.flights) * further_m + moved[first] if turns else np.zeros(stair.flights)
+    places = [
+        (
+            i * stair.run_m + i // stair.steps * further_m + float(moved[i]) - float(begins[i // stair.steps]),
+            0.0,
+            0.0,
+            (stair.between_m if stair.is_landing(i) and i + 1 < count else stair.run_m) + float(longer_m[i]),
+        )
+        for i in range(count)
+    ]
+    if winders is None:
+        return places
+    foot_x_m, above_x_m = places[winders.first][0], places[winders.after][0]
+    nosings = [winders.nosing(k) for k in range(winders.count)]
+    wound = [(foot_x_m + x, y, turned, winders.going_m(winders.walking_radius_m)) for x, y, turned in nosings]
+    above = [(x - above_x_m, y, turned, depth) for x, y, turned, depth in places[winders.after :]]
+    return places[: winders.first] + wound + above
+
+
 def as_designed(stair: Stair, overrides: Sequence[StepOverride] = ()) -> Staircase:
-    """Return the staircase without jitter: what is known before it is built."""
+    """Return the staircase without jitter, as known before it is built."""
     level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
     return build_staircase(stair.model_copy(update=level), np.random.default_rng(0), overrides)
 
 
 def _by_step(stair: Stair, overrides: Sequence[StepOverride]) -> dict[int, dict[str, Any]]:
-    """Return what is given of each step, by its index; ``friction`` stands for both halves."""
+    """Return the overridden values of each step by its index; ``friction`` stands for both halves."""
     found: dict[int, dict[str, Any]] = {}
     for override in overrides:
         keys = {key: value for key, value in override.model_dump(exclude={"index"}).items() if value is not None}

@@ -27,6 +27,7 @@ def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | N
         _nowhere_to_go(scenario),
         _beside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
+        _on_winders(scenario, chair.tracks),
         _over_the_landings_end(scenario, chair),
     )
     if any(known[1:]):
@@ -122,6 +123,21 @@ def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
     least = math.ceil((below_m - SUNK_M) / stair.rise_m) - 1
     remedy = f"start at step {least} or above" if least < stair.steps else "start on the floor or the landing"
     return f"the rear of a track would start {sunk_m:.2f} m below the floor, its front on step {start.step}; {remedy}"
+
+
+def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Say which step to start from where the flat run would lie on winders: their nosings are in no common plane."""
+    start, stair = scenario.start, scenario.stair
+    if start.place != "flight" or not stair.winders:
+        return None
+    after, reach_m = stair.first_winder + stair.winders, 2.0 * _reach_m(scenario, tracks)[0]
+    clear = after + math.ceil(reach_m * math.cos(stair.slope_rad) / stair.run_m)
+    # A front pulley on the first winder's nosing, which is square to the flight, touches no other winder.
+    if start.step <= stair.first_winder or start.step >= clear:
+        return None
+    remedy = [f"{stair.first_winder} or below"] * (stair.first_winder > 0) + [f"{clear} or above"] * (clear < stair.steps)
+    where = f"start at step {', or at '.join(remedy)}" if remedy else "start on the floor or the landing"
+    return f"the tracks would start on winders, steps {stair.first_winder} to {after - 1}; {where}"
 
 
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:

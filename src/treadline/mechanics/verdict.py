@@ -17,6 +17,7 @@ from treadline.mechanics.starts import start_problems
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
 from treadline.mechanics.tracks import minimum_track_length
 from treadline.mechanics.traction import friction_use, largest_heading_rad
+from treadline.printing import Printable
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
@@ -32,8 +33,8 @@ LANDING_SPARE_M = 0.60
 """Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckReport:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CheckReport(Printable):
     """What mechanics say, under the contract's keys."""
 
     verdict: str
@@ -51,6 +52,17 @@ class CheckReport:
     seat_range_deg: tuple[float, float]
     proposed_seat_shift_m: float | None = field(default=None)
     """What would reach the margin, where a shift of the seat can."""
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the verdict, the margins and the reasons."""
+        margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
+        rows = [
+            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²)"),
+            ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
+            ("tip-over margins", margins),
+            *(("reason", reason) for reason in self.reasons),
+        ]
+        return self.verdict, rows
 
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
@@ -73,6 +85,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
+        _winders(stair),
         *start_problems(scenario, chair),
         oversized_lugs(scenario.belts, chair.tracks),
     )
@@ -194,9 +207,10 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
     """Return the widest distance from a nosing to the next, or the next but one.
 
     Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last, a pitch away.
+    Winders are left out, for ``_winders`` refuses them.
     """
     stair, widest_m = scenario.stair, 0.0
-    for steps in as_designed(stair, scenario.step).flights:
+    for steps in as_designed(stair, scenario.step).straight_parts:
         there = [(step.x_m, step.z_m) for step in steps if not step.missing]
         first, last = steps[0], steps[-1]
         there.insert(0, (first.x_m - stair.run_m, first.z_m - stair.rise_m))
@@ -211,6 +225,19 @@ def _turning_flights(stair: Stair) -> str | None:
         return None
     where = f"{stair.flights} flights turn {stair.turn} at their landings"
     return f"{where}, and the chair drives straight on over a landing; take another way"
+
+
+def _winders(stair: Stair) -> str | None:
+    """Refuse winders: at their nosings the two belts do not climb alike, and the mission drives straight on."""
+    plan = as_designed(stair).winders
+    if plan is None:
+        return None
+    inner_m, outer_m = plan.going_m(plan.newel_m), plan.going_m(plan.outer_radius_m)
+    return (
+        f"{plan.count} winders from step {plan.first} on turn the flight by {stair.winder_turn_deg:g}° to the {stair.winder_to}, "
+        f"{inner_m:.2f} m deep at the newel and {outer_m:.2f} m at the outer side: the belt on the newel's side meets each nosing "
+        "first and rolls the chair, which drives straight on; take another way"
+    )
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:

@@ -1,11 +1,10 @@
-"""What the mission is told before it starts, and the blocks that follow from it.
+"""Mission configuration: the operator's choices, the chair's file and the controller's file, and the blocks that follow from them.
 
-Everything here comes from the chair's file, the controller's file and the operator. Nothing comes from a scenario:
-payload, slope, friction and heading are for the sensors to find.
+Nothing here comes from a scenario: payload, slope, friction and heading are measured by sensors.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 from treadline import paper
 from treadline.control import ControllerConfig, HeadingController
@@ -13,11 +12,13 @@ from treadline.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.blocks import Detector
 from treadline.mission.descent import Descent, DescentConfig
 from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
-from treadline.mission.loop import Blocks, Detector, Estimator
+from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.planner import Cruise, Planner
+from treadline.mission.plugins import Plugins
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.seat import LevellerConfig, PitchLeveller
@@ -28,32 +29,36 @@ PERIODS_MISSED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionConfig:
-    """The operator's choices and the files the chair carries."""
+    """Configuration of one mission."""
 
     chair: ChairDescription
     controller: ControllerDesign | None = None
-    """None only where an experiment brings its own driver, or the loop is open."""
+    """Gain and observer. None: the loop is open, a plug-in controls, or an experiment brings its own driver."""
+    plugins: Plugins = field(default_factory=Plugins)
+    """Blocks that replace the shipped ones."""
     direction: Literal["up", "down"] = "up"
     payload_kg: float = 50.0
-    """What the passenger weighs, as entered; where in the seat is not known."""
+    """Weight of the passenger as the operator entered it; the place in the seat is unknown."""
     climb_speed_m_s: float = 0.2
     flights: int | None = None
-    """How many to climb or come down; None goes on as long as another is seen across a landing."""
+    """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
     reconstruct: Reconstruct | None = None
-    """None leaves it to the controller's file."""
+    """State reconstruction; None keeps the choice in the controller's file."""
 
 
 def heading_driver(config: MissionConfig) -> Driver:
-    """Return the driver that the operator chose: the heading controller, or constant speed.
+    """Return the driver of a mission: a plug-in, the heading controller, or constant speed where the loop is open.
 
     Raises:
-        SettingsError: If the controller is missing or was made for another vehicle.
+        SettingsError: If the controller is missing, was made for another vehicle, or the plug-in builds no driver.
     """
     if config.loop == "open":
         return ConstantSpeed(config.climb_speed_m_s, 1.0 / paper.CONTROL_RATE_HZ)
+    if config.plugins.controller is not None:
+        return _built("controller", config.plugins.controller, config, Driver)
     design = config.controller
     if design is None:
         raise SettingsError("a closed loop needs a controller; make one with treadline tune")
@@ -72,17 +77,23 @@ def heading_driver(config: MissionConfig) -> Driver:
 
 
 def is_full_traversal(config: MissionConfig, driver: Driver | None = None) -> bool:
-    """Say whether a mission goes from floor to landing, or back, and not along a flight alone.
+    """Return whether a mission goes from floor to landing (or back) instead of along one flight.
 
-    The paper's vision sees no stair map, an open loop steers by nothing, a chair without a flipper must not cross a crest, and an
-    experiment's own driver has the flight for itself.
+    A full traversal needs a controller that follows the plan, a detector that maps the stair (the paper's does not) and a flipper
+    to cross the crest.
+
+    Args:
+        driver: An experiment's own driver in place of the configured one.
     """
-    steers = driver is None or isinstance(driver, HeadingController)
-    return steers and config.loop == "closed" and config.vision == "robust" and config.chair.flipper is not None
+    plugins = config.plugins
+    controller = driver or plugins.controller
+    follows_plan = config.loop == "closed" and (controller is None or controller.follows_plan)
+    maps_stair = config.vision == "robust" if plugins.detector is None else plugins.detector.maps_stair
+    return follows_plan and maps_stair and config.chair.flipper is not None
 
 
 def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
-    """Return the planner of a whole traversal, or of the flight alone.
+    """Return the planner of a full traversal, or of a single flight.
 
     Raises:
         SettingsError: If the chair cannot come down.
@@ -105,27 +116,65 @@ def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
 
 
 def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
-    """Return the blocks of one mission; an experiment may bring its own driver, which then drives on the flight alone."""
+    """Return the blocks of one mission.
+
+    Args:
+        driver: An experiment's own driver in place of the configured one.
+
+    Raises:
+        SettingsError: If a block cannot be built.
+    """
     planner = planner_of(config, driver)
     driver = driver or heading_driver(config)
-    detector: Detector = StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
-    estimator: Estimator = HeadingFilter() if config.vision == "robust" else OffsetEstimator()
     return Blocks(
-        detector=detector,
-        estimator=estimator,
+        detector=detector_of(config),
+        estimator=estimator_of(config),
         planner=planner,
         driver=driver,
         leveller=PitchLeveller(LevellerConfig(seat=config.chair.seat)),
-        guard=Guard(guard_config(config, driver.period_s, driven=isinstance(driver, HeadingController))),
+        guard=Guard(guard_config(config, driver.period_s, driven=driver.follows_plan)),
         swept_half_m=config.chair.swept_half_m,
     )
 
 
+def detector_of(config: MissionConfig) -> Detector:
+    """Return the stair detector of a mission: a plug-in, or the shipped one.
+
+    Raises:
+        SettingsError: If the plug-in builds no detector.
+    """
+    if config.plugins.detector is not None:
+        return _built("detector", config.plugins.detector, config, Detector)
+    return StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
+
+
+def estimator_of(config: MissionConfig) -> Estimator:
+    """Return the heading estimator of a mission: a plug-in, the Kalman filter, or the paper's offset rule.
+
+    Raises:
+        SettingsError: If the plug-in builds no estimator.
+    """
+    if config.plugins.estimator is not None:
+        return _built("estimator", config.plugins.estimator, config, Estimator)
+    return HeadingFilter() if config.vision == "robust" else OffsetEstimator()
+
+
+def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
+    """Return the block that a plug-in builds; the names of the protocol that it lacks are an error."""
+    block = plugin(config)
+    if isinstance(block, protocol):
+        return block
+    wanted = sorted(name for name in {*dir(protocol), *getattr(protocol, "__annotations__", {})} if not name.startswith("_"))
+    missing = [name for name in wanted if not hasattr(block, name)]
+    raise SettingsError(f"the {kind} plug-in builds a {type(block).__name__} without {', '.join(missing)}; add it")
+
+
 def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:
-    """Return the limits that follow from the chair and from the driver's period.
+    """Return the guard's limits for a chair and a control period.
 
     Args:
-        driven: By the heading controller; an experiment's own signal skids on purpose, as the paper's allocation does.
+        driven: Whether the driver follows the plan. The guard limits slip for such a driver only: excitation, and the paper's
+            allocation, slip by design.
     """
     chair = config.chair
     tracks = chair.tracks

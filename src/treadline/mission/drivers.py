@@ -13,12 +13,18 @@ class Driver(Protocol):
     def period_s(self) -> float:
         """Time between calls."""
 
+    @property
+    def follows_plan(self) -> bool:
+        """Whether ``step`` applies the plan's speed and heading: the condition for a full traversal, and for the slip monitor."""
+
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the belt speeds to ask for at ``t_s``; the plan says how fast, and which heading."""
 
 
 class ConstantSpeed:
     """Open loop: both belts at the climb speed, whatever the heading (Fig. 9, open loop)."""
+
+    follows_plan = False
 
     def __init__(self, speed_m_s: float, period_s: float) -> None:
         self._speed_m_s = speed_m_s

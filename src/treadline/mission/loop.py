@@ -1,4 +1,4 @@
-"""The loop that drives: sensors in, belt, flipper and seat commands out, 100 times a second.
+"""The in-process loop: sensors in, belt, flipper and seat commands out, 100 times a second.
 
 Paper: Fig. 2 and Fig. 7, Table I (100 Hz IMU, 10 Hz camera, 4 Hz control). One tick, top to bottom, is the block
 diagram::
@@ -10,25 +10,20 @@ diagram::
                                                                            └────────────► guard ◄────────────────┘
                                                                                             └────► Plant.write()
 
-The mission knows what sensors, the chair's file and the operator tell it, and nothing else.
+The loop gets readings, the chair's file and the operator's input, and never the ground truth. The nodes (``treadline.nodes``) wire
+the same blocks over channels.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-import numpy as np
-from jaxtyping import Float
-
-from treadline.angles import rotation_of
 from treadline.estimation import HeadingHealth
+from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
-from treadline.mission.proposals import Proposals
-from treadline.mission.rates import Rate, seat_now
-from treadline.perception.quality import quality_of
+from treadline.mission.rates import seat_now
 from treadline.perception.sight import SWEPT_HALF_M
 from treadline.ports import Plant
 from treadline.signals import (
@@ -50,60 +45,27 @@ from treadline.signals import (
 )
 
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event
-"""All that a run's log may hold, truth aside."""
-
-ATTITUDES = 50
-"""Remembered IMU samples: half a second, the longest camera latency a scenario may ask for."""
-DOWN_W = np.array([0.0, 0.0, -1.0])
-
-
-@runtime_checkable
-class Seen(Protocol):
-    """What a frame says to the mission."""
-
-    @property
-    def measurement(self) -> HeadingMeasurement | None:
-        """The heading, if there is one."""
-
-    @property
-    def stair_map(self) -> StairMap | None:
-        """The stair ahead, if it is seen."""
-
-
-@runtime_checkable
-class Detector(Protocol):
-    """Vision: a frame and the direction of gravity in, heading and stair map out."""
-
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Seen:
-        """Return what one frame says."""
+"""Everything that a run's log may hold, apart from ground truth."""
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Fusion: IMU samples, belt speeds and headings in, the heading now out."""
+    """Heading filter: IMU samples, belt speeds and measured headings in, heading estimate out."""
 
     rejected_count: int
-    """Headings seen that were not believed."""
+    """Number of rejected heading measurements."""
 
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
         """Return the heading after one more signal, or None before the first heading."""
 
     @property
     def health(self) -> HeadingHealth | None:
-        """What is known to be wrong, or None before the first heading."""
-
-
-@runtime_checkable
-class SeatLeveller(Protocol):
-    """The seat's own loop."""
-
-    def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
-        """Return the actuator's rate."""
+        """Faults known to the filter, or None before the first heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """The boxes of Fig. 2; memory lives inside them."""
+    """Contents of the blocks of Fig. 2; each keeps its own memory."""
 
     detector: Detector
     estimator: Estimator
@@ -112,12 +74,12 @@ class Blocks:
     leveller: SeatLeveller
     guard: Guard
     swept_half_m: float = SWEPT_HALF_M
-    """What the chair sweeps to either side."""
+    """Half of the width that the chair sweeps [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
-    """What one tick ended with."""
+    """Result of one tick."""
 
     t_s: float
     estimate: HeadingEstimate | None
@@ -125,18 +87,18 @@ class Tick:
     tracks: TrackCommand
     seat: SeatCommand
     proposed: bool
-    """Whether the driver spoke at this tick."""
+    """Whether the belt controller computed a new command at this tick."""
 
 
-def _no_log(signal: Signal) -> None:
-    del signal
+def _no_log(signal: Signal, taken_s: float) -> None:
+    del signal, taken_s
 
 
-Noted = StairMap | HeadingHealth | MotionPlan
+GuardMessage = StairMap | HeadingHealth | MotionPlan
 """Messages to the guard that carry a stamp of their own."""
 
 
-def _as_made(message: Noted) -> Noted:
+def _as_made(message: GuardMessage) -> GuardMessage:
     return message
 
 
@@ -146,143 +108,122 @@ def _never(t_s: float) -> bool:
 
 
 class Mission:
-    """Turns the blocks, one tick at a time."""
+    """In-process wiring of the blocks, one tick at a time.
+
+    Args:
+        plant: The chair.
+        blocks: The blocks of Fig. 2.
+        log: Takes each signal and the mission time of the tick at which it was taken or made [s].
+        is_dead: Fault injection: whether the process of the driver is dead at a time.
+        restamp: Fault injection: a message as the guard receives it.
+    """
 
     def __init__(
         self,
         plant: Plant,
         blocks: Blocks,
-        log: Callable[[Signal], None] = _no_log,
+        log: Callable[[Signal, float], None] = _no_log,
         is_dead: Callable[[float], bool] = _never,
-        restamp: Callable[[Noted], Noted] = _as_made,
+        restamp: Callable[[GuardMessage], GuardMessage] = _as_made,
     ) -> None:
-        """Take the blocks and start the plant.
-
-        Args:
-            is_dead: Whether the process that drives is dead at a time: what a test does to it.
-            restamp: A message as the guard gets it: what a test does to its stamp.
-        """
+        """Wire the blocks and start the plant."""
         self._plant = plant
-        self._blocks = blocks
+        self._guard = blocks.guard
+        self._estimator = blocks.estimator
+        self._camera = CameraBlock(blocks.detector, blocks.swept_half_m)
+        self._driver = DriverBlock(blocks.planner, blocks.driver)
+        self._leveller = SeatBlock(blocks.leveller)
         self._log = log
         self._is_dead = is_dead
         self._restamp = restamp
         self._tick = 0
-        self._control = Rate(blocks.driver.period_s)
-        self._proposals = Proposals(blocks.driver)
+        self._t_s = 0.0
         self._estimate: HeadingEstimate | None = None
-        self._imu: ImuSample | None = None
-        self._attitudes: deque[ImuSample] = deque(maxlen=ATTITUDES)
         self._phase = ""
-        self._told = (0.0, 0.0)
+        self._belts = (0.0, 0.0)
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         plant.start()
 
     def tick(self) -> Tick:
-        """Advance the plant to the next tick, feel, decide, act."""
-        t_s = self._tick * TICK_S
+        """Advance the plant to the next tick, read, plan, propose, guard, write."""
+        t_s = self._t_s = self._tick * TICK_S
         self._plant.advance(t_s)
+        self._guard.advance(t_s)
         for reading in self._plant.read():
-            self._log(reading)
-            if self._blocks.guard.admit(reading):
-                self._update(reading)
+            self._record(reading)
+            if self._guard.admit(reading):
+                self._take(reading)
 
-        plan = self._decide(t_s)
+        plan = self._plan(t_s)
         proposed = self._propose(plan)
-        guard = self._blocks.guard
-        tracks, flipper = guard.step(t_s, self._estimate), guard.pass_flipper(plan.flipper)
+        tracks, flipper = self._guard.step(t_s, self._estimate), self._guard.pass_flipper(plan.flipper)
         self._seat = seat_now(self._seat, t_s)
         self._plant.write(tracks, self._seat, flipper)
-        self._tell(tracks, flipper, plan, proposed=proposed)
+        self._report(tracks, flipper, plan, proposed=proposed)
         self._tick += 1
         return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)
 
-    def _decide(self, t_s: float) -> MotionPlan:
-        blocks = self._blocks
-        plan = blocks.planner.step(t_s, self._estimate)
-        blocks.guard.on_message(self._restamp(plan))
-        health = blocks.estimator.health
+    def _take(self, signal: Reading) -> None:
+        """Hand an admitted reading, or what the camera block made of a frame, to the blocks that use it."""
+        match signal:
+            case ImuSample():
+                self._estimate = self._estimator.step(signal)
+                self._camera.update(signal)
+                self._leveller.update(signal)
+                self._driver.update(signal)
+            case TrackReading():
+                self._estimate = self._estimator.step(signal)
+                self._driver.update(signal)
+            case FlipperReading():
+                self._driver.update(signal)
+            case SeatReading():
+                self._seat = self._guard.pass_seat(self._leveller.step(signal))
+            case RgbdFrame():
+                for detected in self._camera.step(signal, self._guard.admit):
+                    self._record(detected)
+                    self._take(detected)
+            case HeadingMeasurement():
+                self._guard.on_message(signal)
+                self._estimate = self._estimator.step(signal)
+            case StairMap():
+                self._guard.on_message(self._restamp(signal))
+                self._driver.update(signal)
+            case _:
+                pass  # the guard alone uses it
+
+    def _plan(self, t_s: float) -> MotionPlan:
+        plan = self._driver.plan(t_s, self._estimate)
+        self._guard.on_message(self._restamp(plan))
+        health = self._estimator.health
         if health is not None:
-            blocks.guard.on_message(self._restamp(health))
+            self._guard.on_message(self._restamp(health))
         return plan
 
     def _propose(self, plan: MotionPlan) -> bool:
-        """Hand belt speeds to the guard, and say whether the driver spoke."""
-        due = self._control.due(self._tick)
+        """Hand proposed belt speeds to the guard; return whether they are the belt controller's, new at this tick."""
         if self._is_dead(plan.t_s):
             return False
-        held = self._blocks.guard.holding is not None
-        command = self._proposals.step(plan, self._estimate, held=held, due=due)
+        command = self._driver.propose(plan, self._estimate, held=self._guard.holding is not None)
         if command is not None:
-            self._blocks.guard.propose(command)
-        return due and plan.turn_m_s is None
+            self._guard.propose(command)
+        return self._driver.is_due and plan.turn_m_s is None
 
-    def _update(self, reading: Reading) -> None:
-        blocks = self._blocks
-        match reading:
-            case ImuSample():
-                self._imu = reading
-                self._attitudes.append(reading)
-                self._estimate = blocks.estimator.step(reading)
-                blocks.planner.update(reading)
-            case TrackReading():
-                self._estimate = blocks.estimator.step(reading)
-                blocks.planner.update(reading)
-            case FlipperReading():
-                blocks.planner.update(reading)
-            case RgbdFrame():
-                self._look(reading)
-            case HeadingMeasurement():
-                self._update_heading(reading)
-            case StairMap():
-                self._update_stair(reading)
-            case SeatReading():
-                self._seat = blocks.guard.pass_seat(blocks.leveller.step(reading, self._imu))
-            case _:
-                pass
+    def _record(self, signal: Signal) -> None:
+        self._log(signal, self._t_s)
 
-    def _look(self, frame: RgbdFrame) -> None:
-        gravity_C = self._gravity_in(frame)
-        quality = quality_of(frame, gravity_C, self._blocks.swept_half_m)
-        self._log(quality)
-        if not self._blocks.guard.admit(quality):
-            return
-        seen = self._blocks.detector.see(frame, gravity_C)
-        measurement, stair_map = seen.measurement, seen.stair_map
-        if measurement is not None:
-            self._log(measurement)
-            self._update_heading(measurement)
-        if stair_map is not None:
-            self._log(stair_map)
-            self._update_stair(stair_map)
-
-    def _update_heading(self, measurement: HeadingMeasurement) -> None:
-        self._blocks.guard.on_message(measurement)
-        self._estimate = self._blocks.estimator.step(measurement)
-
-    def _update_stair(self, stair_map: StairMap) -> None:
-        self._blocks.guard.on_message(self._restamp(stair_map))
-        self._blocks.planner.update(stair_map)
-
-    def _gravity_in(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
-        if not self._attitudes:
-            return None
-        # A frame arrives late: gravity is that of its exposure, for the chair has rocked since.
-        exposed = min(reversed(self._attitudes), key=lambda sample: abs(sample.t_s - frame.t_s))
-        return np.asarray(frame.camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
-
-    def _tell(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
+    def _report(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
+        """Log what the tick came to."""
         if self._estimate is not None:
-            self._log(self._estimate)
+            self._record(self._estimate)
         belts = (tracks.left_m_s, tracks.right_m_s)
-        if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._told:
-            self._log(tracks)  # whatever the belts are told anew, by whomever: a guard that ramps down too
-        self._told = belts
+        if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._belts:
+            self._record(tracks)  # each change of the belts' command, also by a guard that ramps down
+        self._belts = belts
         if flipper is not None:
-            self._log(flipper)
-        self._log(self._seat)
+            self._record(flipper)
+        self._record(self._seat)
         if plan.phase != self._phase:
             self._phase = plan.phase
-            self._log(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
-        for event in self._blocks.guard.take_events():
-            self._log(event)
+            self._record(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
+        for event in self._guard.take_events():
+            self._record(event)

@@ -1,7 +1,7 @@
-"""A recording as a plant: it hands out what sensors read, and no command moves it.
+"""A recording as a ``Plant``: it delivers the recorded readings, and commands have no effect.
 
-``Mission`` turns its blocks on it as on any chair. The IMU of a recording may sit in the camera, and may give no attitude;
-here it becomes the chair's.
+``Mission`` runs on it as on any chair. The IMU of a recording may be mounted in the camera, and may report no attitude; its samples
+are converted to the chair's frame, with an attitude.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,44 +21,45 @@ UNIT = 0.01
 
 
 class ReplayPlant:
-    """Readings at the mission's pace.
+    """Recorded readings, delivered at the mission's pace.
 
     Args:
-        readings: In time order, from ``t_s = 0``.
-        R_BI: Rotation of the IMU's axes in the chair's frame; None where it reads in the chair's frame already.
+        arrivals: Readings, each with the mission time at which it is delivered [s], in time order from zero.
+        R_BI: Rotation of the IMU's axes in the chair's frame; None where the IMU reads in the chair's frame already.
     """
 
-    def __init__(self, readings: Iterable[Reading], R_BI: Float[np.ndarray, "3 3"] | None = None) -> None:
-        self._readings = iter(readings)
+    def __init__(self, arrivals: Iterable[tuple[float, Reading]], R_BI: Float[np.ndarray, "3 3"] | None = None) -> None:
+        self._arrivals = iter(arrivals)
         self._R_BI = R_BI
         self._tilt = Tilt()
-        self._next: Reading | None = None
+        self._next: tuple[float, Reading] | None = None
         self._due: list[Reading] = []
 
     @property
     def over(self) -> bool:
-        """Whether everything recorded has been handed out."""
+        """Whether all recorded readings have been delivered."""
         return self._next is None and not self._due
 
     def start(self) -> None:
-        """Look at the first reading."""
-        self._next = next(self._readings, None)
+        """Fetch the first reading."""
+        self._next = next(self._arrivals, None)
 
     def advance(self, until_s: float) -> None:
-        """Gather what was read until then."""
-        while self._next is not None and self._next.t_s <= until_s + ROUNDING_S:
-            reading = self._attitude_of(self._next) if isinstance(self._next, ImuSample) else self._next
+        """Collect the readings that arrive until ``until_s``."""
+        while self._next is not None and self._next[0] <= until_s + ROUNDING_S:
+            recorded = self._next[1]
+            reading = self._attitude_of(recorded) if isinstance(recorded, ImuSample) else recorded
             if reading is not None:
                 self._due.append(reading)
-            self._next = next(self._readings, None)
+            self._next = next(self._arrivals, None)
 
     def read(self) -> Sequence[Reading]:
-        """Return every reading since the last call, in time order."""
+        """Return every reading since the last call, in the order of arrival."""
         due, self._due = self._due, []
         return due
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
-        """Take commands; the past does not obey."""
+        """Ignore commands."""
 
     def close(self) -> None:
         """Nothing is held open."""

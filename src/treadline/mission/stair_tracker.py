@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from treadline.angles import DEG
+from treadline.mission.recent import DEPTH, Recent
 from treadline.signals import ImuSample, StairMap, TrackReading
 
 SAME = 0.45
@@ -68,6 +69,16 @@ class _Nosing:
         return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
 
 
+@dataclass(frozen=True, slots=True)
+class _Pose:
+    """Pose of the chair by odometry alone, in the level frame."""
+
+    x_m: float
+    z_m: float
+    pitch_rad: float
+    heading_rad: float
+
+
 class StairTracker:
     """Nosings about the chair, the stair's shape, walls, pitch and distance driven."""
 
@@ -85,6 +96,9 @@ class StairTracker:
         self.map_count = 0
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
+        self._odometry_x_m = self._odometry_z_m = 0.0
+        """Distance by belts and pitch alone: no map corrects it, so that a difference is travel."""
+        self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
         self._highest_m = -math.inf
         self._slip_m_s = 0.0
         self._tracks_s: float | None = None
@@ -101,6 +115,7 @@ class StairTracker:
                 self._drive(signal)
             case ImuSample():
                 self.pitch_rad = signal.pitch_rad
+                self._poses.add(signal.t_s, self._pose())
             case StairMap() if len(signal.nosings_B):
                 if self._is_across(signal):
                     self._see_across(signal)
@@ -196,8 +211,12 @@ class StairTracker:
         self.speed_m_s = 0.5 * (reading.left_m_s + reading.right_m_s)
         moved = self.speed_m_s * dt_s
         self.travel_m += moved
-        self._x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
-        self._z_m += moved * math.sin(self.pitch_rad)
+        moved_x_m, moved_z_m = moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad), moved * math.sin(self.pitch_rad)
+        self._x_m += moved_x_m
+        self._z_m += moved_z_m
+        self._odometry_x_m += moved_x_m
+        self._odometry_z_m += moved_z_m
+        self._poses.add(reading.t_s, self._pose())
         self._highest_m = max(self._highest_m, self._up_m)
 
     def _is_across(self, seen: StairMap) -> bool:
@@ -213,6 +232,8 @@ class StairTracker:
         """Take a map of the next flight: this one ends there. What is old is forgotten, for the chair may have tipped meanwhile."""
         if self._next is None or seen.t_s - self._next.map_s > NEXT_S:
             self._next = StairTracker()
+            self._next._odometry_x_m, self._next._odometry_z_m = self._odometry_x_m, self._odometry_z_m  # noqa: SLF001
+            self._next._poses = self._poses.copy()  # noqa: SLF001 - of this class, as above
         self._next.heading_rad, self._next.pitch_rad = self.heading_rad, self.pitch_rad
         self._next._see(seen)  # noqa: SLF001 - of this class
         if self._known:
@@ -238,9 +259,15 @@ class StairTracker:
             self._note_end(last, seen)
 
     def _places(self, seen: StairMap) -> list[tuple[float, float]]:
-        """Return where a map puts its nosings in the level frame, the nearest first."""
-        c, s, across = math.cos(self.pitch_rad), math.sin(self.pitch_rad), math.cos(self.heading_rad)
-        return [(self._x_m + (x * c - z * s) * across, self._z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
+        """Return the nosings of a map in the level frame, the nearest first, by the chair's pose at the exposure."""
+        exposed = self._poses.at(seen.t_s) or self._pose()
+        c, s, across = math.cos(exposed.pitch_rad), math.sin(exposed.pitch_rad), math.cos(exposed.heading_rad)
+        x_m = self._x_m - (self._odometry_x_m - exposed.x_m)
+        z_m = self._z_m - (self._odometry_z_m - exposed.z_m)
+        return [(x_m + (x * c - z * s) * across, z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
+
+    def _pose(self) -> _Pose:
+        return _Pose(self._odometry_x_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
 
     def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> float:
         """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together.

@@ -6,9 +6,9 @@ from pathlib import Path
 from treadline.errors import SettingsError
 from treadline.mission.config import MissionConfig, build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
+from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.plant import PlantNode
 from treadline.nodes.recorder import RecorderNode
-from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.ports import Plant
 from treadline.signals import PinholeCamera
 
@@ -16,9 +16,9 @@ DRIVING = ("guard", "camera", "heading", "seat", "driver", "plant")
 """The graph; the guard is started first, the plant last."""
 NAMES = (*DRIVING, "recorder")
 ROLES = {
-    "guard": "lets commands pass, limits them, or holds",
+    "guard": "passes commands, limits them, or holds",
     "camera": "images to heading and stair map (the paper's /depth)",
-    "heading": "IMU, belts and headings seen to the heading now",
+    "heading": "IMU, belts and measured headings to the heading estimate",
     "seat": "levels the seat by its IMU",
     "driver": "planner and LQR: plan and belt speeds",
     "plant": "the chair on its stair, simulated",
@@ -61,7 +61,7 @@ def node_of(
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
         case "camera":
             node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
-            node.warm(mount_of(config))
+            node.warm_up(mount_of(config), rises=config.direction == "up")
             return node
         case "heading":
             return HeadingNode(blocks.estimator, limits, mount_of(config))

@@ -11,15 +11,15 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.messages import Message, messages_of
 from treadline.nodes import channels as on
 from treadline.nodes.codec import encoded
-from treadline.nodes.words import Mounts, Odometry
+from treadline.nodes.node_messages import Mounts, Odometry
 
 
 @runtime_checkable
 class Bag(Protocol):
     """Takes signals until it is closed."""
 
-    def __call__(self, signal: Any) -> None:
-        """Write one signal."""
+    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
+        """Write one signal, taken at ``taken_s`` on the mission clock; at its stamp where that is left out."""
 
     def close(self) -> None:
         """Finish the file."""
@@ -57,8 +57,8 @@ class _RosBag:
         self._connections: dict[str, Any] = {}
         self._closed = False
 
-    def __call__(self, signal: Any) -> None:
-        time_ns = nanoseconds_of(signal.t_s)
+    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
+        time_ns = nanoseconds_of(signal.t_s if taken_s is None else taken_s)
         for topic, kind, data in _messages(signal, self._kind):
             if topic not in self._connections:
                 self._connections[topic] = self._connect(topic, kind)

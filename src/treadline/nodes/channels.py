@@ -1,4 +1,4 @@
-"""Who says what to whom: channels, the topics and standard types that they are on a wire, and their quality of service.
+"""Channels of the graph: their topics and standard message types on a wire, and their quality of service.
 
 Paper: Fig. 7.
 """
@@ -13,7 +13,7 @@ FLIPPER = "/flipper/state"
 OPERATOR = "/operator"
 CAMERA = "/camera"
 CAMERA_HEADING, CAMERA_MAP, CAMERA_QUALITY = "/camera/stair/heading", "/camera/stair/map", "/camera/stair/quality"
-"""Of a camera that measures by itself, and hands over no image."""
+"""Channels of a camera that measures by itself and delivers no images."""
 QUALITY = "/camera/quality"
 MEASURED = "/stair/heading_measured"
 MAP = "/stair/map"
@@ -41,18 +41,18 @@ class Topic:
     kind: str
     """The message type as ROS 2 writes it."""
     read: bool = True
-    """Whether our nodes read it; the rest is for people and their tools."""
+    """Whether our nodes read it; others are for people and their tools."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """What a channel is on a wire."""
+    """Topics and quality of service of a channel."""
 
     topics: tuple[Topic, ...]
     depth: int
-    """How many messages may wait: a picture or a command is of use while it is new, what a filter integrates comes whole."""
+    """Queue length: only the newest image or command is of use, the inputs of a filter must be complete."""
     kept: bool = False
-    """Whether who comes later still gets the last message: ROS 1's latch, ROS 2's transient local."""
+    """Whether later subscribers get the last message: ROS 1's latch, ROS 2's transient local."""
 
 
 def _one(name: str, kind: str, depth: int) -> Channel:
@@ -107,4 +107,4 @@ CHANNELS: dict[str, Channel] = {
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }
 SENSORS = (IMU, TRACKS, SEAT, FLIPPER, OPERATOR, CAMERA)
-"""What stamps are compared on with the clock."""
+"""Channels whose first stamp is compared with the clock."""

@@ -18,9 +18,9 @@ from treadline.io.decode import (
     HEADINGS,
     OURS,
     CdrReader,
+    DiagnosticStatus,
     Picture,
     Ros1Reader,
-    Status,
     calibration,
     one_of,
     picture,
@@ -31,7 +31,7 @@ from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.topics import Topics
 from treadline.nodes import channels as on
-from treadline.nodes.words import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
+from treadline.nodes.node_messages import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
@@ -235,7 +235,7 @@ def _health(r: CdrReader) -> HeadingHealth:
 
 
 def _diagnosis(r: CdrReader) -> Beat | Event:
-    told: Status = status(r)
+    told: DiagnosticStatus = status(r)
     if told.hardware == NODE:
         return Beat(t_s=told.t_s, node=told.name, state=told.message)
     return Event(t_s=told.t_s, name=told.name, cause=told.message)

@@ -1,4 +1,4 @@
-"""Signals as calls: what is published has been taken when ``publish`` returns."""
+"""In-process transport: ``publish`` calls the subscribers, and returns when they have."""
 
 from collections import defaultdict
 from collections.abc import Callable
@@ -6,28 +6,28 @@ from typing import Any
 
 
 class InProcess:
-    """The transport of one process: no copies, no threads, no queues; who subscribes first takes first."""
+    """Transport of one process, without copies, threads and queues; subscribers are called in the order of subscription."""
 
     def __init__(self) -> None:
-        self._takers: defaultdict[str, list[Callable[[Any], None]]] = defaultdict(list)
+        self._takers: defaultdict[str, list[Callable[[Any], object]]] = defaultdict(list)
 
     def announce(self, channel: str) -> None:
-        """Need nothing."""
+        """Do nothing."""
 
     def publish(self, channel: str, signal: Any) -> None:
-        """Hand a signal to all who take from the channel."""
+        """Deliver a signal to all subscribers of a channel."""
         for take in self._takers[channel]:
             take(signal)
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
-        """Have a channel's signals taken."""
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
+        """Subscribe to a channel."""
         self._takers[channel].append(take)
 
     def deliver(self, timeout_s: float) -> int:
-        """Nothing waits."""
+        """Return zero: no message waits."""
         del timeout_s
         return 0
 
     def close(self) -> None:
-        """Forget who takes."""
+        """Remove all subscriptions."""
         self._takers.clear()

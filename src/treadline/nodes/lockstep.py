@@ -1,21 +1,21 @@
-"""The whole graph in one process, tick by tick: the commands are those of ``mission.loop``, bit for bit."""
+"""The whole graph in one process, tick by tick, with the same commands as ``mission.loop``."""
 
 from treadline.mission.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.nodes import channels as on
+from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.inproc import InProcess
+from treadline.nodes.node_messages import Beat
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.shells import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
-from treadline.nodes.words import Beat
 from treadline.ports import Plant, Transport
 from treadline.signals import TICK_S, PinholeCamera
 
 BEAT_TICKS = 25
-"""Ticks between two signs of life: a third of what the guard waits for."""
+"""Ticks between two heartbeats: a third of the guard's timeout."""
 
 
 class LockStep:
-    """All nodes on one transport, turned in the loop's order."""
+    """All nodes on one transport, run in the order of the loop."""
 
     def __init__(
         self,
@@ -26,14 +26,14 @@ class LockStep:
         beside: tuple[Node, ...] = (),
         mount: PinholeCamera | None = None,
     ) -> None:
-        """Connect the nodes; those ``beside`` only listen, and ``mount`` is told to viewers."""
+        """Connect the nodes; those ``beside`` only subscribe, and ``mount`` is published for viewers."""
         self.transport: Transport = InProcess()
         self.guard = GuardNode(config)
         self._plant = PlantNode(plant)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
         camera, seat = CameraNode(blocks.detector, config, blocks.swept_half_m), SeatNode(blocks.leveller, config)
-        # The guard takes each reading before anybody acts on it, and speaks after all others.
+        # The guard gets each reading first, and publishes its commands last.
         listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]
         for node in listeners:
             node.listen(self.transport)

@@ -1,6 +1,7 @@
-"""The plant's node: a chair, simulated or real, at the other end of the wire from all that thinks.
+"""The plant node: a chair, simulated or real, behind the ``Plant`` port.
 
-``TrackCommand, SeatCommand, FlipperCommand -> readings``, each on its channel; the last watchdog is here.
+``TrackCommand, SeatCommand, FlipperCommand -> readings``, each on its channel, at the tick of its arrival. It holds the last
+watchdog.
 """
 
 from treadline.mission.guard.latch import Button
@@ -25,15 +26,15 @@ from treadline.signals import (
 )
 
 COMMAND_TIMEOUT_S = 0.3
-"""The last watchdog lives at the actuator: without a command for so long it brakes by itself."""
+"""Command timeout of the watchdog at the actuator [s]: without a command for longer the plant brakes by itself."""
 LOST_S = 1.0
-"""Without a command for so long the guard has died under way, and one that takes its place knows nothing of why it held: the brake
-stays on until a person re-arms."""
+"""Command timeout after which the guard counts as dead [s]. Its successor does not know why it held: the brake stays on until a
+person re-arms."""
 FLIPPER_TIMEOUT_S = 0.1
-"""How old what is asked of the flipper may be: it comes anew at each tick."""
+"""Validity of a flipper command [s]: it is repeated at each tick."""
 TRUTH_TICKS = 10
-"""A simulator tells people and tests how it is ten times a second; no node listens."""
-SPOKEN: dict[type, str] = {
+"""Ticks between two messages of the ground truth, for people and tests; no node subscribes."""
+CHANNEL_OF: dict[type, str] = {
     ImuSample: on.IMU,
     TrackReading: on.TRACKS,
     SeatReading: on.SEAT,
@@ -47,32 +48,32 @@ SPOKEN: dict[type, str] = {
 """The channel of each reading of a plant."""
 
 
-def spoken(reading: Reading) -> str:
-    """Return the channel of a reading; a plant may have its own kind of frame."""
-    return next(SPOKEN[kind] for kind in type(reading).__mro__ if kind in SPOKEN)
+def channel_of(reading: Reading) -> str:
+    """Return the channel of a reading; a plant may have its own subclass of a frame."""
+    return next(CHANNEL_OF[kind] for kind in type(reading).__mro__ if kind in CHANNEL_OF)
 
 
 class PlantNode:
     """``TrackCommand, SeatCommand, FlipperCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
-    says = (*SPOKEN.values(), on.TRUTH)
+    publishes = (*CHANNEL_OF.values(), on.TRUTH)
     needs = ()
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         self._flipper: FlipperCommand | None = None
-        self._t_s = self._heard_s = 0.0
+        self._t_s = self._commanded_at_s = 0.0
         self._button = Button()
         self._driven = self._lost = False
-        """Whether the chair was ever let go; whether its guard was lost since."""
+        """Whether the brake was ever released; whether the guard was lost since."""
         self.commanded_s = 0.0
-        """Stamp of the newest command: how far the guard has come."""
+        """Stamp of the newest command: progress of the guard."""
 
     def listen(self, transport: Transport) -> None:
-        """Take commands from the guard."""
-        self._say = transport.publish
+        """Subscribe to the guard's commands and the operator."""
+        self._publish = transport.publish
         transport.subscribe(on.TRACKS_CMD, self._write)
         transport.subscribe(on.SEAT_CMD, self._level)
         transport.subscribe(on.FLIPPER_CMD, self._raise)
@@ -86,9 +87,12 @@ class PlantNode:
         """Leave the chair, or its simulator."""
         self._plant.close()
 
+    def advance(self, t_s: float) -> None:
+        """Do nothing: the plant makes the time."""
+
     def tick(self, t_s: float) -> None:
-        """Go on to this time, and tell what the sensors read."""
-        silent_s = t_s - self._heard_s
+        """Advance the plant, and publish the readings that arrive."""
+        silent_s = t_s - self._commanded_at_s
         if silent_s > COMMAND_TIMEOUT_S:
             self._lost |= self._driven and silent_s > LOST_S
             self._brake(t_s)
@@ -96,15 +100,15 @@ class PlantNode:
         self._plant.advance(t_s)
         for reading in self._plant.read():
             if isinstance(reading, OperatorInput):
-                self._obey(reading)  # not every wire lets a node hear itself
-            self._say(spoken(reading), reading)
+                self._obey(reading)  # not every transport delivers a node's own messages
+            self._publish(channel_of(reading), reading)
         if isinstance(self._plant, TruthPlant):
             for truth in self._plant.truth():
                 if round(truth.t_s / TICK_S) % TRUTH_TICKS == 0:
-                    self._say(on.TRUTH, truth)
+                    self._publish(on.TRUTH, truth)
 
     def _write(self, tracks: TrackCommand) -> None:
-        self._heard_s, self.commanded_s = self._t_s, tracks.t_s
+        self._commanded_at_s, self.commanded_s = self._t_s, tracks.t_s
         if self._lost:
             self._brake(tracks.t_s)
             return
@@ -116,7 +120,7 @@ class PlantNode:
         self._plant.write(TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
 
     def _obey(self, operator: OperatorInput) -> None:
-        """Let go of a brake that stayed on; a button that is stuck is not pressed."""
+        """Release a brake that stayed on; a button that is stuck does not count as pressed."""
         if self._button.press(down=operator.rearm) and not operator.stop and operator.dead_man:
             self._lost = False
 

@@ -1,7 +1,7 @@
-"""One node in a process of its own: its clock, its signs of life, and what it does when nobody speaks to it.
+"""Runner of one node in a process of its own: clock, heartbeat, and behaviour without messages.
 
-Time is the plant's where it is simulated (``/clock``), else the wall's. A simulated plant waits until the guard is ready, keeps
-to the pace it is told, and lets no node fall far behind: a busy machine slows the simulation, not the chair's reactions.
+Time is that of a simulated plant (``/clock``), else the wall clock. A simulated plant waits until the guard is ready, keeps its
+pace, and waits for nodes that fall behind: a busy machine slows the simulation, not the chair's reactions.
 """
 
 import math
@@ -12,37 +12,38 @@ from typing import Any, Literal
 
 from treadline.errors import TreadlineError
 from treadline.nodes import channels as on
+from treadline.nodes.block_nodes import GuardNode, Node
+from treadline.nodes.node_messages import Beat, Clock
 from treadline.nodes.plant import PlantNode
-from treadline.nodes.shells import GuardNode, Node
 from treadline.nodes.wire import WireTransport
-from treadline.nodes.words import Beat, Clock
 from treadline.signals import TICK_S
 
 BEAT_S = 0.2
-"""Between two signs of life."""
+"""Interval of the heartbeat [s]."""
 SILENT_S = 0.6
-"""Of a simulated clock, after which the guard counts by itself: whoever stopped it must not stop the guard."""
+"""Silence of ``/clock`` after which the guard counts time by itself [s]: a stopped simulator must not stop the guard."""
 LEAPT_S = 0.1
-"""A wall clock that steps back by less is waited for; by more, the node follows it, and the guard holds for the leap."""
+"""A wall clock that steps back by less is waited for [s]; by more, the node follows it, and the guard holds for the leap. A message
+further ahead of the node's clock shows that the node was kept from running."""
 SLEPT_S = 0.1
-"""A guard that was kept from running for so long cannot tell who was silent meanwhile."""
+"""A guard that was kept from running for longer does not know which node was silent meanwhile [s]."""
 PATIENCE_S = 60.0
-"""For whatever a node cannot do without."""
+"""Startup timeout for required channels [s]."""
 LAG_S = 0.05
-"""How far the guard may be behind a simulated plant."""
+"""Lag of the guard up to which a simulated plant does not wait [s]."""
 BEHIND_S = 0.35
-"""How far any other node may be, by its last sign of life."""
+"""The same for any other node, by its last heartbeat [s]."""
 STUCK_S = 0.5
-"""How long a simulated plant waits for a node that is behind; then it goes on without it."""
+"""Longest wait of a simulated plant for a node that is behind [s]; then it continues without that node."""
 OTHER_CLOCK_S = 10.0
-"""A first stamp so far from the clock is of another one."""
+"""Distance of a first stamp from the clock beyond which the stamp belongs to another clock [s]."""
 POLL_S = 0.005
 
 ClockKind = Literal["sim", "wall"]
 
 
-class Turning:
-    """Turns a node by messages, clock and heartbeat."""
+class NodeRunner:
+    """Runs a node: delivers messages, ticks by the clock, publishes the heartbeat."""
 
     def __init__(self, node: Node, transport: WireTransport, *, clock: ClockKind = "sim", patience_s: float = PATIENCE_S) -> None:
         self._node = node
@@ -53,20 +54,20 @@ class Turning:
         self._clock_at: float | None = None
         self._last_s = 0.0
         self._beat_at = -math.inf
-        self._heard: set[str] = set()
+        self._received: set[str] = set()
         self._began = self._turned_at = time.monotonic()
         transport.announce(on.DIAGNOSTICS)
-        for channel in node.says:
+        for channel in node.publishes:
             transport.announce(channel)
-        node.listen(_Ears(transport, self._hear))
+        node.listen(_Subscriptions(transport, self._receive))
         if self._sim and not isinstance(node, PlantNode):
             transport.subscribe(on.CLOCK, self._take_clock)
 
     def run(self, stop: Flag) -> None:
-        """Turn until told to stop.
+        """Run until ``stop`` is set.
 
         Raises:
-            TreadlineError: If a channel that is needed is silent or of another type, or stamps are another clock's.
+            TreadlineError: If a required channel is silent or of another type, or stamps belong to another clock.
         """
         self._began = time.monotonic()
         looked = False
@@ -75,10 +76,10 @@ class Turning:
             self._turn()
             if not looked and time.monotonic() - self._began > self._patience_s:
                 looked = True
-                self._look_for_trouble()
+                self._check_required()
 
     def _turn(self) -> None:
-        """Tick where no message does it, and give a sign of life."""
+        """Tick where no message does it, and publish the heartbeat."""
         now = time.monotonic()
         slept, self._turned_at = now - self._turned_at > SLEPT_S, now
         if not self._sim:
@@ -96,7 +97,7 @@ class Turning:
         self.beat(now)
 
     def beat(self, now: float) -> None:
-        """Give a sign of life where it is due."""
+        """Publish the heartbeat where it is due."""
         if now - self._beat_at < BEAT_S:
             return
         self._beat_at = now
@@ -118,9 +119,11 @@ class Turning:
         self._t_s = t_s
         self._node.tick(t_s)
 
-    def _hear(self, channel: str, signal: Any) -> None:
-        """Compare the first stamp of a sensor with the clock."""
-        if channel in self._heard:
+    def _receive(self, channel: str, signal: Any) -> None:
+        """Update the node's clock where a stamp is far ahead of it; compare the first stamp of a sensor with the clock."""
+        if getattr(signal, "t_s", -math.inf) - self._t_s > LEAPT_S:
+            self._catch_up()
+        if channel in self._received:
             return
         known = not self._sim or self._clock_at is not None
         if channel in on.SENSORS:
@@ -134,12 +137,18 @@ class Turning:
                     f"{channel}: stamped {signal.t_s:.3f} s where the clock shows {now_s:.3f} s: stamps of another clock; {remedy}"
                 )
         if known:
-            self._heard.add(channel)
+            self._received.add(channel)
 
-    def _look_for_trouble(self) -> None:
+    def _catch_up(self) -> None:
+        """Set the node's clock to now: messages that came while the process did not run are newer than its last tick."""
+        now: Clock | None = self._transport.newest(on.CLOCK) if self._sim else Clock(t_s=time.time())
+        if now is not None:
+            self._node.advance(now.t_s)
+
+    def _check_required(self) -> None:
         after = f"after {self._patience_s:.0f} s"
         for channels in self._node.needs:
-            if any(channel in self._heard for channel in channels):
+            if any(channel in self._received for channel in channels):
                 continue
             why = self._transport.trouble(channels[0])
             if why is None and self._sim and self._clock_at is None:
@@ -152,23 +161,23 @@ class Turning:
             )
 
 
-class _Ears:
-    """A transport that lets every signal be seen before it is taken."""
+class _Subscriptions:
+    """Transport that passes each signal to the runner before it is delivered."""
 
-    def __init__(self, transport: WireTransport, hear: Callable[[str, Any], None]) -> None:
+    def __init__(self, transport: WireTransport, receive: Callable[[str, Any], None]) -> None:
         self._transport = transport
-        self._hear = hear
+        self._receive = receive
         self.announce, self.publish = transport.announce, transport.publish
         self.deliver, self.close = transport.deliver, transport.close
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
-        """Have a channel's signals seen, then taken."""
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
+        """Subscribe; the runner gets each signal first."""
 
-        def seen(signal: Any) -> None:
-            self._hear(channel, signal)
+        def received(signal: Any) -> None:
+            self._receive(channel, signal)
             take(signal)
 
-        self._transport.subscribe(channel, seen)
+        self._transport.subscribe(channel, received)
 
 
 def run_plant(
@@ -180,25 +189,25 @@ def run_plant(
     duration_s: float = math.inf,
     patience_s: float = 60.0,
 ) -> float:
-    """Run a simulated plant by the wall's clock; return the simulated time that it came to.
+    """Run a simulated plant by the wall clock; return the simulated time at its end [s].
 
     Args:
-        pace: Simulated seconds a second.
+        pace: Simulated seconds per second.
 
     Raises:
         TreadlineError: If no guard is ready in time.
     """
-    turning = Turning(node, transport, patience_s=math.inf)
+    runner = NodeRunner(node, transport, patience_s=math.inf)
     transport.announce(on.CLOCK)
-    others = _Others(node)
-    transport.subscribe(on.DIAGNOSTICS, others.hear)
+    peers = _Peers(node)
+    transport.subscribe(on.DIAGNOSTICS, peers.receive)
     node.start()
     began = time.monotonic()
-    while others.guard != "ready" and not stop.is_set():
+    while peers.guard != "ready" and not stop.is_set():
         transport.deliver(POLL_S)
-        turning.beat(time.monotonic())
+        runner.beat(time.monotonic())
         if time.monotonic() - began > patience_s:
-            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {others.guard}; start the missing nodes")
+            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
     due = time.monotonic()
     tick, t_s = 0, 0.0
     while not stop.is_set() and t_s < duration_s:
@@ -207,34 +216,34 @@ def run_plant(
         transport.publish(on.CLOCK, Clock(t_s=t_s))
         due = max(due + TICK_S / pace, time.monotonic() - TICK_S)
         waits_from = time.monotonic()
-        while (now := time.monotonic()) < due or others.keep_waiting(t_s, now - waits_from):
-            turning.beat(now)
+        while (now := time.monotonic()) < due or peers.keep_waiting(t_s, now - waits_from):
+            runner.beat(now)
             transport.deliver(min(POLL_S, max(due - now, 0.001)))
         tick += 1
     return t_s
 
 
-class _Others:
-    """How far the other nodes have come."""
+class _Peers:
+    """Progress of the other nodes, by their heartbeats."""
 
     def __init__(self, node: PlantNode) -> None:
         self._node = node
         self._t_s: dict[str, float] = {}
         self._given_up: set[str] = set()
         self.guard = "not heard"
-        """What the guard says of itself."""
+        """State that the guard reports of itself."""
 
-    def hear(self, told: object) -> None:
-        """Take a sign of life."""
-        if not isinstance(told, Beat) or told.node in ("plant", "recorder"):
+    def receive(self, message: object) -> None:
+        """Take a heartbeat."""
+        if not isinstance(message, Beat) or message.node in ("plant", "recorder"):
             return
-        self._t_s[told.node] = told.t_s
-        self._given_up.discard(told.node)
-        if told.node == "guard":
-            self.guard = told.state
+        self._t_s[message.node] = message.t_s
+        self._given_up.discard(message.node)
+        if message.node == "guard":
+            self.guard = message.state
 
     def keep_waiting(self, t_s: float, waited_s: float) -> bool:
-        """Say whether somebody is too far behind; who stays there is given up."""
+        """Return whether a node is too far behind; a node that stays behind for ``STUCK_S`` is not waited for any more."""
         behind = {name for name, then_s in self._t_s.items() if t_s - then_s > BEHIND_S}
         if t_s - self._node.commanded_s > LAG_S:
             behind.add("guard")

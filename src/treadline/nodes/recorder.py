@@ -1,4 +1,4 @@
-"""The recorder of Fig. 7: what the belts were told and what the chair made of it, for the identification; and a log of all.
+"""The recorder of Fig. 7: belt commands and heading response for the identification, and a log of all signals.
 
 ``TrackCommand, HeadingEstimate -> record.csv``, everything ``-> log.mcap`` or a ROS bag, by the name's ending.
 """
@@ -14,7 +14,7 @@ from treadline.io.runs import LOG, clear_run
 from treadline.models import InputOutputRecord
 from treadline.nodes import channels as on
 from treadline.nodes.bags import Bag, open_bag
-from treadline.nodes.words import Beat
+from treadline.nodes.node_messages import Beat
 from treadline.ports import Transport
 from treadline.signals import TICK_S, HeadingEstimate, TrackCommand
 
@@ -42,7 +42,7 @@ LOGGED = (
 
 
 Row = tuple[float, float, float, float, float]
-"""Time, both belts, heading, yaw rate."""
+"""Time, left and right belt, heading, yaw rate."""
 
 
 class RecorderNode:
@@ -55,7 +55,7 @@ class RecorderNode:
     """
 
     name = "recorder"
-    says: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
     needs: tuple[tuple[str, ...], ...] = ()
 
     def __init__(self, out: Path | None, period_s: float, *, frames: bool = True) -> None:
@@ -70,6 +70,7 @@ class RecorderNode:
         self._period_s = period_s
         self._every = round(period_s / TICK_S)
         self._slot = -1
+        self._t_s = 0.0
         self._command: TrackCommand | None = None
         self._estimate: HeadingEstimate | None = None
         self._before: tuple[float, HeadingEstimate] | None = None
@@ -80,12 +81,17 @@ class RecorderNode:
         """Signals written."""
 
     def listen(self, transport: Transport) -> None:
-        """Take what is kept."""
+        """Subscribe to the channels that are logged."""
         for channel in self._channels:
             transport.subscribe(channel, self._keep)
 
+    def advance(self, t_s: float) -> None:
+        """Set the clock, by which arrivals are logged."""
+        self._t_s = t_s
+
     def tick(self, t_s: float) -> None:
-        """Close a row: outputs were read at its beginning, the inputs have acted until now."""
+        """Complete a row: its outputs were read at its begin, its inputs have acted until now."""
+        self.advance(t_s)
         slot = round(t_s / TICK_S) // self._every
         if slot == self._slot:
             return
@@ -110,14 +116,14 @@ class RecorderNode:
 
     @property
     def left_out(self) -> str | None:
-        """What record.csv does not hold, for people; None if it holds all."""
+        """Description of the rows missing from record.csv; None if it is complete."""
         if self._folder is None or not self._missed:
             return None
         kept = f"{RECORD} holds the longest stretch, {len(self._longest)} rows"
         return f"{kept}: {self._missed} more lie beyond rows that were missed"
 
     def _end_stretch(self) -> None:
-        """A record knows no gaps: of the stretches between rows that were missed the longest is kept."""
+        """End a stretch of rows: a record has no gaps, so of the stretches between missed rows the longest is kept."""
         self._missed += min(len(self._rows), len(self._longest))
         self._longest = max(self._longest, self._rows, key=len)
         self._rows = []
@@ -129,5 +135,5 @@ class RecorderNode:
             self._command = signal
         elif isinstance(signal, HeadingEstimate):
             self._estimate = signal
-        self._bag(signal)
+        self._bag(signal, max(self._t_s, signal.t_s))
         self.count += 1

@@ -1,4 +1,4 @@
-"""What the transports over a wire share: messages in by any thread, signals out in one, the newest where not all fit."""
+"""Common part of the transports over a wire: an inbox filled by any thread, delivered in one, the newest where not all fit."""
 
 import time
 from collections import Counter, deque
@@ -11,14 +11,14 @@ from treadline.nodes.codec import Decoder, encoded
 from treadline.signals import PinholeCamera
 
 
-class _Taker(NamedTuple):
+class _Subscriber(NamedTuple):
     channel: str
     decoder: Decoder
-    take: Callable[[Any], None]
+    take: Callable[[Any], object]
 
 
 class Inbox:
-    """Messages that wait, in the order of their coming; of each topic no more than its depth, the oldest go first."""
+    """Waiting messages in the order of arrival; of each topic at most its depth, the oldest are dropped."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, bytes]] = deque()
@@ -26,8 +26,10 @@ class Inbox:
         self._skip: Counter[str] = Counter()
         self._depths: dict[str, int] = {}
         self._come = Condition()
+        self.newest: dict[str, bytes] = {}
+        """Last message received on each topic, whether it has been delivered or still waits."""
         self.lost: Counter[str] = Counter()
-        """Messages that gave way to newer ones, by topic; where only the newest counts none is lost."""
+        """Number of messages dropped for newer ones, by topic; a topic of depth 1 counts none."""
 
     def expect(self, topic: str, depth: int) -> None:
         """Take messages of a topic."""
@@ -37,6 +39,7 @@ class Inbox:
         """Take one message; called by whatever thread brings it."""
         with self._come:
             self._waiting.append((topic, data))
+            self.newest[topic] = data
             if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
                 self._skip[topic] += 1
                 if self._depths[topic] > 1:
@@ -72,11 +75,11 @@ class WireTransport:
 
     def __init__(self, mount: PinholeCamera | None = None) -> None:
         self._mount = mount
-        self._takers: dict[str, list[_Taker]] = {}
+        self._takers: dict[str, list[_Subscriber]] = {}
         self._announced: set[str] = set()
         self.inbox = Inbox()
         self.spare = 1
-        """How many times a channel's depth may wait."""
+        """Factor on the depth of each channel."""
 
     def announce(self, channel: str) -> None:
         """Advertise the topics of a channel."""
@@ -92,22 +95,22 @@ class WireTransport:
         for topic, _, data in encoded(channel, signal, ros1=self.ros1):
             self._send(topic, data)
 
-    def subscribe(self, channel: str, take: Callable[[Any], None]) -> None:
-        """Have a channel's signals taken."""
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
+        """Subscribe to a channel."""
         spec = CHANNELS[channel]
         decoder = Decoder(channel, ros1=self.ros1, mount=self._mount)
         for topic in spec.topics:
             if not topic.read:
                 continue
             first = topic.name not in self._takers
-            self._takers.setdefault(topic.name, []).append(_Taker(channel, decoder, take))
+            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
                 self._receive(topic.name, topic.kind, depth)
 
     def deliver(self, timeout_s: float) -> int:
-        """Hand out what has come, up to a batch; wait for the first at most that long."""
+        """Deliver the waiting messages, up to a batch; wait for the first at most ``timeout_s``. Return their number."""
         for count in range(BATCH):
             message = self.inbox.get(timeout_s if count == 0 else 0.0)
             if message is None:
@@ -119,8 +122,14 @@ class WireTransport:
                     take(signal)
         return BATCH
 
+    def newest(self, channel: str) -> Any | None:
+        """Return the last signal received on a channel of one topic, also one that still waits; None before the first."""
+        (topic,) = CHANNELS[channel].topics
+        data = self.inbox.newest.get(topic.name)
+        return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
+
     def trouble(self, channel: str) -> str | None:
-        """Return why nothing may come on a channel, as far as the wire tells: another type, or nobody; None if it should."""
+        """Return why a channel may stay silent (another type, no publisher), as far as the wire tells; None if it should not."""
         for topic in CHANNELS[channel].topics:
             if not topic.read:
                 continue
@@ -151,4 +160,4 @@ class WireTransport:
 
 
 BATCH = 50
-"""Messages handed out before whoever turns the node looks at its clock."""
+"""Messages delivered before the runner looks at its clock."""

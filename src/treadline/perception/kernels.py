@@ -9,7 +9,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.products import dot, fused
+from treadline.fma import dot, fused
 
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
@@ -773,3 +773,52 @@ def level_patches(points, up, level):
             rise = abs(nx * up[0] + ny * up[1] + nz * up[2])
             found[i, j] = rise > level * math.sqrt(nx * nx + ny * ny + nz * nz)
     return found
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def ground_level(points, up, level, far, aside, height, furthest, bin_size, least, width, highest):
+    """Return the height of the highest or lowest level of a grid of points that is wide enough to drive on; NaN without one.
+
+    Args:
+        points: Rows and columns of points, NaN where there is none.
+        level: Cosine between a patch's normal and ``up`` from which it is level.
+        far: Place of each point ahead, ``aside`` and ``height`` likewise.
+        furthest: Patches beyond this do not count.
+        bin_size: Difference in height within which patches are of one level.
+        least: Patches that a level needs in its own and the next bin.
+        width: Extent across that a level must exceed.
+        highest: Whether the highest such level is wanted, else the lowest.
+    """
+    patches = level_patches(points, up, level)
+    heights, sides, bins = np.empty(patches.size), np.empty(patches.size), np.empty(patches.size, dtype=np.int64)
+    count = 0
+    for i in range(patches.shape[0]):
+        for j in range(patches.shape[1]):
+            if patches[i, j] and far[i, j] < furthest:
+                heights[count], sides[count] = height[i, j], aside[i, j]
+                bins[count] = np.int64(math.floor(height[i, j] / bin_size))
+                count += 1
+    order = np.sort(bins[:count])
+    within = np.empty(count)
+    last = count if highest else -1
+    while True:
+        # The next bin in the order in which levels are tried.
+        following = last - 1 if highest else last + 1
+        if not 0 <= following < count:
+            return np.nan
+        place = order[following]
+        first, stop = np.searchsorted(order, place), np.searchsorted(order, place, side="right")
+        last = first if highest else stop - 1
+        beside = place - 1 if highest else place + 1
+        together = stop - first + np.searchsorted(order, beside, side="right") - np.searchsorted(order, beside)
+        if together < least:
+            continue
+        low, high, held = np.inf, -np.inf, 0
+        for k in range(count):
+            if bins[k] == place or bins[k] == beside:
+                low, high = min(low, sides[k]), max(high, sides[k])
+                within[held] = heights[k]
+                held += 1
+        if high - low > width:
+            return np.median(within[:held])

@@ -4,6 +4,8 @@
 head of the stair stands there all the same. It asks for no more than gravity and a stretch of level ground wider than a chair.
 """
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 
@@ -56,9 +58,10 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], 
         camera.R_BC.T @ np.array(camera.mount_m),
         np.stack([ahead, cross(ahead, up), up]),
     )
-    ground = kernels.level_patches(points, up, LEVEL) & (far < FAR_M)
-    level_m = _ground(height[ground], aside[ground], highest=way > 0.0)
-    if level_m is None:
+    level_m = kernels.ground_level(
+        points, up, LEVEL, far, aside, height, FAR_M, GROUND_BIN_M, GROUND_POINTS, 2.0 * GROUND_HALF_M, way > 0.0
+    )
+    if math.isnan(level_m):
         return None
     above = (height > level_m + CLEAR_M) & (height < level_m + SWEPT_HEIGHT_M)
     above &= (np.abs(aside) < swept_half_m) & (far > 0.0) & (far < FAR_M)
@@ -67,18 +70,3 @@ def obstacle_on_the_level(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], 
         above &= points @ camera.R_BC[2] > CLEAR_M
         far = np.minimum(far, way * (points @ camera.R_BC[0]))
     return next(iter(first_crowd(far[above], CROWD_M, CROWD_POINTS)), None)
-
-
-def _ground(height: Float[np.ndarray, " k"], aside: Float[np.ndarray, " k"], *, highest: bool) -> float | None:
-    """Return the height of the highest or lowest level that is wide enough to drive on."""
-    bins = np.floor(height / GROUND_BIN_M).astype(int)
-    places, counts = np.unique(bins, return_counts=True)
-    held = dict(zip(places.tolist(), counts.tolist(), strict=True))
-    for place in sorted(held, reverse=highest):
-        beside = place - 1 if highest else place + 1
-        if held[place] + held.get(beside, 0) < GROUND_POINTS:
-            continue
-        within = (bins == place) | (bins == beside)
-        if np.ptp(aside[within]) > 2.0 * GROUND_HALF_M:
-            return float(np.median(height[within]))
-    return None

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from treadline.angles import DEG
 from treadline.perception.nosings import Direction, Nosing
 from treadline.perception.planes import Blocks, Surface
+from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
 
 SWEPT_HALF_M = 0.40
@@ -48,8 +50,8 @@ class Parts:
     """Unit vector in C along which the nosings' ``sides_m`` count: the edges' direction as first guessed, not as it was found."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sight:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Sight(Printable):
     """The answer to one frame."""
 
     accepted: bool
@@ -71,6 +73,20 @@ class Sight:
     draw_map: Callable[[float], StairMap] | None = None
     """Makes the map at its first call, for a chair that sweeps so much to either side."""
     swept_half_m: float = SWEPT_HALF_M
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
+        if self.heading_rad is None or self.sigma_rad is None:
+            return f"no heading: {self.reason}", []
+        rows = [("edges", str(self.edge_count))]
+        if self.shape is not None:
+            shape = self.shape
+            rows += [
+                ("flight", f"{shape.direction}, slope {shape.slope_rad / DEG:.1f}°"),
+                ("rise, run", f"{shape.rise_m:.3f} m, {shape.run_m:.3f} m"),
+                ("distance", f"{shape.distance_m:.2f} m to the nearest nosing"),
+            ]
+        return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
 
     @property
     def stair_map(self) -> StairMap | None:

@@ -12,7 +12,7 @@ LONGEST = 26
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Channel:
+class ColumnLabel:
     """One column of a record."""
 
     name: str
@@ -22,12 +22,12 @@ class Channel:
     unit: str | None
 
 
-def channel(name: str) -> Channel:
+def channel(name: str) -> ColumnLabel:
     """Return what a name says."""
     ending = unit_ending(name)
     if ending is None:
-        return Channel(name=name, quantity=_drawable(name), unit=None)
-    return Channel(name=name, quantity=_drawable(name[: -len(ending) - 1]), unit=UNITS[ending])
+        return ColumnLabel(name=name, quantity=_drawable(name), unit=None)
+    return ColumnLabel(name=name, quantity=_drawable(name[: -len(ending) - 1]), unit=UNITS[ending])
 
 
 def suffix(unit: str) -> str:
@@ -41,14 +41,14 @@ def _drawable(text: str) -> str:
     return shown.replace("$", r"\$")  # matplotlib would read a formula between two
 
 
-def ratio_unit(output: Channel, given: Channel) -> str:
+def ratio_unit(output: ColumnLabel, given: ColumnLabel) -> str:
     """Return the unit of an output per unit of an input."""
     if output.unit is None or given.unit is None:
         return "own units"
     return "–" if output.unit == given.unit else f"{output.unit} per {given.unit}"
 
 
-def both_angles(channels: Sequence[Channel]) -> tuple[list[str], list[str]] | None:
+def both_angles(channels: Sequence[ColumnLabel]) -> tuple[list[str], list[str]] | None:
     """Return the names in degrees and those in radians where a record has both, else None."""
     degrees = [item.name for item in channels if item.unit is not None and "°" in item.unit]
     radians = [item.name for item in channels if item.unit is not None and "rad" in item.unit]

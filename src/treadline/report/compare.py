@@ -1,4 +1,4 @@
-"""Ours, the paper's, the target and a verdict: computed from the results, never written by hand."""
+"""Rows of the summary, computed from ``results.json``: our figure, the paper's figure, the target and the verdict."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from treadline import paper
-from treadline.report.comparison import NO_TARGET, Comparison, judged
-from treadline.report.results import PAPER_FRICTION, Cell, Identified, Results, Straight
+from treadline.report.comparison import NO_TARGET, Comparison, judged, written
+from treadline.report.results import PAPER_FRICTION, BeltRun, Cell, ModelFigures, Results, Straight
 from treadline.report.sensitivity import with_moves
 
 QUICK = "quick run: not judged"
@@ -16,8 +16,12 @@ RMS_TARGETS = {0.62: 2.3, 0.9: 2.0}
 """By friction along the belt: RMS heading over 80 s from ±30°, average of the slopes [deg]."""
 ROLL_BACK_TARGETS = {25: 0.02, 28: 0.05, 30: 0.15}
 """By slope [deg], on Table I's friction: largest roll-back [m]."""
+SMOOTH_BELT = "none"
+"""Lug of a smooth belt, as a scenario names it."""
 PASSENGER_M_S2 = 1.5
-"""Largest acceleration of the passenger in a turn."""
+"""Target of the passenger's largest acceleration [m/s²], as a mean over 50 ms."""
+PITCH_RATE_DEG_S = 15.0
+"""Target of the largest pitch rate on a traversal [°/s]."""
 MODEL_TARGETS = (20.0, 85.0, 0.6)
 """Where the chair can be identified: σ₂/σ₃, VAF of the yaw rate [%], RMSE of the heading five seconds ahead [deg]."""
 IDENTIFIABLE_VAF = 50.0
@@ -29,11 +33,11 @@ TILT_DEG = 0.5
 def comparisons(results: Results) -> list[Comparison]:
     """Return all rows of the summary.
 
-    The targets are for whole runs: in a quick one, what rests on shortened runs stands beside its target unjudged.
+    The targets hold for whole runs: a figure of a shortened run is shown next to its target without a verdict.
     """
     rows = [
-        *_recipe(results),
-        *_sight(results),
+        *_printed_controller(results),
+        *_frame(results),
         *_table_two(results),
         *_straight(results.fig09),
         *(row for item in (results.fig08.slopes if results.fig08 else ()) for row in _identified(item)),
@@ -45,16 +49,24 @@ def comparisons(results: Results) -> list[Comparison]:
     return [replace(row, verdict=QUICK) if row.from_runs and row.verdict != NO_TARGET else row for row in rows]
 
 
-def _recipe(results: Results) -> list[Comparison]:
+def _printed_controller(results: Results) -> list[Comparison]:
     if results.literal is None:
         return []
     gap = results.literal.max_gap_to_print
     where = "from the printed A, B, Q, R"
     asked = max(results.literal.asked_m_s, key=abs)
     return [
-        judged("Eq. (14): largest gap of our K to the print", gap, "", target=5e-4, printed="0", conditions=where, from_runs=False),
+        judged(
+            "Eq. (14): largest difference of our K from the printed K",
+            gap,
+            "",
+            target=5e-4,
+            printed="0",
+            conditions=where,
+            from_runs=False,
+        ),
         Comparison(
-            what="Eq. (11b), (12), (14): track speed asked at 30°",
+            what="Eq. (11b), (12), (14): track speed commanded at 30°",
             ours=f"{asked:.2f} m/s",
             paper=f"at most {results.literal.max_speed_m_s:g} m/s (Table I)",
             conditions="from the printed matrices, chair at rest",
@@ -62,17 +74,18 @@ def _recipe(results: Results) -> list[Comparison]:
     ]
 
 
-def _sight(results: Results) -> list[Comparison]:
+def _frame(results: Results) -> list[Comparison]:
     seen = results.fig05
     if seen is None:
         return []
     robust, printed = (_degrees(angle) for angle in (seen.robust_heading_deg, seen.heading_deg))
     return [
         Comparison(
-            what=f"Fig. 5: heading seen of {seen.true_heading_deg:.2f}°",
+            what=f"Fig. 5: estimated heading, true heading {seen.true_heading_deg:.2f}°",
             ours=robust,
-            paper=f"{printed} by Eq. (2), run here",
+            paper=f"{printed} by Eq. (2), computed here",
             conditions=f"one frame; {seen.conditions}",
+            figure="fig05/28/robust_heading_deg",
         )
     ]
 
@@ -92,6 +105,8 @@ def _table_two(results: Results) -> list[Comparison]:
             *_comfort(cells),
             *_steady(cells, results.gravity_error_deg),
         ]
+        if list(friction) == PAPER_FRICTION:
+            rows += lug_rows(results.lugs)
     return [*rows, *_roll_back_allowed(results.table2_roll_back_allowed)]
 
 
@@ -102,7 +117,7 @@ def _on(cells: Sequence[Cell]) -> str:
 
 
 def _part(cells: Sequence[Cell]) -> str:
-    """Return the key under which the sensitivity of some cells' figures stands."""
+    """Return the first part of the sensitivity keys of some cells' figures."""
     along, across = cells[0].friction
     return f"table2/{along:g}-{across:g}"
 
@@ -124,6 +139,60 @@ def _comfort(cells: Sequence[Cell]) -> list[Comparison]:
             figure=f"{_part(cells)}/passenger_m_s2",
         )
     ]
+
+
+def lug_rows(runs: Sequence[BeltRun]) -> list[Comparison]:
+    """Return comfort and roll-back with lugs next to those with smooth belts, the rubber's stiffness bracketed."""
+    turns = [run for run in runs if run.is_turn]
+    slopes = sorted({run.slope_deg for run in turns})
+    rows = [
+        _lug_row(f"roll-back at {slope:g}°", turns, slope, "roll_back_m", "m", ROLL_BACK_TARGETS.get(int(slope)))
+        for slope in slopes
+    ]
+    rows += [
+        _lug_row(f"passenger's acceleration in the turn at {slope:g}°", turns, slope, "passenger_m_s2", "m/s²", PASSENGER_M_S2)
+        for slope in slopes
+    ]
+    whole = [run for run in runs if not run.is_turn]
+    for course in sorted({run.course for run in whole}):
+        on_course = [run for run in whole if run.course == course]
+        slope = on_course[0].slope_deg
+        rows += [
+            _lug_row(f"passenger's acceleration, {course}", on_course, slope, "passenger_m_s2", "m/s²", PASSENGER_M_S2),
+            _lug_row(f"largest pitch rate, {course}", on_course, slope, "pitch_rate_deg_s", "°/s", PITCH_RATE_DEG_S),
+        ]
+    return [row for row in rows if row is not None]
+
+
+def _lug_row(
+    what: str, runs: Sequence[BeltRun], slope_deg: float, score: str, unit: str, target: float | None
+) -> Comparison | None:
+    """Return a figure with lugs of nominal rubber next to the same with smooth belts; None without both runs."""
+    here = [run for run in runs if run.slope_deg == slope_deg]
+    smooth = [run for run in here if run.lug == SMOOTH_BELT]
+    lugged = sorted((run for run in here if run.lug != SMOOTH_BELT), key=lambda run: run.rubber_s or 0.0)
+    if not smooth or not lugged:
+        return None
+    nominal = lugged[len(lugged) // 2]
+    row = judged(
+        f"{what}, lugs {nominal.lug} mm",
+        getattr(nominal, score),
+        unit,
+        target=target,
+        conditions=f"smooth belts {written(getattr(smooth[0], score), unit)} in the same run; {_bracket(lugged, score, unit)}"
+        f"{nominal.duration_s:.0f} s, seed {nominal.seed}, statistical camera",
+        figure=f"lugs/{nominal.course}/{score}",
+    )
+    ended = [run for run in (*smooth, *lugged) if run.verdict not in ("time_up", "arrived")]
+    return replace(row, conditions="; ".join([row.conditions, *(f"{run.run}: {run.verdict} ({run.cause})" for run in ended)]))
+
+
+def _bracket(lugged: Sequence[BeltRun], score: str, unit: str) -> str:
+    if len(lugged) < 2:
+        return ""
+    values = [getattr(run, score) for run in lugged]
+    rubber = f"{lugged[0].rubber_s:g} to {lugged[-1].rubber_s:g} s"
+    return f"{written(min(values), unit)} to {written(max(values), unit)} with rubber of {rubber}; "
 
 
 def _slopes(cells: Sequence[Cell]) -> list[float]:
@@ -161,6 +230,7 @@ def _roll_back_allowed(cells: Sequence[Cell]) -> list[Comparison]:
             target=2.4 if whole else None,
             printed=f"{np.mean(list(paper.TABLE_II_AVERAGE.values())):.2f}°" if whole else "–",
             conditions=f"world yaw {yaw:.2f}°; roll-back up to {back:.2f} m; {cells[0].conditions}",
+            figure="table2_roll_back_allowed/28/rms_heading_deg",
         )
     ]
 
@@ -207,6 +277,7 @@ def _steady(cells: Sequence[Cell], tilt_deg: float) -> list[Comparison]:
             "°",
             target=0.12 if meant else None,
             conditions=conditions,
+            figure=f"{_part(cells)}/steady_rms_heading_deg",
         ),
         judged(
             f"steady RMS heading, worst run, {_on(cells)}", max(worst), "°", target=0.2 if meant else None, conditions=conditions
@@ -241,10 +312,16 @@ def _straight(runs: Sequence[Straight]) -> list[Comparison]:
         )
         slopes = _listed([run.slope_deg for run in opened])
         conditions = (
-            f"{_span(opened)}; at {slopes}; largest on the way {largest:.2g}°, drift {max(run.lateral_m for run in opened):.2g} m"
+            f"{_span(opened)}; at {slopes}; largest heading {largest:.2g}°, drift {max(run.lateral_m for run in opened):.2g} m"
         )
         made.append(
-            Comparison(what="Fig. 9: open loop, final heading", ours=final, paper="increases gradually", conditions=conditions)
+            Comparison(
+                what="Fig. 9: open loop, final heading",
+                ours=final,
+                paper="increases gradually",
+                conditions=conditions,
+                figure="fig09_open/28/final_heading_deg",
+            )
         )
     return made
 
@@ -253,13 +330,19 @@ def _span(runs: Sequence[Straight]) -> str:
     return f"{max(run.duration_s for run in runs):.0f} s, right belt 2 % faster, seed {runs[0].seed}"
 
 
-def _identified(item: Identified) -> list[Comparison]:
+def _identified(item: ModelFigures) -> list[Comparison]:
     at, where = f"at {item.slope_deg:g}°, friction {item.friction[0]:g}/{item.friction[1]:g}", item.conditions
     ratio, share = item.sigma2_over_sigma3, item.yaw_rate_vaf_percent
     if share < IDENTIFIABLE_VAF:
-        told = f"{share:.0f} % of the yaw rate explained: not identifiable, the belts do not turn the chair (dead zone)"
-        return [Comparison(what=f"Fig. 8: model {at}", ours=told, paper="rank 2", conditions=where)]
+        why = "not identifiable: the belts do not turn the chair (dead zone)"
+        return [
+            Comparison(
+                what=f"yaw rate one step ahead {at}, VAF", ours=f"{share:.0f} %", paper="rank 2", conditions=f"{why}; {where}"
+            )
+        ]
     gap, vaf, ahead = MODEL_TARGETS
+    along, across = item.friction
+    ground = f"{item.slope_deg:g}" + ("" if item.friction == PAPER_FRICTION else f"-mu{along:g}-{across:g}")
     return [
         judged(f"Fig. 8: σ₂/σ₃ {at}", ratio, "", target=gap, at_least=True, printed="rank 2", conditions=where),
         judged(
@@ -269,7 +352,7 @@ def _identified(item: Identified) -> list[Comparison]:
             target=vaf,
             at_least=True,
             conditions=where,
-            figure=f"fig08/{item.slope_deg:g}/yaw_rate_vaf_percent",
+            figure=f"fig08/{ground}/yaw_rate_vaf_percent",
         ),
         judged(f"heading five seconds ahead {at}, RMSE", item.heading_5s_rmse_deg, "°", target=ahead, conditions=where),
     ]
@@ -279,7 +362,17 @@ def _seat(results: Results) -> list[Comparison]:
     if results.fig11 is None:
         return []
     error, where = abs(results.fig11.steady_error_deg), results.fig11.conditions
-    return [judged("Fig. 11: steady seat error", error, "°", target=None, printed="about 0°", conditions=where)]
+    return [
+        judged(
+            "Fig. 11: steady seat error",
+            error,
+            "°",
+            target=None,
+            printed="about 0°",
+            conditions=where,
+            figure="fig11/28/steady_error_deg",
+        )
+    ]
 
 
 def _speed(results: Results) -> list[Comparison]:

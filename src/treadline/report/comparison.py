@@ -1,4 +1,4 @@
-"""One row of the summary: ours, the paper's, the target, and the verdict that follows from them."""
+"""One row of the summary: our figure, the paper's figure, the target and the verdict."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,12 +17,14 @@ class Comparison:
     paper: str = "–"
     target: str = "–"
     verdict: str = NO_TARGET
-    """``reached``, ``missed by …``, ``-`` where there is no target, or that a quick run judges nothing."""
+    """``reached``, ``missed by …``, ``-`` without a target, or that a quick run is not judged."""
     conditions: str = ""
+    sensitivity: str = ""
+    """Change of the figure with step size, stiffness and friction, in words; empty where it was not measured."""
     from_runs: bool = True
-    """Whether a shortened run changes what is measured."""
+    """Whether the figure depends on the duration of the runs."""
     figure: str = ""
-    """Key of the figure in ``results.json``'s ``sensitivity``; empty for one that no budget has."""
+    """Key of the figure in ``sensitivity`` of ``results.json``; empty for a figure outside the uncertainty budget."""
 
 
 def judged(
@@ -37,7 +39,7 @@ def judged(
     from_runs: bool = True,
     figure: str = "",
 ) -> Comparison:
-    """Return a row whose verdict follows from value and target; no value misses every target."""
+    """Return a row with its verdict from value and target; an absent value misses every target."""
     known = value is not None and math.isfinite(value)
     row = Comparison(
         what=what,
@@ -53,10 +55,15 @@ def judged(
     if value is None or not known:
         return replace(row, verdict="missed")
     gap = target - value if at_least else value - target
-    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {gap:.{2 if gap < 100.0 else 3}g}{suffix(unit)}")
+    return replace(row, verdict=REACHED if gap <= 0.0 else f"missed by {gap_text(gap)}{suffix(unit)}")
+
+
+def gap_text(gap: float) -> str:
+    """Return the distance to a target with two digits, or as an integer from 100 on: never in exponential form above 1."""
+    return f"{gap:.0f}" if gap >= 100.0 else f"{gap:.2g}"
 
 
 def written(value: float, unit: str) -> str:
-    """Return a value with three digits, a length to the millimetre: what is below is not a result."""
+    """Return a value with three digits, a length to the millimetre."""
     text = f"{value:.3f}" if unit == "m" else f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
     return text + suffix(unit)

@@ -1,6 +1,6 @@
-"""The paper's figures, ours: matplotlib to inline SVG, the same bytes for the same numbers.
+"""Figures of the reproduction: matplotlib to inline SVG, the same bytes for the same numbers.
 
-Angles are in degrees here; colours are told apart by colour-blind eyes (Okabe and Ito).
+Angles are in degrees; the colours are distinct for colour-blind readers (Okabe and Ito).
 """
 
 import io
@@ -14,18 +14,22 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import BboxBase
 
 from treadline import paper
-from treadline.report.results import PAPER_FRICTION, Cell, Identified, Impulse, Steered, Straight, Turn
+from treadline.report.results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Steered, Straight, Turn
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
 BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
 Series = Mapping[str, Float[np.ndarray, " T"]]
 IMPULSE_SHOWN_S = 20.0
-"""Of Fig. 8's 60 s: by then both responses have ended."""
+"""Span of Fig. 8 that is drawn, of 60 s: both responses have ended by then."""
 TURN_SHOWN_S = 12.0
-"""Of a run from ±30°, where belts, place and margins move."""
+"""Span of a turn from ±30° in which belts, place and margins change."""
+
+PAD_PX = 4.0
+"""Margin around a panel that is drawn alone."""
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -44,9 +48,31 @@ STYLE: Any = {
 
 def svg_of(figure: Figure) -> str:
     """Return a figure as an SVG element, without dates and without metadata, which names web addresses."""
+    return _saved(figure, None)
+
+
+def panels_of(figure: Figure) -> list[str]:
+    """Return each panel of a figure as an SVG element of its own: a narrow page stacks them, a wide one has them side by side."""
+    with mpl.rc_context(STYLE):
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        axes = [ax for ax in figure.axes if ax.get_visible()]
+        panels = []
+        for ax in axes:
+            for other in axes:
+                other.set_visible(other is ax)
+            box_px = ax.get_tightbbox()
+            to_inches = figure.dpi_scale_trans.inverted()
+            panels.append(_saved(figure, None if box_px is None else box_px.padded(PAD_PX).transformed(to_inches)))
+        for ax in axes:
+            ax.set_visible(True)
+    return panels
+
+
+def _saved(figure: Figure, box_in: BboxBase | None) -> str:
     with mpl.rc_context(STYLE):
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None}, bbox_inches=box_in)
     text = buffer.getvalue()
     return re.sub(r"\s*<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL)
 
@@ -89,7 +115,7 @@ def _printed_impulse(steps: int) -> Float[np.ndarray, "steps p m"]:
 
 
 @mpl.rc_context(STYLE)
-def singular_values(slopes: Sequence[Identified]) -> Figure:
+def singular_values(slopes: Sequence[ModelFigures]) -> Figure:
     """Return the singular values of the Hankel matrix, one line per slope."""
     figure, (ax,) = _figure(5.2, 2.8, 1, 1)
     for item in slopes:
@@ -147,7 +173,7 @@ def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
 
 @mpl.rc_context(STYLE)
 def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
-    """Return Fig. 10: heading from two starts, and what the belts and the place did."""
+    """Return Fig. 10: heading from two starts, belt speeds and distance up the flight."""
     figure, axes = _figure(8.0, 5.0, 2, 2)
     for ax in axes[len(runs) : 2]:
         ax.set_visible(False)
@@ -165,7 +191,7 @@ def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
         axes[2].step(t, series["right_m_s"][early], "--", where="post", color=colour, label=f"{start} right")
         axes[3].plot(t, series["x_m"][early] - series["x_m"][0], color=colour, label=start)
     axes[2].set_ylabel("belt speed [m/s]")
-    axes[3].set_ylabel("way up the flight [m]")
+    axes[3].set_ylabel("distance up the flight [m]")
     axes[2].legend(ncols=2, fontsize=7)
     axes[3].legend()
     for ax in axes:
@@ -228,7 +254,7 @@ def seat(series: Series) -> Figure:
 
 @mpl.rc_context(STYLE)
 def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
-    """Return what the paper does not show: share of friction used and the tipping margin."""
+    """Return friction used over friction available, and the tip-over margin, which the paper does not show."""
     figure, axes = _figure(8.0, 2.8, 1, 2)
     for (row, series), colour in zip(runs, (BLUE, RED), strict=False):
         early = series["t_s"] <= TURN_SHOWN_S
@@ -236,8 +262,8 @@ def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
         axes[0].plot(series["t_s"][early], series["friction_use"][early], color=colour, label=label)
         axes[1].plot(series["t_s"][early], series["stability_margin_deg"][early], color=colour, label=label)
     axes[0].axhline(1.0, color=GREY, linestyle=":")
-    axes[0].set_ylabel("share of friction used (1 slides)")
-    axes[1].set_ylabel("smallest tipping margin [°]")
+    axes[0].set_ylabel("friction used / available")
+    axes[1].set_ylabel("tip-over margin [°]")
     for ax in axes:
         ax.set_xlabel("time [s]")
         ax.legend()

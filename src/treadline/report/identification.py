@@ -19,7 +19,7 @@ from treadline.report import model_figures as figures
 from treadline.report import model_runs as runs
 from treadline.report.channels import both_angles, channel
 from treadline.report.inline_svg import inline_svg
-from treadline.report.model_figures import Stabilisation
+from treadline.report.model_figures import StabilisationLike
 from treadline.report.page import page_of
 
 PAIRS_MOST = 4
@@ -37,7 +37,7 @@ CHOSEN = "chosen"
 
 
 @runtime_checkable
-class Report(Protocol):
+class ReportLike(Protocol):
     """What identification says of its model."""
 
     def as_json(self) -> dict[str, Any]:
@@ -45,7 +45,7 @@ class Report(Protocol):
 
 
 @runtime_checkable
-class Intervals(Protocol):
+class IntervalsLike(Protocol):
     """How sure a model's responses are."""
 
     def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
@@ -56,7 +56,7 @@ class Intervals(Protocol):
 
 
 @runtime_checkable
-class Identified(Protocol):
+class IdentifiedLike(Protocol):
     """A model and its report; ``intervals`` may stand there too."""
 
     @property
@@ -64,7 +64,7 @@ class Identified(Protocol):
         """The model."""
 
     @property
-    def report(self) -> Report:
+    def report(self) -> ReportLike:
         """What is said of it."""
 
 
@@ -82,12 +82,12 @@ class PoleRow:
 
 def write_identification_page(
     path: Path,
-    identified: Identified,
+    identified: IdentifiedLike,
     records: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
     *,
     title: str,
-    stabilisation: Stabilisation | None = None,
+    stabilisation: StabilisationLike | None = None,
 ) -> None:
     """Write one HTML file that shows an identification and needs nothing else.
 
@@ -107,13 +107,13 @@ class _Page:
 
     def __init__(
         self,
-        identified: Identified,
+        identified: IdentifiedLike,
         records: Sequence[InputOutputRecord],
         judged: Sequence[InputOutputRecord],
-        stabilisation: Stabilisation | None,
+        stabilisation: StabilisationLike | None,
     ) -> None:
         self.model, self.said = identified.model, identified.report.as_json()
-        self.intervals: Intervals | None = getattr(identified, "intervals", None)
+        self.intervals: IntervalsLike | None = getattr(identified, "intervals", None)
         self.records, self.judged = records, judged
         self.stabilisation = stabilisation
         m, p = self.model.B.shape[1], self.model.C.shape[0]
@@ -135,7 +135,7 @@ class _Page:
         self._poles()
         return page_of(
             "identification.html.j2",
-            {name: inline_svg(figure) for name, figure in self.drawn.items()},
+            {name: [inline_svg(figure)] for name, figure in self.drawn.items()},
             title=title,
             said=self.said,
             notes=self.notes,

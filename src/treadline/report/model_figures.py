@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from treadline.report.channels import UNKNOWN, Channel, ratio_unit
+from treadline.report.channels import UNKNOWN, ColumnLabel, ratio_unit
 from treadline.report.figures import BLUE, GREY, ORANGE, RED, STYLE
 from treadline.report.model_runs import answering, decimated
 
@@ -37,7 +37,7 @@ DISC_MOST = 0.5
 
 
 @runtime_checkable
-class Stabilisation(Protocol):
+class StabilisationLike(Protocol):
     """The poles of every order in one list, as ``treadline.identification.stabilisation`` makes it."""
 
     @property
@@ -108,7 +108,7 @@ def singular_values(values: Float[np.ndarray, " k"], order: int, noise: float | 
 
 
 @mpl.rc_context(STYLE)
-def stabilisation(diagram: Stabilisation, order: int, nyquist_hz: float) -> Figure:
+def stabilisation(diagram: StabilisationLike, order: int, nyquist_hz: float) -> Figure:
     """Return frequency against order, and damping against frequency."""
     figure, ((left, right),) = _grid(1, 2, 3.0)
     inside = diagram.frequency_hz <= nyquist_hz
@@ -142,8 +142,8 @@ def impulse(
     response: Float[np.ndarray, "steps p m"],
     deviation: Float[np.ndarray, "steps p m"] | None,
     dt_s: float,
-    inputs: Sequence[Channel],
-    outputs: Sequence[Channel],
+    inputs: Sequence[ColumnLabel],
+    outputs: Sequence[ColumnLabel],
 ) -> Figure:
     """Return impulse responses, one panel per pair; each output as long as it answers: one may last a second, another stay."""
     figure, panels = _grid(len(outputs), len(inputs), 1.35)
@@ -175,7 +175,7 @@ def _window(values: Float[np.ndarray, " k"], low: Float[np.ndarray, " k"], high:
     return min(bottom, 0.0) - 0.06 * span, max(top, 0.0) + 0.06 * span
 
 
-def _pair_labels(ax: Axes, output: Channel, given: Channel, symbol: str) -> None:
+def _pair_labels(ax: Axes, output: ColumnLabel, given: ColumnLabel, symbol: str) -> None:
     ax.set_title(f"{given.quantity} → {output.quantity}", fontsize=_title_size(output, given))
     ax.set_ylabel(f"{symbol}[{ratio_unit(output, given)}]", fontsize=8)
 
@@ -186,8 +186,8 @@ def frequency(
     response: Complex[np.ndarray, "w p m"],
     deviation: Float[np.ndarray, "w p m"] | None,
     dt_s: float,
-    inputs: Sequence[Channel],
-    outputs: Sequence[Channel],
+    inputs: Sequence[ColumnLabel],
+    outputs: Sequence[ColumnLabel],
 ) -> Figure:
     """Return magnitudes over frequency, one panel per pair."""
     figure, panels = _grid(len(outputs), len(inputs), 1.35)
@@ -216,7 +216,7 @@ def frequency(
     return figure
 
 
-def _title_size(output: Channel, given: Channel) -> float:
+def _title_size(output: ColumnLabel, given: ColumnLabel) -> float:
     """Return the type size at which two names fit over the narrowest panel."""
     return min(9.0, max(5.0, 210.0 / (len(output.quantity) + len(given.quantity) + 3)))
 
@@ -236,7 +236,7 @@ def fit(
     free: Float[np.ndarray, "T p"],
     ahead: Float[np.ndarray, "T p"],
     closer: slice | None,
-    outputs: Sequence[Channel],
+    outputs: Sequence[ColumnLabel],
 ) -> Figure:
     """Return measured and modelled outputs with residuals below; beside them, where given, a closer look at a stretch."""
     parts = [slice(None)] if closer is None else [slice(None), closer]
@@ -282,8 +282,8 @@ def residuals(
     own_band: Float[np.ndarray, " p"],
     across: Float[np.ndarray, "p m k"],
     across_band: Float[np.ndarray, "p m"],
-    inputs: Sequence[Channel],
-    outputs: Sequence[Channel],
+    inputs: Sequence[ColumnLabel],
+    outputs: Sequence[ColumnLabel],
 ) -> Figure:
     """Return autocorrelation and cross-correlations of residuals: a row per output, the first column its own past."""
     figure, panels = _grid(len(outputs), 1 + len(inputs), 1.3, gap_in=(0.48, 0.62))

@@ -1,7 +1,7 @@
-"""The report: one HTML file that needs nothing else, drawn from the files of a folder.
+"""Report pages: self-contained HTML files, drawn from the files of a folder.
 
-Text is escaped by the template engine; figures are inline SVG of our own making; a content security policy allows no
-script and no request.
+The template engine escapes text; figures are inline SVG drawn by this package; a content security policy forbids scripts and
+requests. The report of a reproduction links to the pages of its main runs.
 """
 
 import base64
@@ -16,6 +16,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from treadline import paper
 from treadline.errors import SettingsError
 from treadline.io.runs import read_series
 from treadline.models import write_whole
@@ -29,6 +30,8 @@ from treadline.report.run_scores import score_groups
 
 TEMPLATES = Path(__file__).parent / "templates"
 PNG = b"\x89PNG\r\n\x1a\n"
+LARGEST_RATIO = 100_000
+"""Ratio of singular values beyond which the smaller one is a rounding error of the data."""
 STAGES = (
     "(a) depth image",
     "(b) Canny edges",
@@ -50,14 +53,14 @@ COLUMNS = (
     "y_m",
     "friction_use",
 )
-"""Of series.csv, what the figures draw."""
+"""Columns of series.csv that the figures draw."""
 
 
 R = TypeVar("R", Straight, Turn)
 
 
 def write_report(folder: Path) -> Path:
-    """Write ``report.html`` of a reproduce folder, or of one run's folder.
+    """Write ``report.html`` of a reproduce folder and of its main runs, or of one run's folder.
 
     Raises:
         SettingsError: If the folder holds neither, or a file in it lacks or mistypes something.
@@ -77,6 +80,7 @@ def write_report(folder: Path) -> Path:
 def _whole(folder: Path) -> Path:
     results = read_part(folder / "results.json", Results)
     runs, stages = folder / "runs", _stages(folder / "figures")
+    linked = _linked_runs(runs, results)
     straight, turned = _with_series(runs, results.fig09), _with_series(runs, results.fig10[:2])
     drawn: dict[str, Figure] = {}
     if results.fig08 is not None:
@@ -92,12 +96,16 @@ def _whole(folder: Path) -> Path:
         drawn["table2"] = figures.table_two(results.table2, results.table2_roll_back_allowed)
     if results.fig11 is not None:
         drawn["fig11"] = figures.seat(_series(_inside(runs, results.fig11.run)))
+    for name in linked:
+        _single(_inside(runs, name))
     return _render(
         folder,
         "reproduce.html.j2",
         drawn,
+        panelled=True,
         r=results,
         rows=comparisons(results),
+        linked=linked,
         stages=stages,
         shown_s=figures.IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
@@ -123,6 +131,16 @@ def _single(folder: Path) -> Path:
         banded=len(result.course) > 1,
         settings=json.dumps(manifest.settings, indent=1),
     )
+
+
+def _linked_runs(runs: Path, results: Results) -> list[str]:
+    """Return the names of the runs that get a page of their own: those behind the figures, and the traversals."""
+    straight = [row.run for row in results.fig09 if row.slope_deg == paper.FIG10_SLOPE_DEG and row.loop == "closed"]
+    turned = [row.run for row in results.fig10[:2]]
+    seat = [results.fig11.run] if results.fig11 else []
+    printed = [row.run for row in results.literal.runs if row.run is not None] if results.literal else []
+    lugged = [row.run for row in results.lugs if not row.is_turn]
+    return [name for name in (*straight, *turned, *seat, *printed, *lugged) if (_inside(runs, name) / "result.json").exists()]
 
 
 def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, figures.Series]]:
@@ -161,9 +179,10 @@ def _series(folder: Path) -> figures.Series:
     return series
 
 
-def _render(folder: Path, template: str, drawn: dict[str, Figure], **values: Any) -> Path:
+def _render(folder: Path, template: str, drawn: dict[str, Figure], *, panelled: bool = False, **values: Any) -> Path:
     texts = {name: figures.svg_of(figure) for name, figure in drawn.items()}
-    page = page_of(template, texts, **values)
+    panels = {name: figures.panels_of(figure) if panelled else [texts[name]] for name, figure in drawn.items()}
+    page = page_of(template, panels, **values)
     for name, text in texts.items():
         write_whole(folder / "figures" / f"{name}.svg", '<?xml version="1.0" encoding="utf-8"?>\n' + text)
     path = folder / "report.html"
@@ -171,15 +190,18 @@ def _render(folder: Path, template: str, drawn: dict[str, Figure], **values: Any
     return path
 
 
-def page_of(template: str, drawings: Mapping[str, str], **values: Any) -> str:
-    """Return a page: a template with drawings (name → SVG of our own) inline and every other value escaped."""
+def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any) -> str:
+    """Return a page: a template with drawings (name → SVG of each panel) inline and every other value escaped."""
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format}
+    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format, "p_value": p_value, "ratio": ratio}
     environment.filters.update(filters)
-    # Our own drawings, in which text is paths: the only markup that is not escaped.
-    inline = {name: Markup(_inlined(text, name)) for name, text in drawings.items()}  # noqa: S704
+    inline = {
+        # The package's own drawings, in which text is paths, are the only markup that is not escaped.
+        name: Markup("".join(_inlined(text, f"{name}-{k}") for k, text in enumerate(panels)))  # noqa: S704
+        for name, panels in drawings.items()
+    }
     return environment.get_template(template).render(svg=inline, **values)
 
 
@@ -207,6 +229,16 @@ def _stages(folder: Path) -> list[tuple[str, str]]:
                 raise SettingsError(f"{path}: not a PNG picture; make the folder again")
             found.append((caption, "data:image/png;base64," + base64.b64encode(data).decode()))
     return found
+
+
+def p_value(value: float | None) -> str:
+    """Return the probability of a test, as a bound where it is too small for two digits."""
+    return "–" if value is None else "< 0.001" if value < 0.001 else f"{value:.2g}"
+
+
+def ratio(value: float) -> str:
+    """Return a ratio of singular values; beyond ``LARGEST_RATIO`` the smaller one is a rounding error."""
+    return f"> {LARGEST_RATIO:g}" if value > LARGEST_RATIO else f"{value:.1f}"
 
 
 def _number(value: float | None, digits: int = 2, unit: str = "") -> str:

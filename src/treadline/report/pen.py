@@ -35,6 +35,8 @@ class Pen:
     """Draws on one panel."""
 
     ax: Axes
+    origin: Point = (0.0, 0.0)
+    """Offset of lines, areas and discs on the panel."""
 
     def frame(self, x: Point, y: Point) -> None:
         """Show the span from ``x[0]`` to ``x[1]`` and ``y[0]`` to ``y[1]``, both axes to one scale, without axes."""
@@ -45,17 +47,18 @@ class Pen:
 
     def line(self, points: Points, colour: str = INK, width: float = 1.2, style: str = "-") -> None:
         """Draw an open line."""
-        xy = np.asarray(points, dtype=float)
+        xy = np.asarray(points, dtype=float) + self.origin
         self.ax.plot(xy[:, 0], xy[:, 1], style, color=colour, linewidth=width, solid_capstyle="round")
 
     def area(self, points: Points, fill: str, colour: str = INK, width: float = 1.2) -> None:
         """Draw a closed outline, filled."""
-        xy = np.asarray(points, dtype=float)
+        xy = np.asarray(points, dtype=float) + self.origin
         self.ax.add_patch(Polygon(xy, closed=True, facecolor=fill, edgecolor=colour, linewidth=width, joinstyle="round"))
 
     def disc(self, at: Point, radius: float, fill: str = WHITE, colour: str = INK) -> None:
         """Draw a circle, filled."""
-        self.ax.add_patch(Circle(at, radius, facecolor=fill, edgecolor=colour, linewidth=1.2, zorder=3))
+        place = at[0] + self.origin[0], at[1] + self.origin[1]
+        self.ax.add_patch(Circle(place, radius, facecolor=fill, edgecolor=colour, linewidth=1.2, zorder=3))
 
     def text(self, at: Point, words: str, *, size: float = 10.0, colour: str = INK, align: str = "center") -> None:
         """Write words centred on a point, or left or right of it."""

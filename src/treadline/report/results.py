@@ -1,7 +1,7 @@
-"""What ``results.json`` and a run's files must say before a page is drawn from them: typed, finite, no path in a name.
+"""Schema of ``results.json`` and of a run's files, checked before a page is drawn: typed, finite, no path in a name.
 
-A report may be drawn from a folder that came from elsewhere, so nothing in it is trusted. A part that is absent was not
-measured; a part that is there is whole.
+A report may be drawn from a folder of unknown origin, so every value is validated. An absent part was not measured; a
+present part is complete.
 """
 
 from pathlib import Path
@@ -24,7 +24,7 @@ Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class Part(BaseModel):
-    """Base of every part: strict and finite; keys that no page shows may stand there."""
+    """Base of every part: strict and finite; further keys are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", strict=True, allow_inf_nan=False)
 
@@ -37,8 +37,8 @@ class Parameter(Part):
     ours: str
 
 
-class Sight(Part):
-    """Fig. 5: what both modes made of one frame."""
+class FrameFigure(Part):
+    """Fig. 5: headings by both methods on one frame."""
 
     heading_deg: float | None
     robust_heading_deg: float | None
@@ -49,8 +49,8 @@ class Sight(Part):
     conditions: str
 
 
-class Belts(Part):
-    """A response to an impulse on each belt."""
+class BeltResponse(Part):
+    """Response to an impulse on each belt."""
 
     left_m_s: Numbers
     right_m_s: Numbers
@@ -60,8 +60,8 @@ class Impulse(Part):
     """Fig. 8's four panels."""
 
     t_s: Numbers
-    heading_rad: Belts
-    yaw_rate_rad_s: Belts
+    heading_rad: BeltResponse
+    yaw_rate_rad_s: BeltResponse
 
     @model_validator(mode="after")
     def _of_one_length(self) -> "Impulse":
@@ -72,7 +72,7 @@ class Impulse(Part):
         return self
 
 
-class Identified(Part):
+class ModelFigures(Part):
     """The model of one slope and friction."""
 
     slope_deg: float
@@ -89,11 +89,11 @@ class Identified(Part):
     conditions: str
 
 
-class Fig08(Identified):
+class Fig08(ModelFigures):
     """The slope the controller was made on, and all slopes."""
 
     impulse: Impulse
-    slopes: list[Identified]
+    slopes: list[ModelFigures]
 
 
 class Steered(Part):
@@ -164,9 +164,10 @@ class Cell(Part):
     conditions: str
 
 
-class Ending(Part):
-    """How a run of the recipe as printed ended."""
+class PrintedRun(Part):
+    """Run of the controller as printed."""
 
+    run: RunName | None = None
     verdict: str
     cause: str | None
     duration_s: float
@@ -175,13 +176,13 @@ class Ending(Part):
     roll_back_m: float
 
 
-class Recipe(Part):
-    """The paper's recipe taken literally."""
+class PrintedController(Part):
+    """Controller of the paper as printed, and its runs."""
 
     max_gap_to_print: float
     asked_m_s: Pair
     max_speed_m_s: float
-    runs: list[Ending]
+    runs: list[PrintedRun]
 
 
 class SeatRun(Part):
@@ -194,34 +195,63 @@ class SeatRun(Part):
 
 
 class Controller(Part):
-    """The gain that drove."""
+    """Gain and period of the controller."""
 
     K: list[list[float]]
     period_s: float
 
 
 class Speed(Part):
-    """How fast it ran."""
+    """Speed of the simulation."""
 
     physics_real_time_factor: float
     loop_cpu_s_per_s: float
 
 
 class Moves(Part):
-    """How far a headline figure moves with its three largest sources of uncertainty; None where a source leaves no figure."""
+    """Largest change of a figure with step size, contact stiffness and friction; None where no run of a source has the figure."""
 
     unit: str
     conditions: str = ""
-    """Where the moves were measured: a row may rest on more starts and seeds."""
+    """Conditions of the varied runs: a row may rest on more starts and seeds."""
     step: float | None = None
     stiffness: float | None = None
     friction: float | None = None
     lost: list[str] = []
     """Variations in which the runs end without the figure."""
     exceeded: list[str] = []
-    """Sources that move the figure by more than its margin to the target, either way."""
+    """Sources that change the figure by more than its margin to the target, in either direction."""
     missed: list[str] = []
     """Variations in which the target is missed."""
+
+
+class BeltRun(Part):
+    """One run with smooth belts or with lugs."""
+
+    course: str
+    """``turn-28`` and the like, or a scenario."""
+    slope_deg: float
+    friction: Pair
+    lug: str
+    """Height and pitch of the lugs [mm], as in ``15/80``; none is a smooth belt."""
+    rubber_s: float | None
+    """Contact time constant of the belts' rubber; None for the plant's own."""
+    rms_heading_deg: float
+    roll_back_m: float
+    passenger_m_s2: float
+    pitch_rate_deg_s: float
+    margin_deg: float
+    max_contact_force_share: float | None
+    duration_s: float
+    verdict: str
+    cause: str | None
+    seed: int
+    run: RunName
+
+    @property
+    def is_turn(self) -> bool:
+        """Whether the run is a turn on a flight, not a whole traversal."""
+        return self.course.startswith("turn")
 
 
 class Results(Part):
@@ -229,14 +259,15 @@ class Results(Part):
 
     quick: bool
     table1: list[Parameter] = []
-    fig05: Sight | None = None
+    fig05: FrameFigure | None = None
     fig08: Fig08 | None = None
     dead_zone: list[Steered] = []
     fig09: list[Straight] = []
     fig10: list[Turn] = []
     table2: list[Cell] = []
     table2_roll_back_allowed: list[Cell] = []
-    literal: Recipe | None = None
+    lugs: list[BeltRun] = []
+    literal: PrintedController | None = None
     fig11: SeatRun | None = None
     controller: Controller | None = None
     speed: Speed | None = None
@@ -253,8 +284,8 @@ Began = Annotated[tuple[float, str], Field(strict=False)]
 """When a phase began, and which; JSON has lists for tuples."""
 
 
-class Happening(Part):
-    """Something a run's guard told."""
+class LoggedEvent(Part):
+    """Event of a run, with its cause."""
 
     t_s: float
     name: str
@@ -279,7 +310,7 @@ class RunResult(Part):
     verdict: str
     cause: str | None = None
     seed: int | None = None
-    events: list[Happening] = []
+    events: list[LoggedEvent] = []
     phases: list[Began] = []
     seat: SeatFigures | None = None
 

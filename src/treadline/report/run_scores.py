@@ -38,7 +38,7 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class ScoreRow:
     """One figure, written."""
 
     label: str
@@ -48,11 +48,11 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Group:
+class ScoreGroup:
     """Figures that belong together."""
 
     title: str
-    rows: list[Row]
+    rows: list[ScoreRow]
     aside: bool = False
     """Whether they are not what this run was for."""
 
@@ -147,21 +147,23 @@ def score_name(key: str) -> str:
     return key if word is None else f"heading, {word.label}" if word in OF_HEADING else word.label
 
 
-def score_groups(result: RunResult) -> list[Group]:
+def score_groups(result: RunResult) -> list[ScoreGroup]:
     """Return all numbers of a run's result, each once, in groups; those of the seat first where it was run alone."""
     figures, seat = result.figures, result.seat
-    groups = [Group(title=title, rows=_rows(figures, words)) for title, words in GROUPS.items()]
+    groups = [ScoreGroup(title=title, rows=_rows(figures, words)) for title, words in GROUPS.items()]
     unknown = {key: Word(key) for key in figures if key not in WORDS}
-    groups.append(Group(title=OTHERS, rows=_rows(figures, unknown)))
+    groups.append(ScoreGroup(title=OTHERS, rows=_rows(figures, unknown)))
     if seat is not None:
-        groups = [Group(title=g.title, rows=g.rows, aside=g.title not in OF_NO_SEAT) for g in groups]
-        own = [Row(label=r.label, value=r.value, key=f"seat.{r.key}") for r in _rows(seat.model_dump(), SEAT)]
-        groups = [Group(title="Seat", rows=own), *sorted(groups, key=lambda group: group.aside)]
+        groups = [ScoreGroup(title=g.title, rows=g.rows, aside=g.title not in OF_NO_SEAT) for g in groups]
+        own = [ScoreRow(label=r.label, value=r.value, key=f"seat.{r.key}") for r in _rows(seat.model_dump(), SEAT)]
+        groups = [ScoreGroup(title="Seat", rows=own), *sorted(groups, key=lambda group: group.aside)]
     return [group for group in groups if group.rows]
 
 
-def _rows(figures: Mapping[str, int | float | None], words: Mapping[str, Word]) -> list[Row]:
-    return [Row(label=word.label, value=_written(figures[key], word), key=key) for key, word in words.items() if key in figures]
+def _rows(figures: Mapping[str, int | float | None], words: Mapping[str, Word]) -> list[ScoreRow]:
+    return [
+        ScoreRow(label=word.label, value=_written(figures[key], word), key=key) for key, word in words.items() if key in figures
+    ]
 
 
 def _written(value: int | float | None, word: Word) -> str:  # noqa: PYI041 - to the tests' type checker an int is no float

@@ -1,4 +1,4 @@
-"""Keeping the seat level."""
+"""Seat levelling control."""
 
 from treadline.seat.feed_forward import PitchLeveller
 from treadline.seat.leveller import Leveller, LevellerConfig

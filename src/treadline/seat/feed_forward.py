@@ -1,7 +1,7 @@
-"""The seat moves with the chassis: a feed-forward from the chassis' pitch rate, ahead of the actuator's lag.
+"""Feed-forward from the chassis pitch rate to the seat actuator, compensating the actuator lag.
 
-``ImuSample, SeatReading, SeatCommand -> SeatCommand``: added to the leveller's rate. A loop alone waits for an error; over a crest
-the chassis turns 10° in a second, and a gain of 2/s would leave the seat 5° behind.
+``ImuSample, SeatReading, SeatCommand -> SeatCommand``, added to the leveller's rate. A feedback loop alone reacts to an error;
+over a crest the chassis turns 10° in a second, and a gain of 2/s would leave the seat 5° behind.
 """
 
 import math
@@ -14,13 +14,13 @@ from treadline.seat.leveller import Leveller, LevellerConfig
 from treadline.signals import ImuSample, SeatCommand, SeatReading
 
 QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
-"""Mean pitch rate below which there is nothing to lead, and the time of that mean: chairs rock at 3 to 4 Hz on uneven nosings."""
+"""Mean pitch rate below which the feed-forward is off [rad/s], and its averaging time [s]; chairs rock at 3 to 4 Hz on nosings."""
 ROCKS_S, ROCKS_RAD = 0.8, 1.5 * DEG
-"""Two periods of a chair that rocks by a degree and more, at 2.5 Hz: pitched so far up and so far down in them, it rocks."""
+"""Window [s] and amplitude [rad] of rocking: two periods at 2.5 Hz; a chair that pitches this far up and down within them rocks."""
 FRESH_S = 0.05
 ROUNDING_S = 1e-6
 SMOOTHING_S = 0.03
-"""The lead 1 + lag·s needs a bound, or it would play the gyro's noise."""
+"""Time constant of the low-pass [s] that bounds the lead 1 + lag·s and its amplification of gyro noise."""
 
 
 class PitchFeedForward:
@@ -33,7 +33,7 @@ class PitchFeedForward:
         self._t_s: float | None = None
 
     def step(self, imu: ImuSample, seat: SeatReading, levelling: SeatCommand) -> SeatCommand:
-        """Return the leveller's rate and what keeps a level seat level."""
+        """Return the leveller's rate plus the rate that keeps a level seat level."""
         pitch_rate = -float(imu.angular_velocity_rad_s[1])
         dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
         self._t_s = imu.t_s
@@ -49,14 +49,14 @@ class PitchFeedForward:
 
 
 class _Turned:
-    """How far the chair has pitched up, and how far down, within a window, by rates alone."""
+    """Integrated upward and downward pitch within a window, from rates."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
         self._sums: deque[tuple[float, float, float]] = deque()
 
     def step(self, t_s: float, rate_rad_s: float) -> tuple[float, float]:
-        """Take one rate; return both angles, neither negative."""
+        """Take one rate; return both angles, neither negative [rad]."""
         before_s, up, down = self._sums[-1] if self._sums else (t_s, 0.0, 0.0)
         turned = rate_rad_s * min(max(t_s - before_s, 0.0), FRESH_S)
         self._sums.append((t_s, up + max(turned, 0.0), down + max(-turned, 0.0)))
@@ -67,10 +67,10 @@ class _Turned:
 
 
 class PitchLeveller:
-    """The seat's loop with the feed-forward: what a chair that pitches needs.
+    """Seat leveller with feed-forward for a pitching chassis.
 
-    Below ``QUIET_RAD_S`` of mean pitch rate the loop is alone, and where the chair pitches to and fro: rocking is not a
-    manoeuvre, and a seat that follows it, by its actuator's lag late, drives it on.
+    The feed-forward is off below ``QUIET_RAD_S`` of mean pitch rate and while the chair rocks: a seat that follows rocking with the
+    lag of its actuator would excite it.
     """
 
     def __init__(self, config: LevellerConfig) -> None:
@@ -79,7 +79,7 @@ class PitchLeveller:
         self._lately, self._longer = _Turned(QUIET_S), _Turned(ROCKS_S)
 
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
-        """Answer one reading; without a fresh IMU sample the loop is alone."""
+        """Return the command for one reading; without a fresh IMU sample only the feedback loop acts."""
         levelling = self._leveller.step(reading)
         if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(float(imu.angular_velocity_rad_s[1])):
             return levelling
@@ -87,7 +87,7 @@ class PitchLeveller:
         return led if self._manoeuvres(imu) else levelling
 
     def _manoeuvres(self, imu: ImuSample) -> bool:
-        """Say whether the chair pitches one way, and not to and fro."""
+        """Whether the chair pitches in one direction instead of rocking."""
         rate_rad_s = float(imu.angular_velocity_rad_s[1])
         up_lately, down_lately = self._lately.step(imu.t_s, rate_rad_s)
         rocked = min(self._longer.step(imu.t_s, rate_rad_s))

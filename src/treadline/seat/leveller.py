@@ -1,4 +1,4 @@
-"""The seat's proportional loop.
+"""Proportional seat leveller.
 
 Paper: Section II.B, Section VI.C.3, Fig. 11. ``SeatReading -> SeatCommand``.
 """
@@ -14,13 +14,13 @@ from treadline.signals import SeatCommand, SeatReading
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevellerConfig:
-    """The seat's linkage and the loop's gain."""
+    """Seat linkage and loop gain."""
 
     seat: Seat
     gain_per_s: float = 2.0
-    """Seat rate per unit of pitch error; with the actuator's lag of 0.1 s the loop is well damped (ζ > 1)."""
+    """Seat rate per pitch error [1/s]; with the actuator lag of 0.1 s the loop is well damped (ζ > 1)."""
     dead_band_rad: float = 0.1 * DEG
-    """Twice the sensor's noise: a level seat does not keep its actuator busy."""
+    """Dead band on the pitch [rad], twice the sensor noise, to keep the actuator at rest on a level seat."""
 
 
 class Leveller:
@@ -31,14 +31,14 @@ class Leveller:
         self._linkage = SeatLinkage(config.seat)
 
     def step(self, reading: SeatReading) -> SeatCommand:
-        """Answer one reading; the same reading always gets the same answer."""
+        """Return the command for one reading; the same reading always gives the same command."""
         config = self._config
         finite = math.isfinite(reading.pitch_rad) and math.isfinite(reading.stroke_m)
         if not finite or abs(reading.pitch_rad) <= config.dead_band_rad:
             return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
         low, high = self._linkage.stroke_range
         stroke = min(max(reading.stroke_m, low), high)
-        # Front up is a positive pitch; a longer stroke leans the seat forward.
+        # Pitch is positive with the front up; a longer stroke leans the seat forward.
         rate = config.gain_per_s * reading.pitch_rad / self._linkage.rate_ratio(stroke)
         limit = config.seat.max_rate_m_s
         rate = min(max(rate, -limit), limit)

@@ -1,4 +1,4 @@
-"""A MuJoCo plant with native track surfaces and honest sensors."""
+"""MuJoCo plant with moving belt surfaces and sensor models."""
 
 from treadline.devices.instruments import CAMERA_PERIOD_S
 from treadline.sim.plant import MujocoPlant, open_plant

@@ -1,11 +1,11 @@
-"""Contact forces that obey Coulomb's law, compiled: a fixed-point iteration around MuJoCo's convex contact solve.
+"""Contact forces according to Coulomb's law, compiled: a fixed-point iteration around MuJoCo's convex contact solver.
 
-MuJoCo's contact problem is convex: it requires of each contact ``y_n >= |mu * y_t|``, where ``y = J a - aref + R f`` is the
-residual acceleration of the contact (normal n, tangents t). A contact that slides at speed v has ``|y_t| = b v`` with
-``b = 2/(dmax timeconst)``, so the convex problem lifts it off at ``mu b v``: 6 m/s² at 0.05 m/s. Belts that turn a chair
-always slide. The correction of De Saxcé and Feng (1998) restores Signorini's condition ``0 <= f_n, y_n >= 0, f_n y_n = 0``
-with anisotropic Coulomb friction and maximum dissipation: the reference acceleration of the normal row is lowered by
-``s = |mu * y_t|``. ``s`` depends on the solution, so the solve is repeated until ``s`` no longer changes.
+MuJoCo's contact problem is convex: each contact satisfies ``y_n >= |mu * y_t|``, where ``y = J a - aref + R f`` is the residual
+acceleration of the contact (normal n, tangents t). A contact sliding at speed v has ``|y_t| = b v`` with ``b = 2/(dmax
+timeconst)``, so the convex problem separates it at ``mu b v``: 6 m/s² at 0.05 m/s. The belts of a turning chair always slide. The
+correction of De Saxcé and Feng (1998) restores Signorini's condition ``0 <= f_n, y_n >= 0, f_n y_n = 0`` with anisotropic Coulomb
+friction and maximum dissipation: the reference acceleration of the normal row is reduced by ``s = |mu * y_t|``. ``s`` depends on
+the solution, so the solve is repeated until ``s`` converges.
 
 Paper: G. De Saxcé, Z.-Q. Feng, The bipotential method, Math. Comput. Modelling 28, 1998; V. Acary et al., ZAMM 91, 2011.
 """
@@ -21,14 +21,15 @@ _STAGE = types.void(types.uintp, types.uintp)
 _solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
 
 MAX_SOLVES = 10
-"""Largest number of contact solves per step; most steps need one or two. With three, 99 % of the ticks of a turn on 25° have
-residuals below 0.09 m/s², with ten below 0.015; neither the yaw rate (1 %) nor the time per step changes."""
+"""Largest number of contact solves per step; most steps need one or two. In a turn on 25°, 99 % of the ticks have residuals below
+0.09 m/s² with three solves and below 0.015 m/s² with ten; neither the yaw rate (1 %) nor the time per step changes."""
 TOLERANCE_M_S2 = 0.01
-"""Accepted residual of the fixed point: a thousandth of gravity."""
+"""Accepted residual of the fixed point [m/s²]: a thousandth of gravity."""
 RELAXATION_CUT, RELAXATION_MIN, SLOW_CONVERGENCE = 0.7, 0.3, 0.9
-"""The step of the iteration shrinks by the first factor, down to the second, while the change shrinks by less than a tenth."""
+"""Under-relaxation of the iteration: factor on the step size, its minimum, and the ratio of successive changes above which it is
+applied."""
 EXCLUDED = -1
-"""Address of a contact that has no constraint rows."""
+"""Constraint address of a contact without constraint rows."""
 
 
 @intrinsic
@@ -47,14 +48,14 @@ def _doubles_at(context, address):
 @njit(cache=True)
 @no_type_check
 def doubles(pointer, size):
-    """Return the array that a pointer of ``mjData`` points to; read anew after each solve, for the arena moves."""
+    """Return the array at a pointer of ``mjData``, to be read again after each solve because the arena moves."""
     return carray(_doubles_at(pointer[0]), size)
 
 
 @njit(cache=True)
 @no_type_check
 def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
-    """Return ``|mu * y_t|`` of the contact whose normal stands in ``row`` [m/s²]."""
+    """Return ``|mu * y_t|`` of the contact with normal row ``row`` [m/s²]."""
     nv = acceleration.shape[0]
     square = 0.0
     for axis in range(2):
@@ -70,7 +71,7 @@ def _tangent_speed(row, mu, J, R, aref, force, acceleration, force_share):
 @njit(cache=True)
 @no_type_check
 def normal_force(count, whole, address, pointers):
-    """Return the sum of the contacts' normal forces after a solve [N]."""
+    """Return the sum of the normal contact forces after a solve [N]."""
     force = doubles(pointers[3], 3 * whole.shape[0])
     total = 0.0
     for i in range(count):
@@ -82,21 +83,21 @@ def normal_force(count, whole, address, pointers):
 @njit(cache=True)
 @no_type_check
 def solve_contacts(model, data, count, real, whole, fields, pointers, acceleration, warm_start, shift, softness, accuracy):
-    """Solve the contacts of a step so that they obey Coulomb's law.
+    """Solve the contacts of one step with Coulomb friction.
 
     Args:
-        count: Contacts of this step.
+        count: Number of contacts of this step.
         real: Contact list as doubles, one row per contact; ``whole`` the same memory as 32-bit integers.
         fields: Columns of friction in ``real`` and of the constraint address in ``whole``.
-        pointers: Where ``mjData`` keeps its pointers to ``native.CONSTRAINT_ARRAYS``.
-        acceleration: Generalised acceleration; holds that of the step before on entry, that of this step on return.
-        warm_start: From where MuJoCo's solver starts.
+        pointers: Locations in ``mjData`` of the pointers to ``native.CONSTRAINT_ARRAYS``.
+        acceleration: Generalised acceleration; of the previous step on entry, of this step on return.
+        warm_start: Start value of MuJoCo's solver.
         shift: Working memory, two numbers per contact: reference acceleration of the normal, and its correction.
-        softness: 1 with MuJoCo's regularised friction; 0 with no-slip iterations, which take the regularisation out.
+        softness: 1 with MuJoCo's regularised friction; 0 with no-slip iterations, which remove the regularisation.
         accuracy: Accepted residual [m/s²] and largest number of solves.
 
     Returns:
-        Residual of the fixed point [m/s²], largest over the contacts that carry load.
+        Residual of the fixed point [m/s²], maximum over the loaded contacts.
     """
     friction, address = fields[0], fields[1]
     tolerance, max_solves = accuracy
@@ -109,7 +110,7 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
         if row == EXCLUDED:
             continue
         shift[i, 0] = aref[row]
-        # The acceleration of the step before: with the slip alone as a guess a hard turn converges to another branch.
+        # Initial value from the acceleration of the previous step: from the slip alone, a hard turn converges to another branch.
         shift[i, 1] = _tangent_speed(row, real[i, friction : friction + 2], J, R, aref, force, acceleration, 0.0)
         aref[row] = shift[i, 0] - shift[i, 1]
     relaxation, before = 1.0, math.inf

@@ -1,6 +1,7 @@
-"""Friction between belts and what they stand on, as the compiled loop takes it: one row per geom of the scene.
+"""Friction coefficients of the belts on each geom of the scene, as a table for the compiled loop.
 
-``MjModel, Staircase -> friction table``. A step has a left and a right half; floor, walls and obstacles are alike all over.
+``MjModel, Staircase -> friction table``. A step has separate values for its left and right half; floor, walls and obstacles are
+uniform.
 """
 
 import math
@@ -16,7 +17,7 @@ from treadline.sim.scene import stair_names
 
 
 def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
-    """Return each geom's friction for belts; geoms that are no part of the stair have its design friction."""
+    """Return the belt friction of each geom; geoms outside the stair have its design friction."""
     table = np.zeros((model.ngeom, kernels.MU_COLUMNS))
     table[:, kernels.MU_LEFT : kernels.MIDDLE] = (*staircase.friction, *staircase.friction)
     for number, solid in enumerate(solids(staircase)):
@@ -39,7 +40,7 @@ def _row(box: Box, staircase: Staircase) -> tuple[float, ...]:
 
 
 def roughened(table: Float[np.ndarray, "g 8"], friction: float) -> Float[np.ndarray, "g 8"]:
-    """Return the table with the same friction everywhere."""
+    """Return the table with one uniform friction coefficient."""
     rough = table.copy()
     rough[:, kernels.MU_LEFT : kernels.MIDDLE] = friction
     return rough

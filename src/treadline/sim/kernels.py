@@ -1,7 +1,7 @@
-"""The plant's inner loop, compiled: belts, seat actuator, MuJoCo's stages and the turned contact frames.
+"""Inner loop of the plant, compiled: belts, seat actuator, MuJoCo's stages and rotated contact frames.
 
-Functions of MuJoCo are linked by name; ``native.load_library`` must have run before the first call. ``no_type_check``
-keeps the tests' shape checker from wrapping what numba compiles.
+MuJoCo's functions are linked by name; ``native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
+checker of the tests from wrapping compiled functions.
 """
 
 import math
@@ -45,38 +45,41 @@ _solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
 _integrate = types.ExternalFunction("mj_implicit", _STAGE)
 
 NOSLIP_ITERATIONS = 3
-"""While the brake holds: three bring the creep of a chair on 28° from millimetres a minute to micrometres."""
+"""Number of no-slip iterations with the brake on: three reduce the creep of a chair on 28° from millimetres to micrometres per
+minute."""
 
-# Columns of the log, one row per tick; the rotation is that of the quaternion in ``QPOS``, row by row; the residual of
-# the contact forces is the largest of the tick's steps [m/s²]; beside it the number of steps whose residual exceeds the tolerance,
-# the largest sum of the normal forces [N], and the number of steps without any.
+# Columns of the log, one row per tick. ROTATION: matrix of the quaternion in QPOS, by rows. RESIDUAL: largest residual of the
+# contact forces over the steps of the tick [m/s²]. UNCONVERGED: number of steps with a residual above the tolerance. FORCE_MAX:
+# largest sum of the normal forces [N]. AIRBORNE: number of steps without normal force.
 QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, FLIPPER, FLIPPER_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
 RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
 HULL = 39
-"""Most contacts of hull, seat and passenger in one of the tick's steps."""
+"""Column: largest number of contacts of hull, seat and passenger over the steps of the tick."""
 TRACTION, POWER = 40, 42
 COLUMNS = 43
+"""Number of columns."""
 NO_SUPPORT_M = -1e3
-"""Reach of a chair that touches nothing."""
-# The flipper comes after the rest, in a chair that has one.
+"""Reach of a chair without contact [m]."""
+# Indices of the flipper, the last joint of a chair with a flipper.
 FLIPPER_QPOS, FLIPPER_QVEL, FLIPPER_SERVO = 8, 7, 1
-# Columns of a geom's friction: along and across on its left half, the same on its right half, a point on the line between the
-# halves and the unit vector to the left of it, both in the horizontal plane of the world.
+# Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
+# halves and the unit vector to its left, both in the horizontal plane of the world.
 MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
 MU_COLUMNS = 8
-# A passenger's sway: the phase now, radians a second, seconds a step, the mass that moves, the amplitudes forward and left, and the
-# centre about which it moves.
+# Sway of the passenger: phase, angular frequency [rad/s], time step [s], moving mass [kg], amplitudes forward and left [m], and
+# rest position [m].
 SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
-# What may be wrong after some ticks.
+# Result codes of ``advance``.
 SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
 
 
 @njit(cache=True)
 @no_type_check
 def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
-    """Turn each belt contact's tangents to the belt: along y × n, and across; friction is that of the stair's geom there.
+    """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
 
-    ``real`` and ``whole`` are the contact list as doubles and as ints, one row per contact; ``mu`` has a row per geom, see ``MU``.
+    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one row per geom, see
+    ``MU_LEFT``.
     """
     for i in range(count):
         row = real[i]
@@ -87,7 +90,7 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
             sign, grip = -1.0, mu[first]
         else:
             continue
-        # A contact's place stands before its frame. Left of the geom's middle line its left half bears.
+        # The position of a contact is stored before its frame. The sign of ``aside`` selects the half of the geom.
         aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
         half = MU_LEFT if aside > 0.0 else MU_RIGHT
         mu_along, mu_across = grip[half], grip[half + 1]
@@ -97,7 +100,7 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
         ty = chair_y[2] * ox - chair_y[0] * oz
         tz = chair_y[0] * oy - chair_y[1] * ox
         length = math.sqrt(tx * tx + ty * ty + tz * tz)
-        if length < 0.1:  # the belt's side: no direction of travel lies in this tangent plane
+        if length < 0.1:  # side face of the belt: its tangent plane does not contain the direction of travel
             row[friction] = mu_across
             row[friction + 1] = mu_across
             continue
@@ -118,7 +121,7 @@ def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt
 @njit(cache=True)
 @no_type_check
 def weaken(count, real, whole, friction, geom, grip):
-    """Take from each contact the friction that its belt has lost."""
+    """Scale the friction of each contact by the remaining friction of its belt."""
     for i in range(count):
         share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
         real[i, friction] *= share
@@ -128,7 +131,7 @@ def weaken(count, real, whole, friction, geom, grip):
 @njit(cache=True)
 @no_type_check
 def contacts_of_no_belt(count, whole, geom, is_belt):
-    """Return how many contacts are those of hull, seat and passenger: what does not move with a belt."""
+    """Return the number of contacts of hull, seat and passenger, without any belt."""
     found = 0
     for i in range(count):
         if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
@@ -139,11 +142,11 @@ def contacts_of_no_belt(count, whole, geom, is_belt):
 @njit(cache=True)
 @no_type_check
 def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
-    """Widen ``reach`` (front, rear, left, right of B, each outward) to the belts' contacts."""
+    """Extend ``reach`` (front, rear, left, right of B, each positive outward) to the belt contacts."""
     for i in range(count):
         if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
             continue
-        # A contact's place stands before its frame.
+        # The position of a contact is stored before its frame.
         dx, dy, dz = real[i, frame - 3] - qpos[0], real[i, frame - 2] - qpos[1], real[i, frame - 1] - qpos[2]
         x = xmat[0] * dx + xmat[3] * dy + xmat[6] * dz
         y = xmat[1] * dx + xmat[4] * dy + xmat[7] * dz
@@ -154,14 +157,14 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 @njit(cache=True)
 @no_type_check
 def move_payload(sway, qvel, xmat, seat_xmat, com, force):
-    """Put the payload where its sway has it, and its reaction on the seat.
+    """Set the payload position of the sway, and the reaction force on the seat.
 
-    The body's mass lies at ``com``, as if fixed there: MuJoCo then knows all of its acceleration but those parts that stem from its
-    own motion d(t) in the seat, d'' + 2 ω × d'. Their reaction acts on the seat at the same place.
+    MuJoCo treats the mass at ``com`` as fixed in the seat: its acceleration lacks the terms of the relative motion d(t), d'' + 2 ω
+    × d'. The reaction to these terms acts on the seat at the same place.
     """
     phase, omega, mass = sway[SWAY_PHASE], sway[SWAY_OMEGA], sway[SWAY_KG]
     c, s = math.cos(phase), math.sin(phase)
-    # The chassis turns by qvel[3:6] in its own frame, the seat by qvel[6] about its y besides.
+    # qvel[3:6] is the angular velocity of the chassis in its own frame, qvel[6] the additional rate of the seat about y.
     w0, w1, w2 = qvel[3], qvel[4] + qvel[6], qvel[5]
     wx = xmat[0] * w0 + xmat[1] * w1 + xmat[2] * w2
     wy = xmat[3] * w0 + xmat[4] * w1 + xmat[5] * w2
@@ -183,7 +186,7 @@ def move_payload(sway, qvel, xmat, seat_xmat, com, force):
 @njit(cache=True)
 @no_type_check
 def judge(warnings, log, room):
-    """Return what is wrong: a warning of MuJoCo's, a state that is not finite, more contacts than there is ``room`` for."""
+    """Return the result code: a MuJoCo warning, a non-finite state, more than ``room`` contacts, or sound."""
     for count in warnings:
         if count > 0:
             return WARNED
@@ -196,7 +199,7 @@ def judge(warnings, log, room):
     return CROWDED if crowded else SOUND
 
 
-@njit(cache=True, nogil=True)  # plants of several threads advance side by side
+@njit(cache=True, nogil=True)  # several threads can advance their plants in parallel
 @no_type_check
 def advance(
     ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
@@ -204,35 +207,35 @@ def advance(
     sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
     belt_side, motor, electric, actuator, force_range,
 ):  # fmt: skip
-    """Advance the plant by some ticks, write one row of ``log`` per tick and return what is wrong.
+    """Advance the plant by some ticks, write one row of ``log`` per tick and return the result code.
 
     Args:
-        mu: Friction of each geom for belts, columns as in ``MU_LEFT``.
-        coulomb: Whether the contact forces are corrected, MuJoCo's number of no-slip iterations, the constraint arrays'
-            pointers, acceleration, the solver's warm start, working memory.
-        lugs: Numbers of the lugs (empty for smooth belts), the belts' travel, part of each geom, angle of a fixed approach.
-        grip: Share of its friction that each geom has left.
+        mu: Belt friction of each geom, columns as in ``MU_LEFT``.
+        coulomb: Whether contact forces are corrected, MuJoCo's number of no-slip iterations, pointers of the constraint arrays,
+            acceleration, warm start of the solver, working memory.
+        lugs: Lug parameters (empty for smooth belts), travel of the belts, part of each geom, angle of a fixed approach section.
+        grip: Remaining fraction of the friction of each geom.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: of the drives, rows as in ``devices.kernels``; changed in place.
+        state: actuator state, rows as in ``devices.kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
-        seat: stroke's lower end, upper end, spacing of ``angles``.
+        seat: lower and upper end of the stroke, spacing of ``angles``.
         angles: seat angle over the stroke.
-        flipper: lowest and highest angle, rate limit, angle by which full torque winds the servo up, the servo's lag,
-            damping of a lost motor, the joint's own damping, torque at stall, rate without load; empty for a chair without.
+        flipper: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an unpowered motor,
+            damping of the joint, stall torque, no-load rate; empty without a flipper.
         damping: of each degree of freedom; changed in place.
-        warnings: how often MuJoCo has warned, by kind.
-        sway: of the passenger, as ``move_payload`` takes it; empty for one who sits still.
-        payload_com: centre of mass in the seat's frame; changed in place.
+        warnings: number of MuJoCo warnings by kind.
+        sway: sway parameters for ``move_payload``; empty without sway.
+        payload_com: centre of mass in the seat frame; changed in place.
         payload_force: force on the seat at that centre [N], in W; changed in place.
-        seat_xmat: rotation of the seat in W, row by row.
-        substeps: MuJoCo steps in a tick.
-        accuracy: of the contact forces, as ``solve_contacts`` takes it.
-        belt_side: of each geom: 0 left, 1 right, -1 no belt.
+        seat_xmat: rotation of the seat in W, by rows.
+        substeps: number of MuJoCo steps per tick.
+        accuracy: accuracy of the contact forces for ``solve_contacts``.
+        belt_side: side of each geom: 0 left, 1 right, -1 no belt.
         motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
-        electric: their state, likewise; changed in place.
-        actuator: of the seat, likewise; empty without limits.
-        force_range: of MuJoCo's actuators; changed in place.
+        electric: state of motors and battery, likewise; changed in place.
+        actuator: limits of the seat actuator, likewise; empty without limits.
+        force_range: force ranges of MuJoCo's actuators; changed in place.
     """
     traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
     frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
@@ -246,14 +249,14 @@ def advance(
             held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
             limit_belts(before, state[:2], held, motor, electric)
             if electric[CHARGE] == 0.0:
-                state[POWER_CUT] = 1.0  # an empty battery lets the brakes fall in
+                state[POWER_CUT] = 1.0  # the fail-safe brakes engage on an empty battery
         for side in range(2):
             actual = state[side] * (1.0 + mismatch[side])
             for j in range(3):
                 surface_velocity[belts_of[side, j], 5] = actual / radius
             for j in range(3, 5):
                 surface_velocity[belts_of[side, j], 0] = -actual
-        # A braked chair holds by static friction, which MuJoCo regularises to a creep of millimetres a minute.
+        # A braked chair is held by static friction, which MuJoCo regularises to a creep of millimetres per minute.
         stands = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
         noslip[0] = NOSLIP_ITERATIONS if stands else 0
         softness = 0.0 if stands else 1.0
@@ -292,7 +295,7 @@ def advance(
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
             row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))
             _constrain(model, data)
-            _project(model, data)  # the no-slip iterations crash without it; it returns at once where there are none
+            _project(model, data)  # required by the no-slip iterations (crash otherwise); returns immediately without them
             _transmit(model, data)
             _velocity(model, data)
             _actuate(model, data)

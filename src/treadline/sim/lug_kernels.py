@@ -1,9 +1,9 @@
-"""Lugs of the belts, compiled: each contact of a belt follows a periodic profile that runs with the belt.
+"""Belt lugs, compiled: each belt contact follows a periodic profile that moves with the belt.
 
-A contact finds a belt's smooth outline, through the lugs' tips. At arc length σ along the outline, in the direction in which the
-surface moves, the belt stands back by the gap c(φ), φ = (σ - s)/p, with s the belt's travel since the start and p the lugs' pitch.
-The contact's distance grows by c, and its normal turns with the slope c' = dc/dσ. Friction stays Coulomb: what hooks a nosing is a
-flank, and the next lug.
+The collision detection finds a smooth outline through the lug tips. At arc length σ along the outline, in the direction of surface
+motion, the belt surface lies behind the outline by the gap c(φ), φ = (σ - s)/p, with s the belt's travel since the start and p the
+lug pitch. The contact distance increases by c, and the contact normal rotates by the slope c' = dc/dσ. Friction stays Coulomb
+friction: a nosing is held by a lug flank and by the next lug.
 """
 
 import math
@@ -14,14 +14,15 @@ from numba import njit
 REAR, FRONT, NOSE, FLAT, APPROACH = 0, 1, 2, 3, 4
 """Parts of a belt, in the order of the plant's geom ids."""
 PARTS = 5
+"""Number of parts of a belt."""
 SMOOTH = -1
-"""Part of a geom that is no belt."""
+"""Part of a geom outside the belts."""
 FAR_M = 1.0
-"""Distance of a contact that the profile has opened: too far to carry."""
+"""Distance assigned to a contact opened by the profile [m]: too far to carry a load."""
 ACROSS = 5
-"""Places across the belt's width at which an askew nosing may meet a lug."""
+"""Number of positions across the belt's width at which an oblique nosing can touch a lug."""
 HEIGHT, PITCH, TIP, FLANK, DAMPING_S, FLAT_RUN, APPROACH_M, RADIUS, HALF_WIDTH, GAUGE, STEP_S = range(11)
-"""Entries of the lugs' numbers [m, s]; the damping is B/K of MuJoCo's reference acceleration, 2 · dmax · time constant."""
+"""Indices of the lug parameters [m, s]; the damping is B/K of MuJoCo's reference acceleration, 2 · dmax · time constant."""
 
 
 @njit(cache=True)
@@ -43,13 +44,13 @@ def profile(along, lug):
 @njit(cache=True)
 @no_type_check
 def standing(along, rise, lug):
-    """Return gap and slope where the next lug uphill stands on the tread that ends at the nosing.
+    """Return gap and slope at a nosing if the next lug uphill stands on the horizontal tread.
 
-    ``rise`` is the height gained per distance along the belt; the tread is level.
+    ``rise`` is the height gain per distance along the belt.
     """
     pitch = lug[PITCH]
     place = along - pitch * math.floor(along / pitch)
-    # Uphill is towards smaller arc lengths where the belt descends along them.
+    # If the belt descends with increasing arc length, uphill is towards smaller arc lengths.
     distance = (place if rise < 0.0 else pitch - place) - 0.5 * lug[TIP]
     return max(distance, 0.0) * abs(rise), (-rise if distance > 0.0 else 0.0)
 
@@ -57,7 +58,7 @@ def standing(along, rise, lug):
 @njit(cache=True)
 @no_type_check
 def arc_length(part, x, z, ox, oz, approach_rad, lug):
-    """Return the place along the outline of a contact at (x, z) in B with outward normal (ox, oz), from mid-track."""
+    """Return the arc length from mid-track along the outline of a contact at (x, z) in B with outward normal (ox, oz)."""
     half, radius = 0.5 * lug[FLAT_RUN], lug[RADIUS]
     if part == FLAT:
         return -x
@@ -74,14 +75,14 @@ def arc_length(part, x, z, ox, oz, approach_rad, lug):
 @njit(cache=True)
 @no_type_check
 def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel):
-    """Advance the belts' travel by a step and let their contacts, turned to the belt already, follow the profile.
+    """Advance the belts' travel by one step and apply the lug profile to the belt contacts, after ``turn_contacts``.
 
     Args:
         part_of: Part of each geom, ``side · PARTS + part``, or ``SMOOTH``.
         speed: Belt speeds, left and right [m/s].
-        approach_rad: Angle of the approach section over the flat run.
-        lug: Numbers of the lugs, entries as ``HEIGHT`` and after it.
-        travel: Distance that each belt has run [m]; changed in place.
+        approach_rad: Angle of the approach section from the flat run.
+        lug: Lug parameters, indices ``HEIGHT`` to ``STEP_S``.
+        travel: Travel of each belt [m]; changed in place.
     """
     for side in range(2):
         travel[side] += speed[side] * lug[STEP_S]
@@ -106,17 +107,17 @@ def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, app
             part, x, z, xmat[0] * ox + xmat[3] * oy + xmat[6] * oz, xmat[2] * ox + xmat[5] * oy + xmat[8] * oz, approach_rad, lug
         )
         along -= travel[side]
-        # A nosing runs along the world's y: how far it goes along the belt per distance across.
-        askew = ty / xmat[4] if abs(xmat[4]) > 0.1 else 0.0
+        # A nosing is parallel to y of the world: its advance along the belt per distance across the belt.
+        shear = ty / xmat[4] if abs(xmat[4]) > 0.1 else 0.0
         inward = y - (1.0 - 2.0 * side) * 0.5 * lug[GAUGE]
         gap, slope = standing(along, tz, lug)
         for k in range(ACROSS):
             place = (-1.0 + 2.0 * k / (ACROSS - 1)) * lug[HALF_WIDTH]
-            c, dc = profile(along + askew * (place - inward), lug)
+            c, dc = profile(along + shear * (place - inward), lug)
             if c <= gap:
                 gap, slope = c, dc
         size = math.sqrt(1.0 + slope * slope)
-        # The flank's own normal speed enters as a distance: MuJoCo knows moving surfaces along the tangents alone.
+        # The normal speed of the flank enters as an equivalent distance, because MuJoCo supports tangential surface motion only.
         distance = (row[0] - lug[HEIGHT] + gap) / size
         if distance >= 0.0:
             row[0] = FAR_M

@@ -1,4 +1,4 @@
-"""Lugs of a scenario's belts, as the compiled loop takes them: ``belts, tracks, model -> Lugs``."""
+"""Parameters of the belt lugs for the compiled loop: ``belts, tracks, model -> Lugs``."""
 
 from dataclasses import dataclass
 
@@ -13,33 +13,34 @@ from treadline.scenario import Belts
 from treadline.sim import lug_kernels
 
 DMAX = 0.99
-"""Largest impedance of a contact: the scene's solimp."""
+"""Largest impedance of a contact, as in the scene's solimp."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lugs:
-    """Numbers and state of both belts' lugs; the arrays stay where they are."""
+    """Parameters and state of the lugs of both belts; the compiled loop keeps references to the arrays."""
 
     numbers: Float[np.ndarray, " n"]
-    """Entries as in ``lug_kernels``; empty for smooth belts."""
+    """Lug parameters, entries as in ``lug_kernels``; empty for smooth belts."""
     start_m: Float[np.ndarray, " 2"]
-    """Travel at which each belt starts, drawn from the seed."""
+    """Initial travel of each belt [m], drawn from the seed."""
     travel_m: Float[np.ndarray, " 2"]
+    """Present travel of each belt [m]."""
     part_of: Int[np.ndarray, " g"]
-    """Part of each geom."""
+    """Belt part of each geom."""
 
     def start(self) -> None:
-        """Put the belts where they start."""
+        """Reset the travel to its initial value."""
         self.travel_m[:] = self.start_m
 
 
 def fit_lugs(
     settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], draws: np.random.Generator
 ) -> Lugs:
-    """Give a model's belts their rubber's stiffness and lugs.
+    """Set contact stiffness and lugs of the belts in a model.
 
     Raises:
-        SettingsError: If the lugs are larger than the chair's pulleys bear.
+        SettingsError: If the lugs are too large for the chair's pulleys.
     """
     height, pitch, tip, flank = settings.measures_m
     part_of = np.full(model.ngeom, lug_kernels.SMOOTH)
@@ -61,11 +62,11 @@ def fit_lugs(
 
 
 def _shrink(model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], height: float) -> None:
-    """Draw the belts' solids back by the lugs' height, and let contacts begin at the tips: cores never meet a nosing deeply."""
+    """Shrink the belt geoms by the lug height and start contacts at the lug tips, which limits the penetration of the cores."""
     model.geom_margin[belts] = height
     model.geom_size[belts[:, :3], 0] -= height  # pulleys
     for geom in belts[:, 3:].ravel():
-        # A box keeps its upper face: only its lower one is the belt's outside.
+        # The upper face of a box stays in place, because only the lower face is on the outside of the belt.
         model.geom_size[geom, 2] -= 0.5 * height
         up = np.zeros(3)
         mujoco.mju_rotVecQuat(up, np.array([0.0, 0.0, 0.5 * height]), model.geom_quat[geom])

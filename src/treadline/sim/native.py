@@ -1,8 +1,8 @@
-"""MuJoCo's C functions, contact list and constraint arrays, reachable from compiled code.
+"""Access from compiled code to MuJoCo's C functions, contact list and constraint arrays.
 
-The plant changes MuJoCo's step in two places, 500 times a second: it turns each contact's tangents to the belt, and it
-corrects the contact forces (``contact.py``). Python is too slow for both, so the kernels call MuJoCo through these
-addresses. Layouts are measured on a small model with the installed MuJoCo, not assumed.
+The plant modifies MuJoCo's step in two places, 500 times per second: it aligns the tangents of each contact with the belt, and
+corrects the contact forces (``contact_kernels.py``). Python is too slow for both, so compiled kernels call MuJoCo through these
+addresses. The memory layouts are measured with a small model on the installed MuJoCo version.
 """
 
 import ctypes
@@ -23,14 +23,15 @@ PROBE = """
 <body pos="4 0 9"><freejoint/><geom type="sphere" size="0.1"/></body>
 </worldbody></mujoco>
 """
+"""Model for the measurement of memory layouts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactLayout:
-    """Where things stand in ``mjData`` and ``mjContact``, in bytes."""
+    """Byte offsets of fields in ``mjData`` and ``mjContact``."""
 
     count_offset: int
-    """Of the number of contacts in mjData."""
+    """Offset of the number of contacts in mjData."""
     stride: int
     frame: int
     friction: int
@@ -41,9 +42,9 @@ class ContactLayout:
 
 
 CONSTRAINT_ARRAYS = ("efc_J", "efc_R", "efc_aref", "efc_force")
-"""Fields of ``mjData`` that point into its arena, where they move from step to step."""
+"""Fields of ``mjData`` with pointers into its arena, which move from step to step."""
 POINTERS_SPAN = 8192
-"""Bytes behind ``mjData.energy`` that are searched for the pointers: about 250 pointers of 8 bytes stand there."""
+"""Number of bytes after ``mjData.energy`` searched for the pointers: about 250 pointers of 8 bytes."""
 
 
 def _library() -> str:
@@ -55,9 +56,9 @@ def _library() -> str:
 
 
 def load_library() -> None:
-    """Make MuJoCo's C functions known by name to compiled code."""
+    """Register MuJoCo's C functions by name for compiled code."""
     binding.load_library_permanently(_library())
-    # MuJoCo would write warnings to a file in the user's folder; the plant counts them and raises.
+    # Without a handler MuJoCo writes warnings to a file in the working folder; the plant counts them and raises an error.
     mujoco.set_mju_user_warning(_no_file)
 
 
@@ -67,14 +68,14 @@ def _no_file(message: str) -> None:
 
 @cache
 def contact_layout() -> ContactLayout:
-    """Return the layout of the installed MuJoCo, measured.
+    """Return the measured layout of the installed MuJoCo version.
 
     Raises:
-        SimulationDiverged: If it cannot be measured without doubt.
+        SimulationDiverged: If the measurement is ambiguous.
     """
     model = mujoco.MjModel.from_xml_string(PROBE)
     data = mujoco.MjData(model)
-    # The counts follow the timers; read a little past those, well inside the struct.
+    # The counts follow the timers; 512 bytes after the timers are still inside the struct.
     durations = data.timer.duration
     start = int(durations.__array_interface__["data"][0])
     span = durations.strides[0] * len(durations) + 512
@@ -108,7 +109,7 @@ def contact_layout() -> ContactLayout:
 
 @cache
 def pointer_offsets() -> tuple[int, ...]:
-    """Return where ``mjData`` keeps its pointers to ``CONSTRAINT_ARRAYS``, in bytes from its start, measured.
+    """Return the measured byte offsets in ``mjData`` of its pointers to ``CONSTRAINT_ARRAYS``.
 
     Raises:
         SimulationDiverged: If a pointer is not found in exactly one place.
@@ -138,7 +139,7 @@ def contact_list(data: mujoco.MjData) -> int:
     """Return the address of the contacts: the start of MuJoCo's arena, which does not move.
 
     Raises:
-        SimulationDiverged: If the data hold no contact, so that the address cannot be told.
+        SimulationDiverged: If there is no contact, so that the address is undetermined.
     """
     if data.ncon == 0:
         raise SimulationDiverged("the chair touches nothing at its start; check [start] and the staircase")
@@ -146,7 +147,7 @@ def contact_list(data: mujoco.MjData) -> int:
 
 
 def noslip_address(model: mujoco.MjModel) -> int:
-    """Return the address of a model's number of no-slip iterations, measured.
+    """Return the measured address of a model's number of no-slip iterations.
 
     Raises:
         SimulationDiverged: If it is not found in exactly one place.

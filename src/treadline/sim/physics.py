@@ -1,4 +1,4 @@
-"""Numerical settings of the contact physics: step size, contact stiffness, and how far the contact forces are iterated."""
+"""Numerical settings of the contact physics: step size, contact stiffness, and accuracy of the contact forces."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,23 @@ from treadline.sim.contact_kernels import MAX_SOLVES, TOLERANCE_M_S2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Physics:
-    """Settings of a plant that belong to no scenario: they are numerics, and a figure must not depend on them."""
+    """Numerical settings of a plant, separate from the scenario, because results must not depend on them."""
 
     timestep_s: float = 0.002
-    """MuJoCo's step; a tick of 10 ms is a whole number of steps."""
+    """MuJoCo time step [s]; a tick of 10 ms is an integer number of steps."""
     contact_time_constant_s: float = 0.01
-    """Time constant of a contact's critically damped spring (MuJoCo's ``solref[0]``); stiffness goes with its inverse square."""
+    """Time constant of the critically damped contact spring [s] (MuJoCo's ``solref[0]``); the stiffness is proportional to its
+    inverse square."""
     tolerance_m_s2: float = TOLERANCE_M_S2
-    """Accepted residual of the contact correction."""
+    """Accepted residual of the contact correction [m/s²]."""
     max_solves: int = MAX_SOLVES
     """Largest number of contact solves per step."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be integrated.
+        """Reject settings without a stable integration.
 
         Raises:
-            SettingsError: One line with the setting, its number, the bound and the reason.
+            SettingsError: One line with the setting, its value, the bound and the reason.
         """
         steps = TICK_S / self.timestep_s if self.timestep_s > 0.0 else 0.0
         if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
@@ -47,8 +48,9 @@ class Physics:
 
     @property
     def substeps(self) -> int:
-        """Number of MuJoCo steps in a tick."""
+        """Number of MuJoCo steps per tick."""
         return round(TICK_S / self.timestep_s)
 
 
 NOMINAL = Physics()
+"""Default numerical settings."""

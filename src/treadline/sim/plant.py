@@ -1,7 +1,8 @@
-"""The simulated chair on its stair: a ``TruthPlant`` on MuJoCo.
+"""Simulated chair on a stair: a ``TruthPlant`` based on MuJoCo.
 
-Mission time runs in ticks of 10 ms: belts and actuators change at ticks, sensors are sampled at ticks, physics runs in
-between. All chance comes from the seed; each sensor has a stream of its own, so that one may change without the others.
+Mission time advances in ticks of 10 ms: belts and actuators change at ticks, sensors are sampled at ticks, physics runs in between.
+All random numbers derive from the seed, with an independent stream per sensor, so that a change of one sensor leaves the others
+unchanged.
 """
 
 import ctypes
@@ -16,7 +17,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, quaternion_of, rotation_of
 from treadline.devices import kernels as drives
-from treadline.devices.drives import FLIPPER_FRICTION_N_M_S_RAD, Drives
+from treadline.devices.actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
 from treadline.devices.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.devices.plant import InstrumentedPlant
 from treadline.errors import SettingsError, SimulationDiverged
@@ -26,9 +27,9 @@ from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, Reading
 from treadline.sim import kernels
-from treadline.sim.camera.eye import look, open_eye
+from treadline.sim.camera.make_camera import look, make_camera
 from treadline.sim.faults.damage import Damage
-from treadline.sim.faults.things import OUT_OF_THE_WAY_M, Surroundings, with_box
+from treadline.sim.faults.obstacles import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.grip import friction_table, roughened
 from treadline.sim.lugs import fit_lugs
 from treadline.sim.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
@@ -36,13 +37,15 @@ from treadline.sim.physics import NOMINAL, Physics
 from treadline.sim.scene import scene_xml, seat_stiffness
 
 SETTLE_S = 1.0
-"""Physics before t = 0, on a stair of high friction, until the chair rests on its nosings."""
+"""Duration of the physics before t = 0 on a stair of high friction [s], until the chair rests on its nosings."""
 SETTLE_FRICTION = 4.0
+"""Friction coefficient during settling."""
 CONTACTS_MAX = 128
+"""Largest supported number of contacts."""
 
 
 class MujocoPlant(InstrumentedPlant):
-    """A chair, its stair and its sensors."""
+    """Simulation of a chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
         streams = np.random.default_rng(seed).spawn(8)
@@ -50,11 +53,11 @@ class MujocoPlant(InstrumentedPlant):
         self._chair = chair
         self._physics = physics
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
-        way = 1 if scenario.drive.direction == "up" else -1
-        eye = open_eye(scenario, self.staircase, chair, says=streams[3], draws=streams[4])
-        self._around = Surroundings(self.staircase, chair, eye, way)
+        direction = 1 if scenario.drive.direction == "up" else -1
+        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
+        self._around = Surroundings(self.staircase, chair, camera, direction)
         apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
-        super().__init__(Drives(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
+        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
         self._state = self._drives.state
         self._damage = Damage()
         self._build_physics(streams[7])
@@ -62,15 +65,15 @@ class MujocoPlant(InstrumentedPlant):
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
 
     def start(self) -> None:
-        """Put the chair on its nosings, belts at rest, at ``t = 0``."""
+        """Place the chair on its nosings, belts at rest, at ``t = 0``."""
         mujoco.mj_resetData(self._model, self._data)
-        self._model.opt.noslip_iterations = 0  # a run that ended braked leaves them on
+        self._model.opt.noslip_iterations = 0  # still active after a run that ended with the brake on
         self._model.geom_surfacevel[self._belts] = 0.0
-        if self._scenario.chair.sways:  # still until t = 0, at one end of the sway
+        if self._scenario.chair.sways:  # at rest until t = 0, at one end of the sway
             self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
         self._pose()
         self._lugs.start()
-        self.suffer(Damage())
+        self.set_damage(Damage())
         self._settle()
         self._data.time = 0.0
         if self._scenario.chair.sways:
@@ -84,7 +87,7 @@ class MujocoPlant(InstrumentedPlant):
         """Step the physics until ``until_s``.
 
         Raises:
-            SimulationDiverged: On a warning of MuJoCo, time that does not advance, or a state that is not finite.
+            SimulationDiverged: On a MuJoCo warning, time that does not advance, or a non-finite state.
         """
         ticks = round(until_s / TICK_S) - self._tick
         if ticks <= 0:
@@ -95,11 +98,11 @@ class MujocoPlant(InstrumentedPlant):
         self._tick += ticks
 
     def lose_flipper_motor(self) -> None:
-        """Let the flipper's motor die: no torque from now on, and the damping of its shorted windings."""
-        self.suffer(replace(self._damage, flipper_lost=True))
+        """Disable the flipper motor: no torque, and the damping of its shorted windings."""
+        self.set_damage(replace(self._damage, flipper_lost=True))
 
-    def suffer(self, damage: Damage) -> None:
-        """Be as broken as this from now on, and no more."""
+    def set_damage(self, damage: Damage) -> None:
+        """Replace the present damage of the chair."""
         self._state[drives.STALLED : drives.STALLED + 2] = damage.stalled
         self._state[drives.POWER_CUT] = damage.power_cut
         self._state[drives.SEAT_STUCK] = damage.seat_stuck
@@ -111,7 +114,7 @@ class MujocoPlant(InstrumentedPlant):
             self._model.actuator_forcerange[kernels.FLIPPER_SERVO] = (-limit, limit)
             self._model.dof_damping[kernels.FLIPPER_QVEL] = FLIPPER_FRICTION_N_M_S_RAD
         self._damage = damage
-        self._around.change(damage, *self._whereabouts())
+        self._around.change(damage, *self._pose_WB())
         if self._model.nmocap:
             box = self._around.box
             self._data.mocap_pos[0] = OUT_OF_THE_WAY_M if box is None else box.centre_W
@@ -119,16 +122,16 @@ class MujocoPlant(InstrumentedPlant):
 
     @property
     def gap_m(self) -> float | None:
-        """From the leading end to what stands in the way, along the belts; None where nothing does."""
-        return self._around.gap_m(*self._whereabouts())
+        """Distance along the belts from the leading end to the obstacle [m]; None without an obstacle."""
+        return self._around.gap_m(*self._pose_WB())
 
     @property
     def passenger_height_m(self) -> float:
-        """Of the payload's centre above the floor, now: what comfort is judged by."""
+        """Present height of the payload's centre of mass above the floor [m], used for comfort."""
         return float(self._data.body("seat").xipos[2])
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing; the plant holds no external resources."""
 
     def _build_physics(self, draws: np.random.Generator) -> None:
         load_library()
@@ -156,7 +159,7 @@ class MujocoPlant(InstrumentedPlant):
             self._physics.timestep_s,
         )
         self._corrected = np.array([True])
-        """Whether contact forces obey Coulomb's law; False leaves MuJoCo's own convex solve, to compare with."""
+        """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
         self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
 
     def _pose(self) -> None:
@@ -170,7 +173,7 @@ class MujocoPlant(InstrumentedPlant):
             self._data.qpos[kernels.FLIPPER_QPOS] = self._data.ctrl[kernels.FLIPPER_SERVO] = rest
         self._data.qpos[7] = self._data.ctrl[0] = start.seat_rad
 
-    def _whereabouts(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+    def _pose_WB(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
         return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
 
     def _settle(self) -> None:
@@ -185,9 +188,9 @@ class MujocoPlant(InstrumentedPlant):
         self._drives.command[:] = 0.0
 
     def _attach(self) -> None:
-        """Lay arrays over MuJoCo's memory, its contact list included, which stays where it is: the compiled loop works on them."""
+        """Map arrays onto MuJoCo's memory for the compiled loop; all addresses, including the contact list, are constant."""
         layout = contact_layout()
-        # A chair that starts a hair above the stair touches nothing yet: let it fall until it does.
+        # A chair may start slightly above the stair without contact; it falls until the first contact.
         for _ in range(200):
             if self._data.ncon > 0:
                 break
@@ -244,7 +247,7 @@ class MujocoPlant(InstrumentedPlant):
         )
 
     def _seat_actuator(self) -> Float[np.ndarray, " n"]:
-        """Return the limits of the seat's actuator as the compiled loop takes them; empty where it follows at any load."""
+        """Return the limits of the seat actuator for the compiled loop; empty without limits."""
         seat = self._chair.seat
         if seat.push_n is None or seat.no_load_m_s is None or seat.hold_n is None or not self._scenario.realism.motor_limits:
             return np.array([])
@@ -253,10 +256,10 @@ class MujocoPlant(InstrumentedPlant):
         return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness])
 
     def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
-        """Run the physics and look at what came of it.
+        """Run the physics and check the result.
 
         Raises:
-            SimulationDiverged: If that is no physics any more.
+            SimulationDiverged: If the result is numerically invalid.
         """
         began_s = self._data.time
         expected_s = began_s + ticks * self._physics.substeps * self._physics.timestep_s
@@ -294,44 +297,45 @@ class MujocoPlant(InstrumentedPlant):
             yield self._state_of(tick, row), grip
 
     def _state_of(self, tick: int, row: Float[np.ndarray, " c"]) -> ChairState:
+        numbers = row.tolist()  # an array gives up its elements one by one at ten times the cost
         return ChairState(
             tick=tick,
             p_WB=row[kernels.QPOS : kernels.QPOS + 3],
             R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
             velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
             rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
-            seat_rad=float(row[kernels.QPOS + 7]),
-            stroke_m=float(row[kernels.SEAT]),
+            seat_rad=numbers[kernels.QPOS + 7],
+            stroke_m=numbers[kernels.SEAT],
             belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
-            brake_on=bool(row[kernels.BRAKE] > 0.5),
-            flipper_rad=float(row[kernels.FLIPPER]),
-            flipper_torque_n_m=float(row[kernels.FLIPPER_TORQUE]),
+            brake_on=numbers[kernels.BRAKE] > 0.5,
+            flipper_rad=numbers[kernels.FLIPPER],
+            flipper_torque_n_m=numbers[kernels.FLIPPER_TORQUE],
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
-            contact_force_share=float(row[kernels.FORCE_MAX]) / self._weight_n,
-            airborne_share=float(row[kernels.AIRBORNE]) / self._physics.substeps,
-            contact_residual_m_s2=float(row[kernels.RESIDUAL]),
-            hull_contacts=int(row[kernels.HULL]),
+            contact_force_share=numbers[kernels.FORCE_MAX] / self._weight_n,
+            airborne_share=numbers[kernels.AIRBORNE] / self._physics.substeps,
+            contact_residual_m_s2=numbers[kernels.RESIDUAL],
+            hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
-            power_w=float(row[kernels.POWER]),
+            power_w=numbers[kernels.POWER],
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
-        return [self._around.told(seen, state.R_WB, state.p_WB) for seen in look(self._around.eye, state)]
+        return [self._around.with_obstacle(seen, state.R_WB, state.p_WB) for seen in look(self._around.camera, state)]
 
 
 def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
-    """Return an array laid over memory that MuJoCo owns."""
+    """Return an array mapped onto MuJoCo's memory."""
     size = rows * columns * np.dtype(kind).itemsize
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
 
 
 def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
-    """Return a passenger's sway as the compiled loop takes it, still; empty for one who sits still.
+    """Return the sway parameters of a passenger for the compiled loop, initially at rest; empty without sway.
 
     Args:
-        seat_kg: All that turns with the seat: its shell moves along.
-        rest_m: Centre of that mass in the seat's frame.
-        timestep_s: MuJoCo's step.
+        seat_kg: Mass rotating with the seat, including the seat shell.
+        rest_m: Centre of this mass in the seat frame [m].
+        timestep_s: MuJoCo time step [s].
     """
     return np.array([0.0, 0.0, timestep_s, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
 
@@ -342,12 +346,12 @@ def open_plant(
     """Return a simulated chair on the scenario's stair.
 
     Args:
-        chair: As it is, where that differs from the file that the scenario names and the mission knows.
+        chair: Actual chair, if different from the scenario's chair file used by the mission.
         physics: Step size and contact stiffness.
 
     Raises:
-        SettingsError: If it is given a scenario's name, not the scenario.
+        SettingsError: If the argument is a scenario name instead of a Scenario.
     """
     if not isinstance(scenario, Scenario):
-        raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario makes one of a name or a file")
+        raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario returns one for a name or file")
     return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, physics)

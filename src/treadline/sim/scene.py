@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import quaternion_of
-from treadline.devices.drives import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
+from treadline.devices.actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.mechanics.bodies import HULL_FRICTION, Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
 from treadline.mechanics.chair import ChairDescription, Flipper, Point
 from treadline.mechanics.staircase import Staircase

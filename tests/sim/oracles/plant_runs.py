@@ -1,4 +1,4 @@
-"""Runs of the shipped plant on a wide flight or floor, as its log tells them, and the quasi-static run from the same pose."""
+"""Runs of the shipped plant on a wide flight or floor, from its log, and the quasi-static run from the same pose."""
 
 import math
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ THEORY_STEP_S = 0.05
 def plant_on(
     slope_deg: float, friction: tuple[float, float] = TABLE_I, heading_deg: float = 0.0, *, steps: int = 30, **chair: object
 ) -> MujocoPlant:
-    """Return a started plant on a wide flight, or in front of one where the slope is zero; ideal in all that is not asked for."""
+    """Return a started plant on a wide flight, or in front of one where the slope is zero; ideal except for the given settings."""
     rise = RUN_M * math.tan((slope_deg or 28.0) * DEG)
     start = Start(place="flight", step=6, heading_deg=heading_deg) if slope_deg else Start(place="floor")
     scenario = Scenario(

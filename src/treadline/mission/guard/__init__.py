@@ -1,11 +1,12 @@
-"""The last block before the plant: lets a command pass, limits it, or holds.
+"""The guard, the last block before the plant: passes a command, limits it, or holds the chair.
 
-``TrackCommand -> TrackCommand``. It trusts nobody: what is not finite, a sensor that is silent, frozen or of another time, belts
-that do not do as they are told, or a driver that no longer answers ends in HOLD (zero speed, brake), which stays until a person
-re-arms. It computes with plain numbers, stands apart from planner and driver, and makes no claim to any safety standard.
+``TrackCommand -> TrackCommand``. A value that is not finite, a sensor that is silent, frozen or of another time, belts that do not
+follow their command, and a planner or driver that has stopped lead to HOLD (zero speed, brake), latched until a person re-arms. The
+guard computes with plain numbers, is independent of planner and driver, and makes no claim to any safety standard.
 """
 
+from treadline.mission.guard.admission import ReadingAdmission
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.guard import Guard
 
-__all__ = ["Guard", "GuardConfig"]
+__all__ = ["Guard", "GuardConfig", "ReadingAdmission"]

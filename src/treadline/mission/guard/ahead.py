@@ -18,7 +18,7 @@ OUT_OF_VIEW_M = 1.2
 """From mid-track: nearer the camera sees a thing's upper part at best."""
 
 
-class ObstacleWatch:
+class ObstacleMonitor:
     """Remembers where something stands, and says how far the chair's leading end is from it."""
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class ObstacleWatch:
         return self._place_m - travel_m if self._count >= OBSTACLE_MAPS else math.inf
 
 
-class LevelWatch(ObstacleWatch):
+class FlatGroundMonitor(ObstacleMonitor):
     """The same for the level beyond the stair: what has come too near to be in view is still there."""
 
     def look(self, obstacle_m: float | None, travel_m: float) -> None:
@@ -44,7 +44,7 @@ class LevelWatch(ObstacleWatch):
             super().look(obstacle_m, travel_m)
 
 
-class GapWatch:
+class GapMonitor:
     """Remembers where the track would rest on one nosing: the nosing before the gap, by the belts' travel."""
 
     def __init__(self, span_m: float) -> None:
@@ -83,15 +83,15 @@ class GapWatch:
         return None
 
 
-class AheadWatch:
+class AheadMonitor:
     """Both, on the side that the camera looks to."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._sign = 1.0
-        self._obstacle = ObstacleWatch()
-        self._level = LevelWatch()
-        self._gap = GapWatch(config.track_span_m)
+        self._obstacle = ObstacleMonitor()
+        self._level = FlatGroundMonitor()
+        self._gap = GapMonitor(config.track_span_m)
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
         """Take one map, its nosings as distance from mid-track and height, and the belts' travel towards them."""
@@ -102,7 +102,7 @@ class AheadWatch:
     def look_on(self, obstacle_m: float | None, plan: MotionPlan | None, travel_m: float) -> None:
         """Take what one frame shows on the level where the camera looks; at a stair's foot that is its first step."""
         if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
-            self._level = LevelWatch()
+            self._level = FlatGroundMonitor()
         else:
             self._level.look(obstacle_m, self._sign * travel_m)
 

@@ -4,32 +4,26 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from treadline.mission.guard.belt_travel import BeltTravel
 from treadline.mission.guard.config import GuardConfig
 from treadline.signals import TrackCommand, TrackReading
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt when the brake falls in; the guard's own number, not the plant's: it judges the drives."""
-GAP_S = 0.1
-"""Without a reading for longer, nobody knows what the belts did."""
 ROUNDING_S = 1e-6
 
 
-class BeltWatch:
+class BeltMonitor:
     """Compares each belt with what its drive should make of the command: a lag within an acceleration limit."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._asked = TrackCommand.stop(0.0)
-        self._t_s = -math.inf
+        self._t_s = 0.0
+        self.travel = BeltTravel()
         self._expected = [0.0, 0.0]
         self._since_s: list[float | None] = [None, None]
         self._braked_s: float | None = None
-        self.travel_m = 0.0
-        """Of the chair by its belts, backwards negative."""
-        self.slow_travel_m = 0.0
-        """Integral of the slower belt's speed, backwards negative. On a stair the chair goes along with the slower belt (Coulomb
-        friction is rate independent), so slip is judged against it."""
-        self.speed_m_s = 0.0
         self.cause: str | None = None
         """Which belt does not obey, or that the brake does not."""
 
@@ -40,23 +34,25 @@ class BeltWatch:
         left, right = (min(max(speed, -limit), limit) for speed in self._expected)
         return left, right
 
+    @property
+    def travel_m(self) -> float:
+        """Distance driven by the belts, backwards negative [m]."""
+        return self.travel.travel_m
+
     def ask(self, command: TrackCommand) -> None:
         """Note what the belts are told."""
         self._asked = command
 
     def update(self, reading: TrackReading) -> None:
         """Take what the drives report."""
-        dt_s = reading.t_s - self._t_s
+        dt_s = self.travel.update(reading)
         self._t_s = reading.t_s
         belts = (reading.left_m_s, reading.right_m_s)
-        self.speed_m_s = 0.5 * (belts[0] + belts[1])
-        if dt_s > GAP_S:
+        if dt_s is None:
             self._expected = list(belts)
             self._since_s = [None, None]
             self._braked_s = None
             return
-        self.travel_m += dt_s * self.speed_m_s
-        self.slow_travel_m += dt_s * min(belts, key=abs)
         self._note_brake(on=reading.brake_on)
         for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
             self._expected[side] = self._driven(self._expected[side], asked, dt_s)
@@ -64,7 +60,7 @@ class BeltWatch:
 
     def forget(self) -> None:
         """Take the next reading as it is."""
-        self._t_s = -math.inf
+        self.travel.forget()
         self.cause = None
 
     def _note_brake(self, *, on: bool) -> None:
@@ -107,7 +103,7 @@ FALLING = 0.6
 fifth."""
 
 
-class SlipWatch:
+class SlipMonitor:
     """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
 
     A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not

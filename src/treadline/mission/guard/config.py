@@ -35,6 +35,11 @@ class GuardConfig:
     """Without any frame."""
     blind_travel_m: float = 0.5
     """Of the belts, without any frame."""
+    ahead_s: float = 0.1
+    """A message stamped further ahead of the guard's clock is rejected: ten ticks, so that a late tick rejects nothing, and a third
+    of the shortest timeout, so that no stamp hides a silence for long."""
+    plan_timeout_s: float = 0.3
+    """Age of a plan, as of an estimate and of the operator's link: beyond it the planner has failed."""
     estimate_timeout_s: float = 0.3
     """Between the estimate's own time and now, either way: a clock that leapt, a gyro that is dead."""
     lost_timeout_s: float = 12.0

@@ -1,25 +1,29 @@
-"""The guard itself: what every reading, plan and proposal means for it, and what may reach the plant.
+"""The guard: connects the monitors of readings, plans and proposals, and decides which command reaches the plant.
 
-``Reading | FrameQuality -> whether it may be used``; ``TrackCommand -> TrackCommand``, and the same for seat and flipper.
+``Reading | FrameQuality -> bool``, whether it may be used; ``TrackCommand -> TrackCommand``, and the same for seat and flipper.
+
+One rule for the stamp of every message (readings, plans, health, maps, commands): further ahead of the guard's clock than
+``ahead_s`` it is rejected and counted, and an event reports the first of each series. A plan older than ``plan_timeout_s`` is a
+fault.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from treadline.estimation.health import HeadingHealth
-from treadline.mission.guard.ahead import AheadWatch
-from treadline.mission.guard.belts import BeltWatch, SlipWatch
-from treadline.mission.guard.blind import BlindTurnWatch, askew
-from treadline.mission.guard.body import SeatWatch, TiltWatch
+from treadline.mission.guard.admission import ReadingAdmission, is_finite_map
+from treadline.mission.guard.ahead import AheadMonitor
+from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
+from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, askew
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import finite, limited, mean_limit, stands
-from treadline.mission.guard.lost import SenseWatch, estimate_fault
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
-from treadline.mission.guard.sight import SightWatch
-from treadline.mission.guard.stamps import Silence, Stamps
+from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
 from treadline.mission.guard.stopping import CauseKind
+from treadline.mission.guard.timestamps import SilenceMonitor
 from treadline.signals import (
     Event,
     FlipperCommand,
@@ -38,26 +42,28 @@ from treadline.signals import (
     TrackReading,
 )
 
+ROUNDING_S = 1e-6
+
 
 class Guard:
-    """Latched HOLD over a command stream."""
+    """Supervisor with a latched HOLD over the command stream."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._latch, self._button = Latch(config.drive_lag_s), Button()
-        self._stamps = Stamps(config.clock_jump_s)
-        self._senses = SenseWatch(config)
-        self._sight = SightWatch(config)
-        self._belts = BeltWatch(config)
-        self._slip = SlipWatch(config)
-        self._ahead = AheadWatch(config)
-        self._blind = BlindTurnWatch(config)
-        self._tilt = TiltWatch(config)
-        self._seat = SeatWatch(config)
+        self._admission = ReadingAdmission(config)
+        self._senses = SensorTimeouts(config)
+        self._belts = BeltMonitor(config)
+        self._slip = SlipMonitor(config)
+        self._ahead = AheadMonitor(config)
+        self._blind = GyroOnlyTurn(config)
+        self._tilt = TiltMonitor(config)
+        self._seat = SeatMonitor(config)
         self._seat_rad = 0.0
-        self._link = Silence(config.link_timeout_s, "")
-        self._processes = Silence(config.heartbeat_timeout_s, "process ")
-        self._drives = Silence(config.readings_timeout_s, "readings of the ")
+        self._is_dark = False
+        self._link = SilenceMonitor(config.link_timeout_s, "")
+        self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
+        self._drives = SilenceMonitor(config.readings_timeout_s, "readings of the ")
         self._command = TrackCommand.stop(0.0)
         self._driver_s: float | None = None
         self._t_s: float | None = None
@@ -66,20 +72,44 @@ class Guard:
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
         self._plan_s = -math.inf
+        self._planned_s: float | None = None
 
     @property
     def holding(self) -> str | None:
-        """Why the guard holds, or None."""
+        """Cause of the HOLD, or None."""
         return self._latch.cause
 
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Number of messages rejected because their stamp is ahead of the clock, by kind."""
+        return self._admission.timestamps.rejected
+
+    def advance(self, t_s: float) -> None:
+        """Set the guard's clock at the begin of a tick: the tick's messages are compared with it."""
+        if math.isfinite(t_s):
+            self._admission.advance(t_s)
+
     def admit(self, signal: Reading | FrameQuality) -> bool:
-        """See a reading before anybody else does; False: nobody may use it."""
+        """Return whether anybody may use a reading; the guard gets each reading before all others."""
         if isinstance(signal, OperatorInput):
             return self._obey(signal)
-        return self._is_new(type(signal).__name__, signal.t_s) and self._is_good(signal)
+        if not self._is_new(signal):
+            return False
+        usable = self._admission.is_sound(signal)
+        if isinstance(signal, FrameQuality):
+            self._update_frame(signal, usable=usable)
+        elif usable:
+            self._update(signal)
+        elif isinstance(signal, HeadingMeasurement | StairMap):
+            self._senses.refused = self._admission.frames.refused
+        return usable
 
-    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> None:
-        """Note what others made of the readings."""
+    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
+        """Take what others computed from the readings; return whether its stamp is acceptable."""
+        if not self._is_timely(signal):
+            if isinstance(signal, MotionPlan):
+                self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a stop counts, whatever its stamp
+            return False
         match signal:
             case HeadingMeasurement():
                 self._senses.seen(signal.t_s)
@@ -92,6 +122,7 @@ class Guard:
                     self._latch.tell(mended.t_s, mended.name, mended.cause)
             case _:
                 self._follow(signal)
+        return True
 
     def beat(self, process: str, t_s: float) -> None:
         """Note that a process is alive; one that has spoken once must go on."""
@@ -102,6 +133,8 @@ class Guard:
         if not finite(command.t_s, command.left_m_s, command.right_m_s):
             self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "command is not finite")
             return
+        if not self._is_timely(command):
+            return
         if self._driver_s is None or command.t_s >= self._driver_s:
             self._driver_s = command.t_s
             self._command = command
@@ -111,6 +144,7 @@ class Guard:
         if not math.isfinite(t_s):
             t_s = self._now(t_s)
             self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
+        self.advance(t_s)
         late_s = self._lateness(t_s)
         self._heading_rad = math.inf if estimate is None else estimate.heading_rad
         for kind, cause in self._alarms(t_s, estimate):
@@ -154,122 +188,99 @@ class Guard:
 
     # Readings
 
-    def _is_new(self, kind: str, t_s: float) -> bool:
-        now_s = t_s if self._t_s is None else self._t_s
-        new = self._stamps.admit(kind, t_s, now_s)
-        self._latch.hold(self._now(now_s), CauseKind.CLOCK, self._stamps.leap)  # not by the clock that leapt
+    def _is_new(self, signal: Reading | FrameQuality) -> bool:
+        new = self._admission.is_new(signal)
+        stamps = self._admission.timestamps
+        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, stamps.leap)  # by the guard's clock, not the one that leapt
+        self._report_rejection()
         return new
 
-    def _is_good(self, signal: Reading | FrameQuality) -> bool:
+    def _is_timely(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan | TrackCommand) -> bool:
+        timely = self._admission.timestamps.accept(type(signal).__name__, signal.t_s)
+        self._report_rejection()
+        return timely
+
+    def _report_rejection(self) -> None:
+        rejection = self._admission.timestamps.rejection
+        if rejection is not None:
+            self._latch.tell(self._now(math.nan), "rejected", rejection)
+
+    def _update(self, signal: Reading) -> None:
         match signal:
             case ImuSample():
-                return self._update_motion(signal)
+                self._update_motion(signal)
             case TrackReading():
-                return self._update_belts(signal)
+                self._drives.heard("belts", signal.t_s)
+                self._belts.update(signal)
+                self._blind.update_belts(signal.t_s, signal.right_m_s - signal.left_m_s, self._plan)
             case SeatReading():
-                return self._update_seat(signal)
+                self._drives.heard("seat", signal.t_s)
+                self._seat_rad = signal.pitch_rad
+                if self._config.watches_motion:
+                    self._seat.update(signal.t_s, signal.pitch_rad)
             case FlipperReading():
-                return self._update_flipper(signal)
-            case FrameQuality():
-                return self._update_frame(signal)
-            case HeadingMeasurement() if finite(signal.heading_rad) and signal.sigma_rad > 0.0:
-                return self._update_sight(signal.t_s, "heading", (signal.heading_rad, signal.sigma_rad))
-            case StairMap() if _is_finite(signal):
-                value = (*signal.nosings_B.ravel().tolist(), signal.obstacle_m)
-                return self._update_sight(signal.t_s, "map", value if len(value) > 1 else signal.t_s, signal)
-            case HeadingMeasurement() | StairMap():
-                return False
+                self._drives.heard("flipper", signal.t_s)
+            case HeadingMeasurement():
+                self._update_sight(signal.t_s)
+                self._senses.seen(signal.t_s)
+                self._blind.seen()
+            case StairMap():
+                self._update_sight(signal.t_s)
+                self._look_ahead(signal)
             case _:
-                return True  # a frame's pixels: its FrameQuality speaks for them
+                pass  # a frame's pixels: its FrameQuality stands for them
 
-    def _update_motion(self, sample: ImuSample) -> bool:
-        orientation, rates = sample.orientation.tolist(), sample.angular_velocity_rad_s.tolist()
-        if not finite(*orientation, *rates, *sample.linear_acceleration_m_s2.tolist()):
-            return False
+    def _update_motion(self, sample: ImuSample) -> None:
+        orientation, pitch_rate = sample.orientation.tolist(), -float(sample.angular_velocity_rad_s[1])
         self._senses.imu(sample.t_s)
-        pitch_rate = -rates[1]
         self._blind.update_motion(sample.t_s, orientation, pitch_rate)
         if self._config.watches_motion and self._config.needs_heading:
             self._tilt.update(sample.t_s, orientation, pitch_rate)
-        return True
 
-    def _update_belts(self, reading: TrackReading) -> bool:
-        usable = finite(reading.left_m_s, reading.right_m_s)
-        if usable:
-            self._drives.heard("belts", reading.t_s)
-            self._belts.update(reading)
-            self._blind.update_belts(reading.t_s, reading.right_m_s - reading.left_m_s, self._plan)
-        return usable
-
-    def _update_seat(self, reading: SeatReading) -> bool:
-        usable = finite(reading.pitch_rad, reading.stroke_m)
-        if usable:
-            self._drives.heard("seat", reading.t_s)
-            self._seat_rad = reading.pitch_rad
-        if usable and self._config.watches_motion:
-            self._seat.update(reading.t_s, reading.pitch_rad)
-        return usable
-
-    def _update_flipper(self, reading: FlipperReading) -> bool:
-        usable = finite(reading.angle_rad, reading.torque_n_m)
-        if usable:
-            self._drives.heard("flipper", reading.t_s)
-        return usable
-
-    def _update_frame(self, quality: FrameQuality) -> bool:
-        was_dark = self._sight.is_dark
-        usable = self._sight.frame(quality)
-        if self._sight.is_dark != was_dark:
+    def _update_frame(self, quality: FrameQuality, *, usable: bool) -> None:
+        frames = self._admission.frames
+        if frames.is_dark != self._is_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
-            self._latch.tell(quality.t_s, "vision_clear" if was_dark else "vision_dim", shown)
-        self._senses.refused = self._sight.refused
+            self._latch.tell(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
+        self._is_dark = frames.is_dark
+        self._senses.refused = frames.refused
+        travel_m, _ = self._belts.travel.at(quality.t_s)
         needs_stair = self._plan is None or self._plan.needs_stair
-        if usable or (self._sight.is_alive and not needs_stair):
-            self._senses.frame(quality.t_s, self._belts.travel_m)
+        if usable or (frames.is_alive and not needs_stair):
+            self._senses.frame(quality.t_s, travel_m)
         if usable and (quality.obstacle_m is None or math.isfinite(quality.obstacle_m)):
-            self._ahead.look_on(quality.obstacle_m, self._plan, self._belts.travel_m)
-        return usable
+            self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
 
-    def _update_sight(self, t_s: float, kind: str, value: object, stair: StairMap | None = None) -> bool:
-        """Take what a camera says that measures by itself: it stands for a frame."""
-        usable = self._sight.says(kind, value, self._belts.travel_m)
-        self._senses.refused = self._sight.refused
-        if not usable:
-            return False
-        self._senses.frame(t_s, self._belts.travel_m)
-        if stair is None:
-            self._senses.seen(t_s)
-            self._blind.seen()
-        else:
-            self._look_ahead(stair)
-        return True
+    def _update_sight(self, t_s: float) -> None:
+        """Take a measurement of a camera without images: it stands for a frame."""
+        self._senses.refused = self._admission.frames.refused
+        self._senses.frame(t_s, self._belts.travel.at(t_s)[0])
 
     def _look_ahead(self, stair: StairMap) -> None:
         # A map may come twice: as a reading, and as what was made of it.
-        if not stair.t_s > self._map_s or not _is_finite(stair):
+        if not stair.t_s > self._map_s or not is_finite_map(stair):
             return
         self._map_s = stair.t_s
         if stair.direction != self._direction:
             self._slip.begin()
         self._direction = stair.direction
         sign = 1.0 if stair.direction == "up" else -1.0
-        travel = sign * self._belts.travel_m
+        travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
-        self._ahead.look(stair, places, travel)
+        self._ahead.look(stair, places, sign * travel_m)
         # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
         plan = self._plan
         # A chair that first climbs to turn square, its camera on the flight below, does not roll back.
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
-            slow_travel = sign * self._belts.slow_travel_m
-            self._slip.look(stair.t_s, [place * across for place, _ in places], slow_travel, self._heading_rad)
+            self._slip.look(stair.t_s, [place * across for place, _ in places], sign * slow_travel_m, self._heading_rad)
         else:
             self._slip.forget()
 
     def _obey(self, operator: OperatorInput) -> bool:
         """Obey the person: stop and a released dead-man hold, however old; re-arm ends a hold."""
-        new = self._is_new("operator", operator.t_s)
+        new = self._is_new(operator)
         pressed = new and self._button.press(down=operator.rearm)
         if new:
             self._link.heard("operator link", operator.t_s)
@@ -284,7 +295,7 @@ class Guard:
 
         The chair stands until somebody drives: what was proposed before the hold is long past.
         """
-        self._driver_s, self._plan_s = t_s, -math.inf
+        self._driver_s, self._plan_s, self._planned_s = t_s, -math.inf, None
         self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel_m)
         self._link.restart(t_s)
@@ -309,7 +320,7 @@ class Guard:
         self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # however old
         if plan.t_s < self._plan_s:
             return
-        self._plan, self._plan_s = plan, plan.t_s
+        self._plan, self._plan_s, self._planned_s = plan, plan.t_s, plan.t_s
         if plan.phase not in FLIGHT:
             self._slip.begin()
         if not plan.needs_stair:
@@ -326,7 +337,9 @@ class Guard:
         if t_s < before_s - self._config.clock_jump_s:
             self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {t_s - before_s:+.2f} s")
         if t_s - before_s > self._config.readings_timeout_s:
-            self._drives.restart(t_s)  # who was silent while the guard itself did not run?
+            # Nobody knows who was silent while the guard itself did not run.
+            self._drives.restart(t_s)
+            self._planned_s = None if self._planned_s is None else t_s
         if t_s - before_s > self._config.driver_timeout_s:
             self._latch.hold(t_s, CauseKind.LATE, f"no tick for {t_s - before_s:.2f} s")
         return max(t_s - before_s, t_s - self._driver_s)
@@ -339,6 +352,8 @@ class Guard:
             yield CauseKind.LATE, f"no command for {command_s:.2f} s"
         yield CauseKind.LINK, self._link.cause(t_s)
         yield CauseKind.PROCESS, self._processes.cause(t_s)
+        if self._planned_s is not None and t_s - self._planned_s > limits.plan_timeout_s + ROUNDING_S:
+            yield CauseKind.STALE_PLAN, f"no plan for {t_s - self._planned_s:.2f} s"
         yield CauseKind.ATTITUDE, self._tilt.cause
         yield CauseKind.SEAT, self._seat.cause
         if limits.watches_motion:
@@ -387,14 +402,3 @@ class Guard:
         if math.isfinite(t_s):
             return t_s
         return 0.0 if self._t_s is None else self._t_s
-
-
-def _is_finite(stair: StairMap) -> bool:
-    maybe = (stair.obstacle_m, stair.left_wall_m, stair.right_wall_m)
-    return finite(
-        stair.rise_m,
-        stair.run_m,
-        stair.slope_rad,
-        *stair.nosings_B.ravel().tolist(),
-        *(value for value in maybe if value is not None),
-    )

@@ -34,6 +34,7 @@ class CauseKind(StrEnum):
     HEADING = "heading"
     SEAT = "seat"
     PLAN = "plan"
+    STALE_PLAN = "stale plan"
 
 
 URGENT = {
@@ -55,6 +56,7 @@ RAMPED = {
     CauseKind.HEADING: "row 7: belts 0.1 m/s apart turn the chair by 0.3° more over a ramp, of 5° allowed",
     CauseKind.SEAT: "row 19: the seat is frozen at once, and the ramp spares its passenger a jolt",
     CauseKind.PLAN: "the planner's own decision, at a place where the chair may stand",
+    CauseKind.STALE_PLAN: "row 22: stopped 0.8 s after a process ended: its plan is 0.3 s old, the ramp takes 0.3 s",
 }
 """Causes that stop along the ramp, each with its reason."""
 

@@ -11,7 +11,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.products import dot
+from treadline.fma import dot
 
 FLAT = 4.0
 """Prior precision of α and ρ: half a radian, next to nothing."""

@@ -18,6 +18,7 @@ from treadline.sim.camera.sensors import (
     SENSOR_WIDTH_PX,
     SENSORS,
     TIME_OF_FLIGHT_WIDTH_PX,
+    StructuredLight,
     TimeOfFlight,
     alike,
     warp,
@@ -132,6 +133,9 @@ class Camera:
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
         self._depth_normal = alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
+        if isinstance(self._sensor, StructuredLight):
+            lateral_px = self._sensor.lateral_px * calibration.width_px / SENSOR_WIDTH_PX
+            self._jitter = np.rint(lateral_px * self._depth_normal.astype(np.float64)).astype(np.int8)
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._face(solids)
 
@@ -228,7 +232,7 @@ class Camera:
         ahead = towards @ R_WC[:, 2] > -self._radii
         near = np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + VIEW_M) & ahead) | self._large)
         depth = np.empty((camera.height_px, camera.width_px))
-        face = np.empty((camera.height_px, camera.width_px), dtype=np.int64)
+        face = np.empty((camera.height_px, camera.width_px), dtype=np.int32)
         kernels.cast(
             self._centres[near],
             self._halves[near],
@@ -301,9 +305,9 @@ class Camera:
             camera.fx_px * sensor.baseline_m,
             sensor.sigma_px,
             sensor.step_px,
-            sensor.lateral_px * camera.width_px / SENSOR_WIDTH_PX,
             sensor.near_m,
             sensor.far_m,
+            self._jitter,
             self._depth_normal,
             self._chance,
             places,

@@ -8,6 +8,9 @@ from numba import njit
 
 NEAR_M = 0.02
 """Faces are clipped this far in front of the camera."""
+LOST, LOST_GRAZING, GRAZING = 0.002, 0.25, 0.04
+"""Share of a Kinect 1's pixels without a return, share besides on a surface whose depth changes by more than ``GRAZING`` of itself
+from one pixel to the next."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -243,7 +246,7 @@ def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, lateral_px, near, far, normal, chance, places, measured):
+def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, far, jitter, normal, chance, places, measured):
     """Fill ``measured`` with what a structured-light sensor makes of exact depth.
 
     Args:
@@ -253,8 +256,8 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
         shadow_px: ``f·B`` in this image's pixels: the projector's view is shifted by it over depth.
         sigma_px: Gaussian noise of the disparity.
         step_px: Its quantisation.
-        lateral_px: Standard deviation of the place in the image a depth is taken from.
-        normal: Standard normal numbers to draw from, and ``places`` where the three streams of this frame start.
+        jitter: Whole pixels by which the place in the image a depth is taken from is off, to draw from.
+        normal: Standard normal numbers to draw from, and ``places`` where the four streams of this frame start.
         chance: Uniform numbers to draw from.
     """
     rows, columns = exact.shape
@@ -272,10 +275,11 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
                     continue
                 furthest = max(furthest, seen)
             n = v * columns + u
-            su = min(max(u + int(round(lateral_px * normal[first + n])), 0), columns - 1)
-            sv = min(max(v + int(round(lateral_px * normal[second + n])), 0), rows - 1)
-            if face[sv, su] == names[u]:
-                su, sv = u, v
+            # Conditions that chance decides for each pixel cost more than the work that they would save.
+            su = min(max(u + jitter[first + n], 0), columns - 1)
+            sv = min(max(v + jitter[second + n], 0), rows - 1)
+            elsewhere = face[sv, su] != names[u]
+            su, sv = su if elsewhere else u, sv if elsewhere else v
             z = exact[sv, su]
             if not (near <= z <= far):
                 continue
@@ -285,7 +289,7 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, latera
             slope_u = abs(exact[sv, ru] - exact[sv, lu])
             slope_v = abs(exact[rv, su] - exact[lv, su])
             steep = max(slope_u, slope_v) / (z * 2.0)
-            lost = 0.002 + (0.25 if steep > 0.04 else 0.0)
+            lost = LOST + (LOST_GRAZING if steep > GRAZING else 0.0)
             if chance[fourth + n] < lost:
                 continue
             disparity = np.rint((strength / z + sigma_px * normal[third + n]) / step_px) * step_px

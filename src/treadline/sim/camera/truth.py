@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.devices.outlook import crossings
+from treadline.devices.visibility import crossings
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import PinholeCamera

@@ -1,4 +1,4 @@
-"""Faults of sensors, orders and the chair itself, injected around a simulated chair."""
+"""Injection of faults of sensors, commands and the chair itself into a simulated chair."""
 
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.plant import FaultyPlant, faulty

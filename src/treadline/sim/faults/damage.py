@@ -1,6 +1,6 @@
-"""What is broken of a chair, or stands in its way: the faults that only the physics can play.
+"""Damage of the chair and obstacles in its path: faults simulated by the physics.
 
-``Faults, t -> Damage``; the simulated chair takes it as it is now, and mends what is no longer in it.
+``Faults, t -> Damage``; each value replaces the previous one, so that ended faults are repaired.
 """
 
 from collections.abc import Iterable
@@ -14,37 +14,38 @@ from treadline.ports import TruthPlant
 PHYSICAL: tuple[FaultKind, ...] = (
     "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "flipper_lost",
 "flipper_stuck" )  # fmt: skip
+"""Kinds of faults simulated by the physics."""
 LEFT, RIGHT = 0, 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Damage:
-    """The state of a chair and its way at one instant; as it stands here, nothing is wrong."""
+    """Damage of the chair and obstacles in its path at one instant; the default is no damage."""
 
     stalled: tuple[bool, bool] = (False, False)
-    """Whether the left and the right belt stand, whatever is asked."""
+    """Whether the left and the right belt are blocked."""
     grip: tuple[float, float] = (1.0, 1.0)
-    """Share of its friction that each belt has left, along and across."""
+    """Remaining fraction of the friction of each belt, along and across."""
     power_cut: bool = False
     seat_stuck: bool = False
     flipper_lost: bool = False
     flipper_stuck: bool = False
     obstacle_m: float | None = None
-    """From the leading end to a box in the way, at the moment it comes to stand there."""
+    """Initial distance from the leading end to a box in the path [m]."""
     bar_rad: float | None = None
-    """By how much a bar lies askew on the nosings in view, from the moment it comes to lie there."""
+    """Angle of a bar across the nosings in view [rad], at its initial position."""
 
 
 @runtime_checkable
 class Breakable(TruthPlant, Protocol):
-    """A simulated chair that can be broken."""
+    """Simulated chair with support for damage."""
 
-    def suffer(self, damage: Damage) -> None:
-        """Be as broken as this from now on, and no more."""
+    def set_damage(self, damage: Damage) -> None:
+        """Replace the present damage of the chair."""
 
 
 def damage_of(faults: Iterable[Fault], t_s: float) -> Damage:
-    """Return what the faults that are on at ``t_s`` do to the chair; of two obstacles or bars the first one stands."""
+    """Return the damage by all faults active at ``t_s``; of several obstacles or bars the first is used."""
     on = [fault for fault in faults if fault.active(t_s)]
     kinds = {fault.kind for fault in on}
     stalled = {int(fault.size) for fault in on if fault.kind == "track_stalled"}

@@ -1,8 +1,8 @@
-"""A simulated chair with faults: a ``TruthPlant`` around another.
+"""Fault injection: a ``TruthPlant`` that wraps another plant.
 
-Sensors are spoilt on their way out, orders on their way in; what is broken of the chair itself the chair plays. Chance comes
-from the seed, one stream per fault, so that a fault more or less changes no other; before and after a fault readings pass as
-they are.
+Sensor readings are modified on output, commands on input; the wrapped plant simulates damage of the chair itself. Random numbers
+derive from the seed with one stream per fault, so that an additional fault leaves the others unchanged; before and after a fault
+readings pass unmodified.
 """
 
 from collections.abc import Sequence
@@ -13,16 +13,16 @@ from treadline.faults import Fault
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
 from treadline.signals import TICK_S, FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.sim.faults.command_channel import Command, CommandChannel, Watchdog
 from treadline.sim.faults.damage import PHYSICAL, Breakable, Damage, damage_of
-from treadline.sim.faults.orders import Line, Order, Watchdog
 from treadline.sim.faults.sensors import SensorFaults
 
 
 class FaultyPlant:
-    """Injects each fault from its ``at_s`` for its ``for_s``, and what the person in charge does.
+    """Plant with faults, each active from ``at_s`` for ``for_s`` seconds, and with operator actions.
 
     Raises:
-        SettingsError: If a fault is one of the chair itself, and this chair cannot be broken.
+        SettingsError: If a fault damages the chair itself, and the wrapped plant does not support damage.
     """
 
     def __init__(self, plant: TruthPlant, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
@@ -41,59 +41,59 @@ class FaultyPlant:
         self._readings: list[Reading] = []
         self._damage = Damage()
         self._sensors = SensorFaults(self._faults, self._seed, self._acts)
-        self._line = Line(self._faults)
+        self._channel = CommandChannel(self._faults)
         self._watchdog = Watchdog()
 
     def start(self) -> None:
-        """Put the chair at its start; every fault is still to come."""
+        """Put the chair at its start pose and reset all faults."""
         self._plant.start()
         self._reset()
         self._meet(0.0)
 
     def advance(self, until_s: float) -> None:
-        """Go on to ``until_s``, tick by tick: each fault begins and ends at its own."""
+        """Advance to ``until_s`` tick by tick, so that each fault starts and ends at its own tick."""
         for tick in range(self._tick + 1, round(until_s / TICK_S) + 1):
-            # What was seen so far was seen before this tick's faults.
+            # These readings precede the faults of this tick.
             self._readings += self._plant.read()
             self._plant.advance(tick * TICK_S)
             self._tick = tick
             self._meet(tick * TICK_S)
 
     def read(self) -> Sequence[Reading]:
-        """Return every sample that has arrived since the last call, in time order unless a fault says otherwise."""
+        """Return all samples since the last call, in time order unless a fault changes the order."""
         readings, self._readings = [*self._readings, *self._plant.read()], []
         return self._sensors.deliver(self._tick * TICK_S, readings)
 
     def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
-        """Send commands on their way."""
+        """Send commands through the command channel."""
         t_s = self._tick * TICK_S
-        self._line.send(t_s, Order(tracks, seat, flipper))
+        self._channel.send(t_s, Command(tracks, seat, flipper))
         self._act(t_s)
 
     def truth(self) -> Sequence[Truth]:
-        """Return the truth of every tick since the last call."""
+        """Return the ground truth of each tick since the last call."""
         return self._plant.truth()
 
     def close(self) -> None:
-        """Release the plant."""
+        """Release the wrapped plant."""
         self._plant.close()
 
     def _meet(self, t_s: float) -> None:
-        """Break and mend what is due, and let arrive what is under way."""
+        """Apply the damage at this time, and deliver commands that are due."""
         damage = damage_of(self._faults, t_s)
         if damage != self._damage and self._chair is not None:
-            self._chair.suffer(damage)
+            self._chair.set_damage(damage)
         self._damage = damage
         self._act(t_s)
 
     def _act(self, t_s: float) -> None:
-        order = self._watchdog.step(t_s, self._line.arrived(t_s), powered=not self._damage.power_cut)
-        if order is not None:
-            self._plant.write(*order)
+        command = self._watchdog.step(t_s, self._channel.arrived(t_s), powered=not self._damage.power_cut)
+        if command is not None:
+            self._plant.write(*command)
 
 
 def faulty(plant: TruthPlant, scenario: Scenario, seed: int) -> TruthPlant:
-    """Return a plant with the scenario's faults and operator; the plant itself where there are none."""
+    """Return a plant with the scenario's faults and operator actions, or the plant itself without any."""
     if not (scenario.fault or scenario.operator):
         return plant
     return FaultyPlant(plant, scenario.fault, seed, scenario.operator)

@@ -1,0 +1,25 @@
+"""Describe your own vehicle: a longer chair from the shipped one's file, checked before a controller exists for it."""
+
+import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import treadline as tl
+from treadline.chair_files import chair_file
+from treadline.errors import SettingsError
+
+text = chair_file("wheelchair").read_text(encoding="utf-8")
+text = re.sub(r'^name = ".*"', 'name = "long-chair"', text, flags=re.MULTILINE)
+text = re.sub(r"^flat_run_m = .*", "flat_run_m = 1.10", text, flags=re.MULTILINE)
+
+with TemporaryDirectory() as folder:
+    Path(folder, "long-chair.toml").write_text(text, encoding="utf-8")
+    scenario = Path(folder, "scenario.toml")
+    for slope_deg in (28, 44):
+        scenario.write_text(f'[stair]\nslope_deg = {slope_deg}\n\n[chair]\nmodel = "long-chair.toml"\n', encoding="utf-8")
+        print(f"{slope_deg}°:", tl.check(scenario))
+    scenario.write_text('[chair]\nmodel = "long-chair.toml"\n', encoding="utf-8")
+    try:
+        tl.climb(scenario)
+    except SettingsError as error:
+        print("next:", error)

@@ -1,0 +1,87 @@
+"""The paper's controller as printed: Eq. (11b), (12), (14) at Ts = 1 s, on the simulated chair.
+
+Eq. (14) follows from (12) and (13), so the printed matrices agree with each other. The belt speed that they command at 30° exceeds
+the limit of Table I. The climb speed is added as an input offset, without which u = -Kx stops the chair.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline import paper
+from treadline.angles import DEG
+from treadline.control import lqr_gain
+from treadline.control.reconstruct import static_reconstruction
+from treadline.experiments.jobs import RunJob
+from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, ReproducePlan, turn
+from treadline.models import ControllerDesign, LinearModel
+from treadline.scenario import Scenario
+
+
+def paper_model(climb_speed_m_s: float = 0.0) -> LinearModel:
+    """Return Eq. (12) as a model, around a climb speed."""
+    return LinearModel(
+        A=paper.A.copy(),
+        B=paper.B.copy(),
+        C=paper.C.copy(),
+        D=paper.D.copy(),
+        dt_s=paper.SAMPLING_TIME_S,
+        input_offset=np.full(2, climb_speed_m_s),
+        output_offset=np.zeros(2),
+        input_names=("left_m_s", "right_m_s"),
+        output_names=("heading_rad", "yaw_rate_rad_s"),
+        provenance={"source": "Eq. (12)"},
+    )
+
+
+def paper_controller(climb_speed_m_s: float) -> ControllerDesign:
+    """Return the controller of Eq. (11b), (12), (14)."""
+    return ControllerDesign(
+        model=paper_model(climb_speed_m_s),
+        K=paper.K.copy(),
+        observer_gain=np.zeros((2, 2)),
+        period_s=paper.SAMPLING_TIME_S,
+        reconstruct="static",
+        provenance={"source": "Eq. (11b), (12), (14)"},
+    )
+
+
+def asked_at(heading_deg: float) -> Float[np.ndarray, " 2"]:
+    """Return the belt speeds (left, right) [m/s] that Eq. (11) asks at rest at a heading.
+
+    Paper: Eq. (11a), (11b), (12), (14).
+    """
+    y = np.array([heading_deg * DEG, 0.0])
+    return np.asarray(-paper.K @ static_reconstruction(paper.C, paper.D, paper.K) @ y)
+
+
+def facts() -> dict[str, Any]:
+    """Return the gain that follows from the printed matrices, its gap to the printed gain, and the belt speeds commanded at 30°."""
+    K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)
+    return {
+        "K": K.tolist(),
+        "max_gap_to_print": float(np.abs(K - paper.K).max()),
+        "asked_m_s": asked_at(30.0).tolist(),
+        "max_speed_m_s": paper.MAX_SPEED_M_S,
+    }
+
+
+def as_printed_turn(duration_s: float) -> Scenario:
+    """Return the turn from +30° at 28° in which the printed controller drives: Eq. (11b), belts clipped at their limit."""
+    scenario = turn(FIG10_SLOPE, 30, duration_s, allocation="paper")
+    return scenario.model_copy(update={"control": scenario.control.model_copy(update={"reconstruct": "static"})})
+
+
+def job(plan: ReproducePlan, runs: Path) -> RunJob:
+    """Return the run of the printed controller from +30° at 28°, with clipping at the track's limit."""
+    return RunJob(
+        name="literal-28",
+        scenario=as_printed_turn(plan.turn_s),
+        seed=plan.seeds[0],
+        controller=paper_controller(TABLE_SPEED_M_S),
+        folder=runs / "literal-28",
+        labels={"kind": "literal", "slope_deg": FIG10_SLOPE, "start_heading_deg": 30},
+        log=True,
+    )

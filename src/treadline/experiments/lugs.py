@@ -1,0 +1,104 @@
+"""Belt lugs next to smooth belts: turns on each slope of Table II and a whole traversal, the rubber's stiffness bracketed.
+
+Every figure of the paper is reproduced with smooth belts, on which the dead zone rests. These runs show how comfort and roll-back
+change with lugs of 15 mm every 80 mm. The seed draws the phase of the lugs; ``benchmarks/uncertainty.py`` varies the phase alone.
+"""
+
+from pathlib import Path
+from typing import Any, Literal
+
+from treadline.experiments.jobs import RunJob
+from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
+from treadline.models import ControllerDesign
+from treadline.scenario import Belts, Scenario, read_scenario
+from treadline.sim.physics import NOMINAL
+
+LUG: Literal["15/80"] = "15/80"
+NOMINAL_RUBBER_S = NOMINAL.contact_time_constant_s
+RUBBER_S = (0.5 * NOMINAL_RUBBER_S, NOMINAL_RUBBER_S, 2.0 * NOMINAL_RUBBER_S)
+"""Contact time constants of the belts' rubber [s]: the nominal one between the ends of its bracket (``[belts] stiffness_s``)."""
+SMOOTH = Belts()
+LUGGED = {rubber_s: Belts(lug=LUG, stiffness_s=rubber_s) for rubber_s in RUBBER_S}
+PLAIN_LUGS = Belts(lug=LUG)
+"""Lugs whose rubber has the plant's contact time constant, so that a variation of the contact stiffness reaches it."""
+START_DEG = 30
+TURN_S = 4.0
+"""Duration of a turn [s]. The roll-back of a turn from 30° ends within 2 s; a longer run only adds nosings."""
+TRAVERSAL = "up-28"
+SCORES = {
+    "rms_heading_deg": "rms_heading_deg",
+    "roll_back_m": "roll_back_m",
+    "passenger_m_s2": "passenger_max_m_s2",
+    "vertical_m_s2": "passenger_vertical_m_s2",
+    "longitudinal_m_s2": "passenger_longitudinal_m_s2",
+    "lateral_m_s2": "passenger_lateral_m_s2",
+    "pitch_rate_deg_s": "max_pitch_rate_deg_s",
+    "margin_deg": "min_stability_margin_deg",
+    "max_contact_force_share": "max_contact_force_share",
+    "duration_s": "duration_s",
+    "verdict": "verdict",
+    "cause": "cause",
+    "seed": "seed",
+    "run": "run",
+}
+"""Key of a row and the run score that it holds."""
+
+
+def on_belts(scenario: Scenario, belts: Belts) -> Scenario:
+    """Return the scenario with other belts and the statistical camera."""
+    return without_images(scenario).model_copy(update={"belts": belts})
+
+
+def lugged_turn(slope_deg: int, belts: Belts) -> Scenario:
+    """Return the turn from 30° on a slope."""
+    return on_belts(turn(slope_deg, START_DEG, TURN_S), belts)
+
+
+def lugged_traversal(belts: Belts) -> Scenario:
+    """Return the whole traversal."""
+    return on_belts(read_scenario(TRAVERSAL), belts)
+
+
+def jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
+    """Return the runs: a traversal and a turn on each slope with smooth belts and with lugs; none in a quick plan.
+
+    The rubber's bracket is run on the turns alone.
+    """
+    if plan.quick:
+        return []
+    traversals = [(TRAVERSAL, FIG10_SLOPE, belts, lugged_traversal(belts)) for belts in (SMOOTH, LUGGED[NOMINAL_RUBBER_S])]
+    turns = [
+        (f"turn-{slope}", slope, belts, lugged_turn(slope, belts))
+        for slope in plan.slopes_deg
+        for belts in (SMOOTH, *LUGGED.values())
+    ]
+    return [_job(plan, controller, runs, *case) for case in (*traversals, *turns)]
+
+
+def _job(
+    plan: ReproducePlan, controller: ControllerDesign, runs: Path, course: str, slope_deg: int, belts: Belts, scenario: Scenario
+) -> RunJob:
+    surface = "smooth" if belts.stiffness_s is None else f"lugs-{LUG.replace('/', '-')}-{1000.0 * belts.stiffness_s:g}ms"
+    name = f"{course}-{surface}"
+    return RunJob(
+        name=name,
+        scenario=scenario,
+        seed=plan.seeds[0],
+        controller=controller,
+        folder=runs / name,
+        labels={
+            "kind": "lugs",
+            "course": course,
+            "slope_deg": slope_deg,
+            "friction": list(scenario.stair.friction),
+            "lug": belts.lug,
+            "rubber_s": belts.stiffness_s,
+        },
+        log=False,  # logs would double the cost of these runs
+    )
+
+
+def rows(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return one row per run; ``rubber_s`` is None with smooth belts, which have the nominal contact."""
+    labels = ("course", "slope_deg", "friction", "lug", "rubber_s")
+    return [{name: run[name] for name in labels} | {key: run[score] for key, score in SCORES.items()} for run in results]

@@ -1,0 +1,28 @@
+"""Compiled sums of products with fused multiply-add, so that results round as in BLAS and identically on all processors.
+
+``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
+"""
+
+from typing import no_type_check
+
+from numba import njit, types
+from numba.extending import intrinsic
+
+
+@intrinsic
+@no_type_check
+def fused(_typing, a, b, c):
+    """Return ``a * b + c`` with a single rounding."""
+    del a, b, c
+    double = types.float64
+    return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
+
+
+@njit(cache=True)
+@no_type_check
+def dot(a, b):
+    """Return the inner product of two vectors."""
+    total = a[0] * b[0]
+    for i in range(1, a.shape[0]):
+        total = fused(a[i], b[i], total)
+    return total

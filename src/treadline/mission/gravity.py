@@ -1,0 +1,28 @@
+"""Direction of gravity in a camera frame, at the frame's exposure: ``ImuSample, RgbdFrame -> gravity_C``."""
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_of
+from treadline.mission.recent import Recent
+from treadline.signals import ImuSample, RgbdFrame
+
+DOWN_W = np.array([0.0, 0.0, -1.0])
+
+
+class GravityAtExposure:
+    """Attitude history of the chair. A frame arrives late, and a chair that rocks has turned since its exposure."""
+
+    def __init__(self) -> None:
+        self._attitudes: Recent[ImuSample] = Recent()
+
+    def update(self, sample: ImuSample) -> None:
+        """Remember an attitude."""
+        self._attitudes.add(sample.t_s, sample)
+
+    def gravity_C(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
+        """Return the unit vector of gravity in the camera's axes when the frame was exposed; None before the first attitude."""
+        exposed = self._attitudes.at(frame.t_s)
+        if exposed is None:
+            return None
+        return np.asarray(frame.camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))

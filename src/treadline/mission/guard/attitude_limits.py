@@ -1,0 +1,70 @@
+"""How the chair lies and turns (row 18), and how its seat does (row 19)."""
+
+from collections.abc import Sequence
+
+from treadline.angles import DEG, tilt_of
+from treadline.mission.guard.config import GuardConfig
+
+LASTING_S = 0.05
+"""A shock is over by then, a fall is not."""
+BETTER_RAD = 2.0 * DEG
+"""A seat that comes nearer to level by this within its time is being levelled. One that leaves it by this moves with the chassis,
+11° in a second over a crest: the guard holds at once."""
+ROUNDING_S = 1e-6
+
+
+class TiltMonitor:
+    """Pitch, roll and pitch rate against their limits."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._since_s: float | None = None
+        self.cause: str | None = None
+
+    def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
+        """Take one sample: the attitude's quaternion (w, x, y, z) and the rate, front up positive."""
+        fault = self._fault(orientation, pitch_rate_rad_s)
+        if fault is None:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = t_s
+        elif t_s - self._since_s >= LASTING_S - ROUNDING_S:
+            self.cause = fault
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._since_s = self.cause = None
+
+    def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
+        limits = self._config
+        pitch, roll = tilt_of(orientation)
+        if abs(pitch_rate_rad_s) > limits.pitch_rate_rad_s:
+            return f"pitch rate {pitch_rate_rad_s / DEG:.0f} °/s, pitch {pitch / DEG:.0f}°"
+        if not -limits.front_down_rad <= pitch <= limits.front_up_rad:
+            return f"pitch {pitch / DEG:.0f}°"
+        if abs(roll) > limits.roll_rad:
+            return f"roll {roll / DEG:.0f}°"
+        return None
+
+
+class SeatMonitor:
+    """The seat's error over time."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._since: tuple[float, float] | None = None
+        self.cause: str | None = None
+
+    def update(self, t_s: float, pitch_rad: float) -> None:
+        """Take one reading."""
+        error = abs(pitch_rad)
+        if error <= self._config.seat_rad:
+            self._since = None
+        elif self._since is None or error < self._since[1] - BETTER_RAD:
+            self._since = (t_s, error)
+        elif error > self._since[1] + BETTER_RAD or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
+            self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._since = self.cause = None

@@ -1,0 +1,173 @@
+"""``import treadline as tl``: light, complete, and results that print."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import treadline as tl
+from treadline.errors import ImageError, RecordError, SettingsError, TreadlineError
+from treadline.models import LinearModel
+from treadline.scenario import Scenario
+from treadline.sim.camera import Recipe, draw_view
+
+PUBLIC = {"check", "climb", "detect_stair", "identify", "load_model", "tune"}
+SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
+
+
+def test_the_import_takes_less_than_a_tenth_of_a_second_and_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, time; a = time.process_time(); import treadline; b = time.process_time();"
+        "print(b - a, *[m for m in ('numpy', 'scipy', 'numba', 'mujoco', 'cv2', 'matplotlib', 'pydantic') if m in sys.modules])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert float(said[0]) < 0.1  # CPU time: a busy machine does not count
+    assert said[1:] == []
+
+
+def test_the_package_exports_what_users_need_and_nothing_else() -> None:
+    assert set(tl.__all__) - {"__version__"} == PUBLIC
+    for name in PUBLIC:
+        function = getattr(tl, name)
+        assert inspect.isfunction(inspect.unwrap(function))
+        assert function.__doc__
+    with pytest.raises(AttributeError, match="no attribute 'clime'"):
+        tl.clime  # noqa: B018
+
+
+def test_the_stub_for_type_checkers_names_the_same_functions() -> None:
+    stub = Path(tl.__file__).with_suffix(".pyi").read_text()
+    assert {line.rsplit(" ", 1)[1] for line in stub.splitlines() if line.startswith("from")} == PUBLIC
+
+
+def integrator(samples: int = 400) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((samples, 2))
+    y = np.zeros((samples, 2))
+    for k in range(samples - 1):
+        y[k + 1, 1] = 0.5 * y[k, 1] + 0.3 * (u[k, 1] - u[k, 0])
+        y[k + 1, 0] = y[k, 0] + 0.25 * y[k, 1]
+    return u, y + 1e-3 * rng.standard_normal(y.shape)
+
+
+class Frame:
+    """What pandas and polars have in common: columns with names, and an array."""
+
+    def __init__(self, columns: list[str], values: Any) -> None:
+        self.columns, self._values = columns, values
+
+    def to_numpy(self) -> Any:
+        return self._values
+
+
+def test_arrays_become_a_model_that_can_be_saved_loaded_and_tuned(tmp_path: Path) -> None:
+    u, y = integrator()
+    found = tl.identify(u, y, 0.25, order=2, method="okid-era")
+    poles = sorted(abs(np.linalg.eigvals(found.model.A)))
+    np.testing.assert_allclose(poles, [0.5, 1.0], atol=0.02)  # noise of 1e-3 on outputs of 0.3: a percent of a pole
+    path = tmp_path / "model.json"
+    found.model.save(path)
+    for given in (path, str(path)):
+        assert (tl.load_model(given).A == found.model.A).all()
+    gains = [tl.tune(model).K for model in (found, found.model, path, str(path))]
+    assert all((gain == gains[0]).all() for gain in gains)
+
+
+def test_a_data_frame_keeps_its_column_names() -> None:
+    u, y = integrator()
+    inputs, outputs = Frame(["left", "right"], u), Frame(["heading", "rate"], y)
+    model = tl.identify(inputs, outputs, 0.25, order=2, method="okid-era").model
+    assert (model.input_names, model.output_names) == (("left", "right"), ("heading", "rate"))
+    with pytest.raises(RecordError, match="u: a column of the data frame holds no numbers"):
+        tl.identify(Frame(["left"], np.array([["a"]])), outputs, 0.25)
+
+
+def test_a_stair_is_detected_in_a_depth_array_of_any_kind() -> None:
+    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    depth = view.frame.depth_m
+    found = tl.detect_stair(depth, view.frame.camera, view.gravity_C)
+    assert found.accepted
+    assert found.heading_rad == pytest.approx(view.stair.heading_rad, abs=np.radians(0.5))
+    zeros = np.where(np.isnan(depth), 0.0, depth).astype(float)  # a sensor's zero is no return, too
+    assert tl.detect_stair(zeros, view.frame.camera, view.gravity_C.tolist()).heading_rad == found.heading_rad
+    with pytest.raises(ImageError, match="3 dimensions"):
+        tl.detect_stair(depth[None], view.frame.camera)
+
+
+def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
+    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    camera = view.frame.camera
+    angles = {name: np.degrees(getattr(camera, f"mount_{name}_rad")) for name in ("pitch", "roll", "yaw")}
+    lines = [f"width = {camera.width_px}", f"height = {camera.height_px}"]
+    lines += [f"{name} = {float(getattr(camera, name))!r}" for name in ("fx_px", "fy_px", "cx_px", "cy_px")]
+    lines += [f"mount_{name}_deg = {float(value)!r}" for name, value in angles.items()]
+    path = tmp_path / "camera.toml"
+    path.write_text("\n".join(lines) + "\n")
+    one, other = (tl.detect_stair(view.frame.depth_m, given, view.gravity_C) for given in (camera, str(path)))
+    assert one.heading_rad == pytest.approx(other.heading_rad, abs=1e-9)  # degrees and back
+
+
+def test_a_run_has_scores_series_and_a_figure() -> None:
+    run = tl.climb(Scenario.model_validate(SHORT), seed=1)
+    assert run.verdict == "time_up"
+    assert run.scores.duration_s == pytest.approx(0.5)
+    assert len(run.series["t_s"]) == len(run.series["heading_deg"])
+    assert len(run.plot().axes) > 5
+    again = tl.climb(Scenario.model_validate(SHORT), seed=1)
+    np.testing.assert_array_equal(run.series["heading_deg"], again.series["heading_deg"])
+
+
+def test_a_run_can_leave_a_run_folder(tmp_path: Path) -> None:
+    run = tl.climb(Scenario.model_validate(SHORT), out=tmp_path / "run")
+    assert (tmp_path / "run" / "result.json").is_file()
+    assert run.verdict == "time_up"
+
+
+def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
+    run = tl.climb(Scenario.model_validate({"stair": {"slope_deg": 44.0}}))
+    assert run.verdict == "refused"
+    assert repr(run).startswith("refused: the stair is 44.0° steep")
+    with pytest.raises(TreadlineError, match="nothing to plot"):
+        run.plot()
+
+
+def printed() -> list[Any]:
+    u, y = integrator()
+    found = tl.identify(u, y, 0.25, order=2, method="okid-era")
+    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",)))
+    seen = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
+    return [found, found.model, tl.tune(found), tl.check("up-28"), seen, tl.climb(Scenario.model_validate(SHORT))]
+
+
+def test_every_result_prints_as_a_table_in_a_terminal_and_in_a_notebook() -> None:
+    for result in printed():
+        lines = repr(result).splitlines()
+        assert 3 <= len(lines) <= 12, lines
+        assert all(len(line) < 200 for line in lines)
+        page = result._repr_html_()
+        assert page.startswith("<table><caption>")
+        assert page.count("<tr>") == len(lines) - 1
+
+
+def test_what_is_printed_in_a_notebook_is_escaped() -> None:
+    model = LinearModel(
+        A=np.eye(1), B=np.eye(1), C=np.eye(1), D=np.eye(1), dt_s=1.0, input_offset=np.zeros(1), output_offset=np.zeros(1),
+        input_names=("<script>",),
+    )  # fmt: skip
+    assert "&lt;script&gt;" in model._repr_html_()
+
+
+def test_paths_that_do_not_exist_are_said_in_one_line() -> None:
+    for call in (
+        lambda: tl.load_model("nowhere.json"),
+        lambda: tl.check("nowhere.toml"),
+        lambda: tl.climb("up-28", "nowhere.json"),
+    ):
+        with pytest.raises(SettingsError) as refused:
+            call()
+        assert "nowhere" in str(refused.value)
+        assert "\n" not in str(refused.value)

@@ -1,0 +1,50 @@
+"""A controller of one's own on the command line: climbed with, named in the manifest, and replayed."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PID = f"{EXAMPLES / 'own_controller_pid.py'}:HeadingPid"
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text('[start]\nheading_deg = 4.0\n[drive]\nduration_s = 2.0\n[sensors]\ncamera = "statistical"\n')
+    return path
+
+
+def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, scenario: Path, tmp_path: Path) -> None:
+    first, again = tmp_path / "first", tmp_path / "again"
+    assert run("climb", scenario, "--controller", PID, "--out", first).code == 0
+    assert json.loads((first / "manifest.json").read_text())["plugins"] == {"controller": PID}
+    assert not (first / "flown-controller.json").exists()
+    refused = run("replay", first, "--out", again)
+    assert refused.code == 2
+    assert f"give --controller {PID}, or --controller shipped" in refused.err
+    assert not again.exists()
+    played = run("replay", first, "--controller", PID, "--out", again, "--json")
+    assert played.code == 0
+    assert played.values["largest_command_gap_m_s"] == pytest.approx(0.0, abs=1e-9)  # the same readings, the same controller
+    shipped = run("replay", first, "--controller", "shipped", "--out", tmp_path / "shipped", "--json")
+    assert shipped.code == 0
+    assert (tmp_path / "shipped" / "flown-controller.json").is_file()
+
+
+@pytest.mark.parametrize("verb", ["climb", "sweep", "replay"])
+@pytest.mark.parametrize("option", ["--controller", "--detector", "--estimator"])
+def test_a_plug_in_that_is_not_there_is_one_line_and_nothing_is_written(
+    run, scenario: Path, tmp_path: Path, verb: str, option: str
+) -> None:
+    given = {"climb": (scenario,), "sweep": ("envelope", "--runs", "1"), "replay": (_log(run, scenario, tmp_path),)}[verb]
+    done = run(verb, *given, option, "nowhere_at_all:Thing", "--out", tmp_path / "out")
+    assert done.code == 2
+    assert done.err.splitlines()[-1].startswith(f"treadline: {option} nowhere_at_all:Thing: no module 'nowhere_at_all'")
+    assert not (tmp_path / "out").exists()
+
+
+def _log(run, scenario: Path, tmp_path: Path) -> Path:
+    run("climb", scenario, "--out", tmp_path / "log")
+    return tmp_path / "log"

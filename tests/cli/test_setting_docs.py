@@ -1,0 +1,59 @@
+"""``treadline check --keys``: all that a scenario can say, from what it is checked by."""
+
+import tomllib
+
+from treadline.attendant import OperatorAct
+from treadline.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
+from treadline.setting_docs import meanings, tables_of
+
+
+def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
+    outcome = run("check", "--keys")
+    assert outcome.code == 0
+    path = tmp_path / "mine.toml"
+    path.write_text(outcome.out)
+    assert read_scenario(path) == Scenario()
+    assert set(tomllib.loads(outcome.out)) == set(Scenario.model_fields) - {"fault", "step", "operator"}
+    assert all(name in outcome.out.splitlines()[0] for name in shipped_scenarios())
+
+
+def test_each_key_is_listed_with_unit_range_default_and_meaning(run) -> None:
+    values = run("check", "--keys", "--json").values
+    keys = values["keys"]
+    for table, field in Scenario.model_fields.items():
+        listed = {
+            "fault": ("kind", "at_s", "for_s", "value"),
+            "step": StepOverride.model_fields,
+            "operator": OperatorAct.model_fields,
+        }
+        for name in listed.get(table) or type(field.default).model_fields:
+            assert f"{table}.{name}" in keys
+    assert keys["stair.between_m"] == {
+        "default": 2.5,
+        "allowed": "a number from 0.5 to 20 [m]",
+        "meaning": "Depth of the landing between two flights, from the nosing of one to the first nosing of the next.",
+    }
+    assert keys["stair.slope_deg"]["default"] is keys["fault.kind"]["default"] is None
+    assert values["scenarios"] == sorted(shipped_scenarios())
+
+
+def test_a_fault_as_listed_is_one(run, tmp_path) -> None:
+    lines = run("check", "--keys").out.splitlines()
+    after = lines[next(k for k, line in enumerate(lines) if line.startswith("# [[fault]]")) + 1 :]
+    given = [line.removeprefix("# ") for line in after if " = " in line.partition("#   ")[0]]
+    text = "\n".join(["[[fault]]", 'kind = "imu_lost"', *given])
+    (fault,) = scenario_of(tomllib.loads(text), tmp_path / "s.toml", where="here").fault
+    assert fault.for_s == 3.0
+
+
+def test_check_without_a_scenario_says_what_it_needs(run) -> None:
+    outcome = run("check")
+    assert outcome.code == 2
+    assert "--keys" in outcome.err
+    assert outcome.err.count("\n") == 1
+
+
+def test_a_meaning_is_the_docstring_under_its_field() -> None:
+    assert meanings(Stair)["slope_deg"] == "In place of rise_m."
+    assert "width_m" not in meanings(Stair)
+    assert tables_of(Scenario)["[drive]"][0] == "Direction, speed and time limit of the run."

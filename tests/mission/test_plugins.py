@@ -1,0 +1,197 @@
+"""Plug-ins: a user's own controller, detector and estimator, by name, and what happens to one that cannot be used."""
+
+import sys
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from treadline.errors import SettingsError
+from treadline.estimation import HeadingFilter
+from treadline.mechanics.chair import read_chair
+from treadline.mission.ascent import Ascent
+from treadline.mission.config import MissionConfig, build_blocks, is_full_traversal
+from treadline.mission.planner import Cruise
+from treadline.mission.plugins import Plugins, load_plugin
+from treadline.signals import TrackCommand
+
+CHAIR = read_chair("wheelchair")
+SOURCE = """
+from treadline.signals import TrackCommand
+
+class Straight:
+    follows_plan = True
+    period_s = 0.25
+    def __init__(self, config):
+        self.speed = config.climb_speed_m_s
+    def step(self, estimate, t_s, plan):
+        return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s, right_m_s=plan.speed_m_s)
+
+class Forgotten:
+    period_s = 0.25
+    def __init__(self, config): ...
+    def step(self, estimate, t_s, plan): ...
+
+number = 3
+"""
+
+
+class Own:
+    """A controller."""
+
+    follows_plan = True
+    period_s = 0.1
+
+    def __init__(self, config: MissionConfig) -> None:
+        self.config = config
+
+    def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
+        del estimate, plan
+        return TrackCommand.stop(t_s)
+
+
+class OnOneFlight(Own):
+    """A controller that has the flight for itself."""
+
+    follows_plan = False
+
+
+class WithoutPeriod:
+    """No driver: nobody knows when to call it."""
+
+    follows_plan = True
+
+    def __init__(self, config: MissionConfig) -> None:
+        del config
+
+    def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
+        del estimate, plan
+        return TrackCommand.stop(t_s)
+
+
+class Blind:
+    """A detector that finds nothing."""
+
+    maps_stair = True
+
+    def __init__(self, config: MissionConfig) -> None:
+        del config
+
+    def see(self, frame: object, gravity_C: object = None) -> Any:
+        raise NotImplementedError
+
+
+class HeadingOnly(Blind):
+    """A detector without a stair map."""
+
+    maps_stair = False
+
+
+class OwnFilter(HeadingFilter):
+    """An estimator."""
+
+    def __init__(self, config: MissionConfig) -> None:
+        del config
+        super().__init__()
+
+
+def configured(**plugins: Any) -> MissionConfig:
+    return MissionConfig(chair=CHAIR, plugins=Plugins(**plugins))
+
+
+def test_a_controller_that_follows_the_plan_gets_every_phase_of_a_traversal() -> None:
+    config = configured(controller=Own)
+    blocks = build_blocks(config)
+    assert isinstance(blocks.driver, Own)
+    assert blocks.driver.config is config
+    assert is_full_traversal(config)
+    assert isinstance(blocks.planner, Ascent)
+    assert blocks.guard._config.watches_slip
+    assert blocks.guard._config.driver_timeout_s == pytest.approx(0.3)  # three of its periods
+
+
+def test_a_controller_that_does_not_follow_the_plan_drives_the_flight_alone() -> None:
+    blocks = build_blocks(configured(controller=OnOneFlight))
+    assert isinstance(blocks.planner, Cruise)
+    assert not blocks.guard._config.watches_slip
+
+
+def test_a_detector_without_a_stair_map_drives_the_flight_alone() -> None:
+    assert isinstance(build_blocks(configured(controller=Own, detector=Blind)).planner, Ascent)
+    blocks = build_blocks(configured(controller=Own, detector=HeadingOnly))
+    assert isinstance(blocks.planner, Cruise)
+    assert isinstance(blocks.detector, HeadingOnly)
+
+
+def test_an_estimator_takes_the_place_of_the_shipped_one() -> None:
+    assert isinstance(build_blocks(configured(controller=Own, estimator=OwnFilter)).estimator, OwnFilter)
+
+
+def test_what_a_plug_in_builds_must_be_a_driver() -> None:
+    with pytest.raises(SettingsError, match="controller plug-in builds a WithoutPeriod without period_s; add it"):
+        build_blocks(configured(controller=WithoutPeriod))
+
+
+def test_a_class_is_found_in_a_module_of_the_working_directory_and_in_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_straight_controller.py").write_text(SOURCE)
+    monkeypatch.chdir(tmp_path)
+    before = list(sys.path)
+    for source in ("my_straight_controller:Straight", "my_straight_controller.py:Straight"):
+        plugin = load_plugin("controller", source)
+        assert plugin.follows_plan
+        blocks = build_blocks(MissionConfig(chair=CHAIR, plugins=Plugins(controller=plugin)))
+        assert blocks.driver.period_s == 0.25
+    assert sys.path == before
+
+
+def test_an_entry_point_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    entries = EntryPoints([EntryPoint(name="steady", value=f"{__name__}:Own", group="treadline.controllers")])
+    monkeypatch.setitem(sys.modules, __name__, sys.modules.get(__name__) or _this_module())
+    monkeypatch.setattr("treadline.mission.plugins.entry_points", lambda group: entries.select(group=group))
+    assert load_plugin("controller", "steady").__name__ == "Own"
+    with pytest.raises(SettingsError, match=r"'?steadi.*installed: steady.*did you mean 'steady'"):
+        load_plugin("controller", "steadi")
+    with pytest.raises(SettingsError, match=r"group treadline\.detectors"):
+        load_plugin("detector", "steady")
+
+
+def _this_module() -> Any:
+    from types import SimpleNamespace
+
+    return SimpleNamespace(Own=Own)
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("nowhere_at_all:Thing", "no module 'nowhere_at_all'"),
+        ("my_straight_controller:Strait", "no 'Strait' in 'my_straight_controller'; did you mean 'Straight'"),
+        ("my_straight_controller:number", "a int, not a class"),
+        ("my_straight_controller:Forgotten", "no attribute 'follows_plan'"),
+        ("missing.py:Thing", "no file 'missing.py'"),
+        ("broken.py:Thing", "'broken.py' cannot be imported: SyntaxError"),
+        ("broken_module:Thing", "'broken_module' cannot be imported: ZeroDivisionError"),
+        ("needs_other:Thing", "'needs_other' cannot be imported: No module named 'not_there_either'"),
+    ],
+)
+def test_a_plug_in_that_cannot_be_used_is_named_with_the_remedy(
+    source: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "my_straight_controller.py").write_text(SOURCE)
+    (tmp_path / "broken.py").write_text("class Thing(:\n")
+    (tmp_path / "broken_module.py").write_text("1 / 0\n")
+    (tmp_path / "needs_other.py").write_text("import not_there_either\n")
+    monkeypatch.chdir(tmp_path)
+    sys.modules.pop("my_straight_controller", None)
+    with pytest.raises(SettingsError) as refused:
+        load_plugin("controller", source)
+    assert str(refused.value).startswith(f"--controller {source}: ")
+    assert said in str(refused.value)
+
+
+def test_the_manifest_names_a_plug_in_by_module_and_class() -> None:
+    assert Plugins(controller=Own).sources() == {"controller": f"{Own.__module__}:Own"}
+    assert Plugins().sources() == {}
