@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from treadline.keys import meanings
+from treadline.setting_docs import meanings
 
 from treadline.scenario import Scenario
 from treadline.settings import Settings
