@@ -1,7 +1,7 @@
 """Tutorials and how-to guides: every command and script on a page runs, in the page's order, in an empty folder.
 
-A page's fenced blocks are its program: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python`` without a title run. A comment
-``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
+A page's fenced blocks are its program: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python`` without a title
+run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
 """
 
 import os
