@@ -22,7 +22,7 @@ from treadline.report import model_figures as figures
 from treadline.report import model_runs as runs
 from treadline.report.channels import both_angles, channel, ratio_unit
 from treadline.report.identification import write_identification_page
-from treadline.report.model_figures import Stabilisation
+from treadline.report.model_figures import StabilisationLike
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
 SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}
@@ -170,7 +170,7 @@ def page_of(tmp_path: Path, found: Found, judged: list[InputOutputRecord] | None
     return path.read_text(encoding="utf-8")
 
 
-def diagram_of(model: LinearModel) -> Stabilisation:
+def diagram_of(model: LinearModel) -> StabilisationLike:
     """Return the stabilisation diagram of a model's own impulse response."""
     markov = validate.impulse_response(model, 41)
     return stabilisation_of_svd(hankel_svd(markov, 20, 20, np.ones(model.B.shape[1]), np.ones(model.C.shape[0])), model.dt_s)

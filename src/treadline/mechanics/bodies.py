@@ -24,11 +24,11 @@ FLAT_THICKNESS_M = 0.025
 HULL_FRICTION = 0.4
 """Friction of hull and passenger against stair, walls and obstacles: steel on concrete has 0.3 to 0.4 (EN 12812:2004, annex A)."""
 CLEARANCE_M = 0.001
-"""Between a chair that is put down and what it will stand on."""
+"""Gap between a chair that is put down and the surface below it."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
-"""Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
+"""Distance of the nearer pulley from the first nosing, or from the edge, at the start; free depth behind it on a short landing."""
 LANDING_LEAST_M = 0.2
-"""Of that pulley from the edge, however short the landing."""
+"""Least distance of that pulley from the edge, on any landing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,18 +42,18 @@ class Shape:
     """Half extents along the shape's own axes."""
     nose_up_rad: float = 0.0
     belt: Literal["left", "right"] | None = None
-    """Whose surface runs with that belt; None for hull and payload, whose surface is at rest."""
+    """Belt that moves the shape's surface; None for hull and payload, whose surface is at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hinge:
-    """A joint that turns a body against its parent, about an axis through the body's origin."""
+    """Joint that turns a body against its parent, about an axis through the body's origin."""
 
     axis: Point
     range_rad: tuple[float, float]
     max_rate_rad_s: float
     torque_n_m: float | None
-    """Largest; None is an actuator as stiff as need be."""
+    """Largest torque; None is a rigid actuator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class Body:
     name: str
     parent: str | None
     origin_m: Point
-    """In the parent's frame."""
+    """Origin of the body in the parent's frame."""
     mass_kg: float
     com_m: Point
     inertia: Point
@@ -89,12 +89,12 @@ class Vehicle:
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """All of them, the chassis first."""
+        """All bodies, the chassis first."""
         return (self.chassis, *(body for body, _ in self.turning))
 
 
 def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
-    """Return a chair and what sits on it as bodies."""
+    """Return a chair and its payload as bodies."""
     flipper = None if chair.flipper is None else _flipper(chair.tracks, chair.flipper)
     return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flipper=flipper)
 
@@ -238,7 +238,7 @@ class NosingGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solid:
-    """One box of the stair as it is stood on, and the bar that rounds it off; floors and walls have none."""
+    """Box of the stair behind its rounded nosing, and the nosing's bar; floors and walls have none."""
 
     box: Box
     nosing: NosingGeometry | None = None
@@ -271,16 +271,16 @@ def _solid(box: Box, radius: float) -> Solid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Standing:
-    """Where a chair is put down."""
+    """Pose in which a chair is put down."""
 
     p_WB: Float[np.ndarray, " 3"]
     R_WB: Float[np.ndarray, "3 3"]
     seat_rad: float
-    """Of the seat against the chassis: level, or parallel to it."""
+    """Angle of the seat against the chassis: level, or parallel to it."""
 
 
 def from_edge_m(landing_m: float, tracks: Tracks) -> float:
-    """Return how far behind the edge the rear pulley stands when a chair starts on a landing."""
+    """Return the distance of the rear pulley from the edge at a start on a landing."""
     return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
 
 
@@ -312,12 +312,12 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
 
 
 def rounded_off_m(nosing_radius_m: float, slope_rad: float) -> float:
-    """Return how far below the sharp edges the plane lies that touches rounded nosings."""
+    """Return the distance of the plane on rounded nosings below the plane on sharp ones."""
     return nosing_radius_m * (math.sin(slope_rad) + math.cos(slope_rad) - 1.0)
 
 
 def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> float:
-    """Return how far the highest nosing under the belts stands out of the plane through the front one, square to it."""
+    """Return the height of the highest nosing under the belts above the plane through the front nosing, square to the plane."""
     c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
     offsets = [
         (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s

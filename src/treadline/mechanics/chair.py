@@ -1,4 +1,4 @@
-"""The chair as its file describes it: tracks with three pulleys, masses, seat, drives and where the camera sits.
+"""The chair as its file describes it: tracks over three pulleys, masses, seat, drives and cameras.
 
 Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the belts' lower line.
 """
@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.angles import DEG
+from treadline.camera_file import CameraFile, read_camera
 from treadline.chair_files import chair_file
 from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
@@ -17,13 +18,15 @@ from treadline.signals import TICK_S, PinholeCamera
 
 GRAVITY_M_S2 = 9.81
 EMPTY_SEAT_KG = 0.5
-"""The seat's shell, which turns with the payload."""
+"""Mass of the seat's shell, which turns with the payload."""
+KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
+"""Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
 SWEPT_SPARE_M = 0.025
-"""To either side of a chair: a thing there is in its way."""
+"""Distance to either side of a chair within which an object counts as an obstacle."""
 
 
 def _a_tick_or_more(lag_s: float) -> float:
-    """Return a lag that the drives can be integrated with."""
+    """Return a lag with which the drives can be integrated."""
     if lag_s < TICK_S:
         raise ValueError(
             f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
@@ -58,24 +61,24 @@ class Tracks(Settings):
     """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
 
     flat_run_m: Length
-    """Between the centres of the rear and the front pulley: the part that lies on the stair."""
+    """Distance between the centres of the rear and the front pulley: length of track on the stair."""
     approach_m: Length
-    """Between the centres of the front and the nose pulley."""
+    """Distance between the centres of the front and the nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
-    """Angle of attack: the nose section above the flat run."""
+    """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
     gauge_m: Length
-    """Between the belts' centre lines."""
+    """Distance between the belts' centre lines."""
     belt_width_m: Length
 
 
 class Masses(Settings):
-    """Chassis without payload, seat included."""
+    """Mass and inertia of the chassis without payload, seat included."""
 
     chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
-    """Edges of the uniform box whose inertia the chassis has."""
+    """Edges of the uniform box with the chassis's inertia."""
 
 
 class Seat(Settings):
@@ -86,21 +89,21 @@ class Seat(Settings):
     """Centre of the payload relative to the hinge, seat level with the chassis."""
     payload_size_m: Size
     bar_m: Length
-    """Bar from slider to seat."""
+    """Length of the bar from slider to seat."""
     arm_m: Length
-    """Hinge to the bar's pin on the seat."""
+    """Distance from the hinge to the bar's pin on the seat."""
     slider_drop_m: Length
-    """Of the slider's rail below the hinge."""
+    """Depth of the slider's rail below the hinge."""
     stroke_m: tuple[Place, Place]
     """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
     max_rate_m_s: Speed
     lag_s: Lag
     """First-order lag of the actuator."""
     push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: it follows at any load."""
+    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: the actuator follows at any load."""
     no_load_m_s: Speed | None = None
     hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force that the actuator's screw holds while it stands [N]."""
+    """Holding force of the actuator's screw at rest [N]."""
 
     @model_validator(mode="after")
     def _a_limit_is_whole(self) -> "Seat":
@@ -123,7 +126,7 @@ class Drives(Settings):
     """First-order lag from command to belt speed."""
     max_acceleration_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
     brake_hold_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Force each belt's brake can hold."""
+    """Holding force of each belt's brake."""
 
 
 class Motor(Settings):
@@ -134,9 +137,9 @@ class Motor(Settings):
     no_load_speed_m_s: Speed
     """Belt speed without load [m/s], at the nominal voltage."""
     continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Belt force that the motor gives for ever [N]; the limit once it is hot."""
+    """Continuous belt force of the motor [N]; the limit once the motor is hot."""
     thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
-    """Time constant of its heating."""
+    """Time constant of the motor's heating."""
     moving_mass_kg: Mass
     """Inertia of rotor and gear as a mass at the belt, and the belt's own."""
     nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
@@ -149,7 +152,7 @@ class Battery(Settings):
     """Open-circuit voltage, full; linear in the charge down to ``empty_v``."""
     empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
     resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
-    """Internal, cables included."""
+    """Internal resistance, cables included."""
     capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
 
 
@@ -167,33 +170,43 @@ class Flipper(Settings):
     no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
     """Rate at which the motor has no torque left; its torque falls linearly to there. None: full torque at any rate."""
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
-    """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
+    """Damping against rising once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
     mass_kg: Mass
 
 
 class Rating(Settings):
-    """What the maker lets the chair do; physics may allow more on a good day."""
+    """Operational envelope by the maker; mechanics may allow more."""
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
-    """Steepest flight."""
+    """Slope of the steepest flight."""
     payload_kg: Mass
     """Heaviest load on any flight."""
     steep_payload_kg: Mass
-    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with all it has."""
+    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with its largest torque."""
     steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
 class CameraMount(Settings):
-    """Where the depth camera sits and how far it looks down."""
+    """Mounting of the depth camera: place, pitch and yaw."""
 
     position_m: Point
     pitch_deg: Degrees
     roll_deg: Degrees = 0.0
     yaw_deg: Degrees = 0.0
+    file: str | None = None
+    """Camera file with the intrinsics, relative to the chair's file; the mount in it is ignored. Unset: a Kinect 1."""
+    calibration: CameraFile | None = None
+    """Intrinsics given in the chair's file itself, in place of ``file``."""
+
+    @model_validator(mode="after")
+    def _intrinsics_are_given_once(self) -> "CameraMount":
+        if self.file is not None and self.calibration is not None:
+            raise ValueError("give camera.file or camera.calibration, not both: both hold the intrinsics")
+        return self
 
 
 class ChairDescription(Settings):
-    """A tracked chair: all that its maker knows about it."""
+    """A tracked chair as its maker describes it."""
 
     renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
 
@@ -204,15 +217,15 @@ class ChairDescription(Settings):
     drives: Drives
     camera: CameraMount
     rear_camera: CameraMount | None = None
-    """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
+    """Camera over the chair's back, for the edge and the flight below. None: the chair only climbs."""
     rating: Rating | None = None
-    """None: whatever mechanics allow."""
+    """Operational envelope. None: mechanics alone limit the chair."""
     flipper: Flipper | None = None
-    """None: the approach section is fixed."""
+    """Motor that turns the approach section. None: the section is fixed."""
     motor: Motor | None = None
-    """Of each belt. None: belts follow their speeds at any load."""
+    """Motor of each belt. None: belts follow their speeds at any load."""
     battery: Battery | None = None
-    """Feeds the motors; needed with them."""
+    """Battery of the motors; required with a motor."""
 
     @model_validator(mode="after")
     def _motors_have_a_battery(self) -> "ChairDescription":
@@ -241,9 +254,11 @@ class ChairDescription(Settings):
         return self
 
     def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
-        """Return the chair's front or rear Kinect 1 camera at 320×240, at which it is run, or 640×480.
+        """Return the chair's front or rear camera, its image scaled to a height.
 
-        575 px focal length at 640×480 is the value of the Kinect's own driver.
+        Args:
+            height_px: Image rows; the simulator renders 240 or 480. Width, focal lengths and principal point scale with it.
+            rear: Whether the camera that faces backwards is asked for.
 
         Raises:
             SettingsError: If the chair has no rear camera.
@@ -251,14 +266,15 @@ class ChairDescription(Settings):
         mount = self.rear_camera if rear else self.camera
         if mount is None:
             raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
-        scale = height_px / 480.0
+        known = mount.calibration or KINECT_1
+        scale = height_px / known.height
         return PinholeCamera(
-            width_px=round(640 * scale),
+            width_px=round(known.width * scale),
             height_px=height_px,
-            fx_px=575.0 * scale,
-            fy_px=575.0 * scale,
-            cx_px=(640 * scale - 1) / 2,
-            cy_px=(height_px - 1) / 2,
+            fx_px=known.fx_px * scale,
+            fy_px=known.fy_px * scale,
+            cx_px=(known.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
+            cy_px=(known.cy_px + 0.5) * scale - 0.5,
             mount_pitch_rad=mount.pitch_deg * DEG,
             mount_roll_rad=mount.roll_deg * DEG,
             mount_yaw_rad=mount.yaw_deg * DEG,
@@ -267,13 +283,13 @@ class ChairDescription(Settings):
 
     @property
     def half_width_m(self) -> float:
-        """From its middle to its widest part: belt, chassis or passenger."""
+        """Half width of the widest part: belt, chassis or passenger [m]."""
         tracks = self.tracks
         return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
 
     @property
     def swept_half_m(self) -> float:
-        """Half the width of the volume it sweeps as it drives straight."""
+        """Half width of the volume swept in straight driving [m]."""
         return self.half_width_m + SWEPT_SPARE_M
 
     @property
@@ -284,7 +300,7 @@ class ChairDescription(Settings):
 
     @property
     def rear_reach_m(self) -> float:
-        """From mid-track to the rearmost part of the tracks."""
+        """Distance from mid-track to the rearmost part of the tracks [m]."""
         return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
 
     @property
@@ -299,9 +315,17 @@ class ChairDescription(Settings):
 
 
 def read_chair(model: str) -> ChairDescription:
-    """Return the chair in a file, or the shipped one of that name.
+    """Return the chair in a file, or the shipped one of that name, with the intrinsics in its camera files.
 
     Raises:
-        SettingsError: If there is none, or its file says something it must not.
+        SettingsError: If there is none, or one of its files says something it must not.
     """
-    return read_toml(chair_file(model), ChairDescription)
+    path = chair_file(model)
+    chair = read_toml(path, ChairDescription)
+    mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
+    calibrated = {
+        name: mount.model_copy(update={"calibration": read_camera(path.parent / mount.file), "file": None})
+        for name, mount in mounts.items()
+        if mount is not None and mount.file is not None
+    }
+    return chair.model_copy(update=calibrated) if calibrated else chair

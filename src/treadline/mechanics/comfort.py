@@ -1,4 +1,4 @@
-"""What a body follows: means over 50 ms, of pitch rate and passenger (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
+"""Ride comfort: pitch rate and passenger acceleration as means over 50 ms (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from jaxtyping import Float
 from treadline.signals import TICK_S
 
 COMFORT_TICKS = 5
-"""50 ms at 100 Hz."""
+"""Samples in a mean: 50 ms at 100 Hz."""
 
 
 def lasting(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:
@@ -36,9 +36,9 @@ class Comfort:
     total_m_s2: float
     vertical_m_s2: float
     longitudinal_m_s2: float
-    """Along the chair's forward axis."""
+    """Largest acceleration along the chair's forward axis."""
     lateral_m_s2: float
-    """Across the chair's forward axis."""
+    """Largest acceleration across the chair's forward axis."""
     jerk_m_s3: float
     """99th percentile of the jerk: a jolt that lasts, not the noise of one sample."""
 

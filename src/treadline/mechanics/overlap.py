@@ -1,4 +1,4 @@
-"""How deep a chair that is put down lies in the stair: ``Vehicle, Standing, Staircase -> Overlap``, or None.
+"""Overlap of a chair that is put down with the stair: ``Vehicle, Standing, Staircase -> Overlap``, or None.
 
 Boxes against boxes, by the separating axis theorem (Gottschalk et al., SIGGRAPH 1996). A pulley is round along each axis that is
 tried; those axes are the boxes' own, so that a box's edge may count as up to 0.4 pulley radii nearer than it is.
@@ -16,7 +16,7 @@ from treadline.mechanics.bodies import Body, Standing, Vehicle, solids
 from treadline.mechanics.staircase import Box, Staircase
 
 PARALLEL = 1e-9
-"""Sine squared of the angle below which two edges are parallel, and their cross product is no axis."""
+"""Squared sine of the angle below which two edges count as parallel: their cross product is then no axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,11 +44,11 @@ class Overlap:
     """The deepest overlap of a part of the chair with a part of the stair."""
 
     part: str
-    """Shape of the chair, as ``bodies.vehicle`` names it."""
+    """Name of the chair's shape in ``bodies.vehicle``."""
     into: str
     """Kind of the stair's box."""
     index: int
-    """Step of that box; -1 for floor and walls."""
+    """Index of the box's step; -1 for floor and walls."""
     depth_m: float
 
 
@@ -72,12 +72,12 @@ def _placed(chair: Vehicle, start: Standing, flipper_rad: float) -> Iterator[Pla
 
 
 def _joint(body: Body, start: Standing, flipper_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return how a body is turned against the chassis."""
+    """Return the rotation of a body against the chassis."""
     return {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}.get(body.name, np.eye(3))
 
 
 def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Overlap | None:
-    """Return the deepest overlap of the chair with the stair as it is stood on, or None."""
+    """Return the deepest overlap of the chair with the stair, nosings rounded, or None."""
     boxes = [solid.box for solid in solids(staircase)]
     centres, radii = np.array([box.centre_W for box in boxes]), np.array([math.hypot(*box.half_m) for box in boxes])
     worst: Overlap | None = None
@@ -92,7 +92,7 @@ def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Over
 
 
 def depth_of_overlap(part: PlacedPart, box: Box) -> float:
-    """Return the way by which two boxes would have to be moved apart, negative where they do not touch."""
+    """Return the shortest distance that separates two boxes, negative where they do not touch."""
     A, B = part.R_WK, box.R_WK
     apart = np.array(box.centre_W) - part.centre_W
     cross = np.cross(A.T[:, None, :], B.T[None, :, :]).reshape(-1, 3)

@@ -33,13 +33,13 @@ class SteadyMotion:
     """Velocity of B's origin over the ground and yaw rate, one value per nosing phase."""
 
     along_m_s: Float[np.ndarray, " p"]
-    """Forward, along the belts."""
+    """Speed along the belts, positive forward."""
     across_m_s: Float[np.ndarray, " p"]
-    """To the left."""
+    """Speed across the belts, positive to the left."""
     yaw_rad_s: Float[np.ndarray, " p"]
-    """Positive to the left."""
+    """Yaw rate, positive to the left."""
     climb_m_s: Float[np.ndarray, " p"]
-    """Up the slope."""
+    """Speed up the slope."""
 
     @property
     def mean(self) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Tipping: how far gravity may still turn before a chair falls over an edge of what it stands on.
+"""Tip-over margins: angles by which gravity may still turn before a chair tips over an edge of its support.
 
 The chair stands on nosings, and which ones changes as it climbs. At the worst phase of that cycle the rearmost nosing
 lies nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is
@@ -12,12 +12,12 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Point
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
-"""The figure of ISO 7176-24; no claim to the standard is made."""
+"""Least static margin, the figure of ISO 7176-24; no claim to the standard is made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
-    """Angles to tipping [rad]; negative has tipped."""
+    """Tip-over margins [rad]; negative once tipped."""
 
     uphill: float
     downhill: float
@@ -26,24 +26,24 @@ class Margins:
 
     @property
     def worst(self) -> float:
-        """The smallest of the four."""
+        """Smallest of the four margins."""
         return min(self.uphill, self.downhill, self.left, self.right)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Support:
-    """How far the ground that the chair stands on reaches from B's origin, in B."""
+    """Extent of the support from B's origin to the four sides, in B."""
 
     front_m: float
     rear_m: float
-    """Positive to the rear."""
+    """Extent to the rear, positive."""
     left_m: float
     right_m: float
-    """Positive to the right."""
+    """Extent to the right, positive."""
 
 
 def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
-    """Return the support that is there at every phase of the nosing cycle."""
+    """Return the support that exists at every nosing phase."""
     tracks = chair.tracks
     half_length_m = 0.5 * tracks.flat_run_m - pitch_m
     half_width_m = 0.5 * (tracks.gauge_m + tracks.belt_width_m)

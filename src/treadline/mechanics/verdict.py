@@ -1,6 +1,6 @@
-"""``treadline check``: may this chair climb this stair? Mechanics only, before anything moves.
+"""``treadline check``: feasibility of a scenario by mechanics alone, before anything moves.
 
-Each refusal comes with its number and with what would help.
+``Scenario, ChairDescription -> CheckReport``. Each reason for refusal states its number, its bound and a remedy.
 """
 
 import math
@@ -21,37 +21,37 @@ from treadline.printing import Printable
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
-"""Friction wanted over tan β: nosings jolt."""
+"""Required ratio of friction to tan β; above 1 because nosings jolt."""
 SEAT_RESERVE_RAD = 3.0 * DEG
-"""Range the seat keeps beyond the slope: the chair rocks over nosings."""
+"""Range of the seat beyond the slope: the chair rocks over nosings."""
 BRAKE_RESERVE = 1.5
-"""Of a belt's brake over half of what pulls the chair down: a payload aside loads one belt by an eighth more, and a stop from
+"""Required ratio of a belt's brake to half of the downhill force: a payload aside loads one belt by an eighth more, and a stop from
 cruise speed asks for a sixth."""
 SIDES = ("uphill", "downhill", "left", "right")
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
 LANDING_SPARE_M = 0.60
-"""Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
+"""Depth of a landing between two flights beyond the tracks: nearer than 0.45 m its edge is hidden below the camera."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CheckReport(Printable):
-    """What mechanics say, under the contract's keys."""
+    """Verdict, reasons and margins of a scenario, under the contract's keys."""
 
     verdict: str
     """``go`` or ``refuse``."""
     reasons: list[str]
     track_length_margin_m: float
     friction_needed: float
-    """To stand: tan β."""
+    """Friction needed to stand: tan β."""
     friction_needed_with_reserve: float
-    """To be let onto the stair."""
+    """Friction needed to be allowed onto the stair."""
     friction_available: float
     friction_use_at_start: float
     """Share of the friction ellipse at the start heading; 1 slides."""
     stability_margin_deg: dict[str, float]
     seat_range_deg: tuple[float, float]
     proposed_seat_shift_m: float | None = field(default=None)
-    """What would reach the margin, where a shift of the seat can."""
+    """Seat shift that reaches the margin, where one does."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
@@ -171,7 +171,7 @@ def _shift_that_helps(
 
 
 def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
-    """Say what each belt's brake must hold of a chair that is held on the flight."""
+    """Return which force each belt's brake must hold on the flight."""
     holds_n = chair.drives.brake_hold_n
     upright_n = BRAKE_RESERVE * 0.5 * Loading(chair=chair, payload_kg=payload_kg).weight_n
     needed_n = upright_n * math.sin(slope_rad)
@@ -192,7 +192,7 @@ def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
 
 
 def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say where missing or long steps leave a track on one nosing: it must span any three neighbouring ones to touch two."""
+    """Return where missing or long steps leave a track on one nosing: a track on two spans any three neighbouring ones."""
     needed_m = _widest_spacing_m(scenario, 2)
     if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
         return None
@@ -220,7 +220,7 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
 
 
 def _turning_flights(stair: Stair) -> str | None:
-    """Say where flights turn: the mission drives straight on over a landing, and would drive off its far end."""
+    """Refuse flights that turn: the mission drives straight on over a landing, and would drive off its far end."""
     if stair.turn == "none":
         return None
     where = f"{stair.flights} flights turn {stair.turn} at their landings"
@@ -241,7 +241,7 @@ def _winders(stair: Stair) -> str | None:
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
-    """Say how deep a landing must be on which the chair has left one flight whole, and sees the next, before it enters it."""
+    """Return how deep a landing must be for the chair to leave one flight whole and see the next before it enters it."""
     needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
     if stair.flights == 1 or stair.between_m >= needed_m:
         return None

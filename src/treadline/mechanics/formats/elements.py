@@ -1,4 +1,4 @@
-"""What URDF and SDF have in common: numbers as text, elements of one line, and a mass divided among links."""
+"""Common parts of URDF and SDF: numbers as text, elements of one line, and a mass divided among links."""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from treadline.mechanics.bodies import Body
 from treadline.mechanics.chair import Point
 
 SHARE = 0.02
-"""Of a body's mass that the link on either side of it takes: simulators want a mass in each link, and the sum must not change."""
+"""Share of a body's mass in the link on either side: simulators require a mass in each link, and the sum must not change."""
 SIDE_SIZE_M = 0.05
-"""Edge of the thin level plate whose inertia such a link has: what is left of a flipper, as thin, can still be."""
+"""Edge of the thin level plate with such a link's inertia: the remainder of a flipper, as thin, is still possible."""
 Inertia = tuple[float, float, float]
 
 
@@ -46,7 +46,7 @@ def divided(body: Body, aside_m: float) -> tuple[Mass, Mass, Mass]:
 
 
 def text(*values: float) -> str:
-    """Return numbers in a row, all their digits kept."""
+    """Return numbers in a row, with all digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 

@@ -31,10 +31,10 @@ from treadline.scenario import Chair
 
 VERSION = "1.6"
 STEP_S = 0.001
-"""Gazebo's own; contacts of belts on nosings are stiff."""
+"""Physics step, Gazebo's default; contacts of belts on nosings are stiff."""
 ITERATIONS = 1000
-"""Of ODE's solver in a step: with its own 50 a chair turns right three times as fast as left, with 400 still half as fast from 30°
-askew (docs/gazebo.md)."""
+"""Iterations of ODE's solver in a step: with its default of 50 a chair turns right three times as fast as left, with 400 still half
+as fast from a heading of 30° (docs/gazebo.md)."""
 LIGHT = """<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose><diffuse>0.8 0.8 0.8 1</diffuse>
 <specular>0.1 0.1 0.1 1</specular><direction>0.4 0.2 -0.9</direction><cast_shadows>false</cast_shadows></light>"""
 

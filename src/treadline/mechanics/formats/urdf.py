@@ -13,7 +13,7 @@ from treadline.scenario import Chair
 from treadline.signals import CAMERA_AXES_IN_CHAIR
 
 STIFF_N_M = 1000.0
-"""Written as the effort of a joint whose actuator is as stiff as need be: URDF wants a number."""
+"""Effort limit written for a joint with a rigid actuator: URDF requires a number."""
 COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
 
 

@@ -1,4 +1,4 @@
-"""What a camera can look at: boxes of any orientation, each with a colour of its own."""
+"""Solids that a camera renders: boxes of any orientation, each with its colour."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Shadow:
 
     normal_W: tuple[float, float, float]
     level_m: float
-    """Of the band's middle, along the normal."""
+    """Place of the band's middle along the normal."""
     half_m: float
 
 
@@ -36,16 +36,16 @@ class Solid:
     """A box K in the world."""
 
     kind: str
-    """``floor``, ``step``, ``riser``, ``landing``, ``wall`` as in a staircase, or what else stands there."""
+    """Kind of the box in a staircase (``floor``, ``step``, ``riser``, ``landing``, ``wall``), or of another object."""
     centre_W: Float[np.ndarray, " 3"]
     half_m: Float[np.ndarray, " 3"]
     R_WK: Float[np.ndarray, "3 3"]
     colour: Rgb | None = None
-    """Of its own; None for what its kind has."""
+    """Colour of the solid; None for that of its kind."""
     texture: str | None = None
-    """Of its own; None for the scene's."""
+    """Texture of the solid; None for the scene's."""
     index: int = -1
-    """Of the step it belongs to; -1 for the rest."""
+    """Index of the solid's step; -1 for all others."""
 
 
 def solids_of(boxes: Iterable[Box]) -> tuple[Solid, ...]:
@@ -72,7 +72,7 @@ def upright(
     yaw_rad: float = 0.0,
     index: int = -1,
 ) -> Solid:
-    """Return a box between two corners, turned about its own middle."""
+    """Return a box between two corners, turned about its middle."""
     low, high = np.array(low_W), np.array(high_W)
     return Solid(
         kind=kind,
