@@ -99,7 +99,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	@echo "documentation: site/index.html"
+	@echo "documentation: site/index.html (make docs-serve for the search)"
 
 docs-serve: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve
