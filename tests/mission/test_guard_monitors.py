@@ -210,6 +210,16 @@ def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
     assert watch.travel_m == 0.4375
 
 
+def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
+    """Test: a second at 0.5 m/s. Expected result: the travel at 0.75 s, and the newest for a stamp after the last reading."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    assert watch.travel.at(0.0) == (0.0, 0.0)
+    for k in range(17):
+        watch.update(reading(k / 16, 0.25, 0.75))
+    assert watch.travel.at(0.75) == (0.375, 0.1875)
+    assert watch.travel.at(2.0) == (0.5, 0.25)
+
+
 def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
