@@ -15,9 +15,9 @@ Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
 """Share of the image: a principal point there belongs to an image of twice the size, not to a crop that anyone takes."""
 SQUARE = (0.8, 1.25)
-"""Of a pixel's width to its height: what calibrations of one lens come to; anamorphic cameras are none."""
+"""Accepted ratio of a pixel's width to its height; anamorphic cameras are excluded."""
 FIELD_DEG = (10.0, 150.0)
-"""Of view, across and upright: below it a telescope, above it a fisheye, which is no pinhole."""
+"""Accepted horizontal and vertical field of view [deg]: below it a telescope, above it a fisheye, which is no pinhole."""
 RIGID = 1e-3
 """How far a rotation may be from one: calibrations are printed with few digits."""
 MOUNT_ANGLES = ("mount_pitch_deg", "mount_roll_deg", "mount_yaw_deg")
