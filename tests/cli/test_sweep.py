@@ -138,7 +138,7 @@ def test_an_interrupted_sweep_names_what_goes_on_with_it(
     monkeypatch.setattr("treadline.campaign.sweep.run_sweep", interrupted)
     done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
     assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
-    assert "the same command with --resume goes on with it" in done.err
+    assert "the same command with --resume continues it" in done.err
 
 
 def test_a_sweep_keeps_its_plug_ins_when_it_is_resumed_and_repeated(
