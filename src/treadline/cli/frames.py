@@ -47,7 +47,7 @@ def frames(
     from treadline.errors import SettingsError
     from treadline.io.runs import remove
     from treadline.settings import parse_toml, settings_of
-    from treadline.sim.camera import Recipe
+    from treadline.sim.camera import ViewRecipe
     from treadline.sim.camera.folder import write_views
     from treadline.sim.camera.recipe import CLUTTER
 
@@ -69,7 +69,7 @@ def frames(
         options["clutter_chance"] = 0.4
     given = {key: value for key, value in options.items() if value is not None}
     file = {} if recipe is None else parse_toml(recipe)
-    settings = settings_of(file | given, Recipe, where="frames" if recipe is None else str(recipe))
+    settings = settings_of(file | given, ViewRecipe, where="frames" if recipe is None else str(recipe))
     if force:
         remove(out, [path.name for path in out.glob("[0-9]*_*.png")])
     with Progress("frames", count) as progress:
