@@ -27,11 +27,7 @@ NOT_YET = frozenset(
 )
 """Folders that still break the rules. A folder leaves this list in the change that cleans it, and never returns."""
 
-HOMONYMS_NOT_YET = frozenset(
-    {
-        "_Ride",
-    }
-)
+HOMONYMS_NOT_YET = frozenset({"_Ride"})
 """Class names that still have several meanings. The list shrinks like ``NOT_YET``."""
 
 

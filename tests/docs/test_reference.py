@@ -42,3 +42,15 @@ def test_the_command_page_shows_the_help_of_every_command() -> None:
         assert f"\n## {heading}\n" in page
         for verb in verbs:
             assert f"Usage: treadline {verb.__name__.rstrip('_')}" in page
+
+
+def test_every_module_of_the_python_reference_exists() -> None:
+    pages = sorted((DOCS / "reference" / "api").glob("*.md"))
+    named = [
+        line.removeprefix("::: ")
+        for page in pages
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if line.startswith("::: ")
+    ]
+    assert len(named) > 20
+    assert [name for name in named if importlib.util.find_spec(name) is None] == []

@@ -26,7 +26,7 @@ typedef struct {
 /* Estimate and plan. */
 typedef struct {
     bool has_estimate; /* false: no heading estimate; the chair stops */
-    bool steers;       /* false: steering is external or suspended; the estimated mismatch is reset */
+    bool steers;       /* false: steering is not its own or is suspended; the estimated mismatch is reset */
     double heading_rad;
     double heading_rate_rad_s;
     double speed_m_s;          /* speed of both belts, negative when backing down */
