@@ -63,7 +63,7 @@ class Tracks(Settings):
     approach_m: Length
     """Distance between the centres of front and nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
-    """Angle of attack: the nose section above the flat run."""
+    """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
     gauge_m: Length
     """Distance between the belts' centre lines."""
@@ -71,7 +71,7 @@ class Tracks(Settings):
 
 
 class Masses(Settings):
-    """Chassis without payload, seat included."""
+    """Mass and inertia of the chassis without payload, seat included."""
 
     chassis_kg: Mass
     chassis_com_m: Point
@@ -178,7 +178,7 @@ class Rating(Settings):
     """Manufacturer's limits; physics may allow more."""
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
-    """Steepest flight."""
+    """Slope of the steepest flight."""
     payload_kg: Mass
     """Largest payload on any flight."""
     steep_payload_kg: Mass

@@ -126,7 +126,7 @@ def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say which step to start from where the flat run would lie on winders: their nosings are in no common plane."""
+    """Return from which step to start where the flat run would lie on winders, whose nosings are in no common plane."""
     start, stair = scenario.start, scenario.stair
     if start.place != "flight" or not stair.winders:
         return None
