@@ -27,10 +27,10 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
+from treadline.camera_file import CameraFile
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.perception.camera_file import CameraFile
 from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap

@@ -153,10 +153,10 @@ def test_faults_may_be_drawn(spec_file: Write) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "draws nothing"),
+        ("", "no draws; add"),
         ("draw = 3", "draw: must be a list of tables"),
         ("[[draw]]\nuniform = [0, 1]", "draw.0.key: missing; give text"),
-        ('[[draw]]\nkey = "stair.slope_deg"', r"draw 1 \(stair.slope_deg\): says not how it is drawn; give one of uniform"),
+        ('[[draw]]\nkey = "stair.slope_deg"', r"draw 1 \(stair.slope_deg\): has no distribution; give one of uniform"),
         ('[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 30]\nvalue = 3', "has uniform and value; give one of"),
         ('[[draw]]\nkey = "stair.slope_deg"\nunifrom = [20, 30]', "draw.0.unifrom: unknown key"),
         ('[[draw]]\nkey = "stair.slpoe"\nuniform = [20, 30]', r"\[stair\] has no key 'slpoe'; it has rise_m, run_m"),
@@ -167,22 +167,22 @@ def test_faults_may_be_drawn(spec_file: Write) -> None:
         ('[[draw]]\nkey = "stair.friction.0"\nuniform = [0.5, 3]', "friction.0: must be a number > 0 and ≤ 2 .got 3."),
         ('[[draw]]\nkey = "stair.texture"\nchoice = ["wood", "ice"]', "texture: must be 'wood', .* or 'dark' .got 'ice'."),
         ('[[draw]]\nkey = "stair.texture"\nuniform = [0, 1]', "texture: must be 'wood'"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [1.2, 1.0]', "uniform from 1.2 to 1 is no range"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [1.2, 1.0]', "uniform from 1.2 to 1 is empty"),
         ('[[draw]]\nkey = "stair.light"\nuniform = [1.2]', r"uniform must be two bounds, \[low, high\]"),
         ('[[draw]]\nkey = "stair.light"\nuniform = ["a", "b"]', "a bound must be a number, or"),
         ('[[draw]]\nkey = "stair.light"\nuniform = [nan, 1]', "a bound is nan; it must be finite"),
-        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.texture" }, 1]', "is no number of a scenario"),
+        ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.texture" }, 1]', "is not a number in a scenario"),
         ('[[draw]]\nkey = "stair.light"\nuniform = [{ times = 1, of = "stair.x" }, 1]', r"\[stair\] has no key 'x'"),
         ('[[draw]]\nkey = "stair.light"\nchoice = []', "choice must be a list of one value or more"),
         ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [1]', "weights must be as many as the values"),
-        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [0, 0]', "one of them above 0"),
+        ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [0, 0]', "at least one above 0"),
         ('[[draw]]\nkey = "stair.light"\nchoice = [1.0, 1.1]\nweights = [-1, 2]', "weights.0: must be a number ≥ 0 .got -1"),
         ('[[draw]]\nkey = "stair.light"\nnormal = { mean = 1, sigma = 0, low = 1, high = 2 }', "sigma: must be a number > 0"),
         ('[[draw]]\nkey = "stair.light"\nnormal = { mean = 1, sigma = 1, low = 2, high = 1 }', "low must be less"),
         ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = "up"', "when must be a table"),
         ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.dir" = "up" }', r"when: \[drive\] has no key 'dir'"),
         ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.speed_m_s" = { below = 1 } }', "above and at_most"),
-        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.direction" = { above = 1 } }', "need a number"),
+        ('[[draw]]\nkey = "stair.light"\nvalue = 1.0\nwhen = { "drive.direction" = { above = 1 } }', "need a numeric key"),
         ('[stair]\nslope = 3\n[[draw]]\nkey = "stair.light"\nvalue = 1.0', "stair.slope: unknown key"),
         (
             '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n[[draw]]\nkey = "stair.rise_m"\nuniform = [0.12, 0.18]',
@@ -191,7 +191,7 @@ def test_faults_may_be_drawn(spec_file: Write) -> None:
         (
             '[[draw]]\nkey = "stair.slope_deg"\nuniform = [20, 44]\n'
             '[[draw]]\nkey = "stair.friction.0"\nuniform = [{ times = 1.1, of = "stair.tan_slope" }, 1.0]',
-            r"draw 2 \(stair.friction.0\): at the ends of its ranges: uniform from 1.062 to 1 is no range",
+            r"draw 2 \(stair.friction.0\): at the ends of its ranges: uniform from 1.062 to 1 is empty",
         ),
     ],
 )

@@ -140,8 +140,10 @@ def test_frames_of_another_run_are_not_mixed_in(run, tmp_path: Path) -> None:
     before = contents(tmp_path)
     refused = run("frames", "--out", tmp_path, "--count", 2, "--seed", 1)
     assert refused.code == 2
-    assert "00002_depth.png" in refused.err
+    assert "not empty" in refused.err
     assert contents(tmp_path) == before
+    assert run("frames", "--out", tmp_path, "--count", 2, "--seed", 1, "--force").code == 0
+    assert not (tmp_path / "00002_depth.png").exists()
 
 
 def test_an_interruption_leaves_tables_of_what_was_finished(run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of
+from treadline.camera_file import read_camera
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.perception.camera_file import read_camera
 from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
 from treadline.sim.camera import RecordedDrive, ViewRecipe
 
@@ -102,7 +102,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
         "mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\n"
     )
-    outcome = run("mount", driven, "--camera", told, "--out", told)
+    outcome = run("mount", driven, "--camera", told, "--out", told, "--force")
     assert outcome.code == 0, outcome.err
     assert outcome.out.startswith("pitch 4")
     assert f"treadline replay {driven} --camera {told} --out RUN" in outcome.out

@@ -2,8 +2,8 @@
 
 import pytest
 
+from treadline.camera_file import CameraFile
 from treadline.errors import SettingsError
-from treadline.perception.camera_file import CameraFile
 from treadline.settings import settings_of
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from treadline.camera_file import read_camera
 from treadline.errors import ImageError
 from treadline.perception import StairDetector
-from treadline.perception.camera_file import read_camera
 from treadline.perception.detection import StairDetection
 from treadline.signals import PinholeCamera, RgbdFrame
 

@@ -46,6 +46,7 @@ def frames(
     from treadline.cli.numbers import numbers, words
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
+    from treadline.io.runs import remove
     from treadline.settings import parse_toml, settings_of
     from treadline.sim.camera import ViewRecipe
     from treadline.sim.camera.folder import write_views
@@ -70,6 +71,8 @@ def frames(
     given = {key: value for key, value in options.items() if value is not None}
     file = {} if recipe is None else parse_toml(recipe)
     settings = settings_of(file | given, ViewRecipe, where="frames" if recipe is None else str(recipe))
+    if force:
+        remove(out, [path.name for path in out.glob("[0-9]*_*.png")])
     with Progress("frames", count) as progress:
         write_views(settings, out, count=count, seed=seed, watch=progress.done)
     values = {"frames": count, "out": str(out), "truth": str(out / "truth.csv"), "seed": seed}

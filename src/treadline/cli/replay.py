@@ -57,9 +57,9 @@ def replay(
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
+    from treadline.camera_file import read_camera
     from treadline.experiments.replay_settings import camera_items
     from treadline.experiments.replayed import replayed_run
-    from treadline.perception.camera_file import read_camera
 
     claim(out, force=force)
     told = () if camera is None else camera_items(read_camera(camera))

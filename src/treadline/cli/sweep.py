@@ -77,8 +77,12 @@ def sweep(
     resolved_controller(controller)  # loaded once here, so that a mistake is found before a process starts
     resolved_plugin("detector", detector)
     resolved_plugin("estimator", estimator)
+    blocks = {"--controller": controller, "--detector": detector, "--estimator": estimator}
+    shared = tuple(word for option, value in blocks.items() if value is not None for word in (option, value))
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)
-    plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
+    plan = SweepPlan(
+        spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score, climb_options=shared
+    )
     count = min(workers or default_workers(), plan.total)
     compile_once()
     runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)

@@ -172,7 +172,7 @@ def _log(log: Sequence[Exchange]) -> str:
             f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
             f"#define HEADING_LOG_LENGTH {len(log)}",
             "static const struct {",
-            "    heading_input input; /* is there an estimate, does it steer; heading, rate, speed, heading to steer to, share */",
+            "    heading_input input; /* has an estimate, steers; heading, rate, speed, target heading, inner speed ratio */",
             "    heading_command answer;",
             "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
             f"    {rows},",

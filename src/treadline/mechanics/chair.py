@@ -10,6 +10,7 @@ from typing import Annotated, ClassVar
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.angles import DEG
+from treadline.camera_file import CameraFile, read_camera
 from treadline.chair_files import chair_file
 from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
@@ -19,6 +20,8 @@ GRAVITY_M_S2 = 9.81
 """Acceleration of gravity [m/s²]."""
 EMPTY_SEAT_KG = 0.5
 """Mass of the seat shell, which rotates with the payload [kg]."""
+KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
+"""Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
 SWEPT_SPARE_M = 0.025
 """Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
@@ -193,6 +196,16 @@ class CameraMount(Settings):
     pitch_deg: Degrees
     roll_deg: Degrees = 0.0
     yaw_deg: Degrees = 0.0
+    file: str | None = None
+    """Camera file with the intrinsics, relative to the chair's file; the mount in it is ignored. Unset: a Kinect 1."""
+    calibration: CameraFile | None = None
+    """Intrinsics given in the chair's file itself, in place of ``file``."""
+
+    @model_validator(mode="after")
+    def _intrinsics_are_given_once(self) -> "CameraMount":
+        if self.file is not None and self.calibration is not None:
+            raise ValueError("give camera.file or camera.calibration, not both: both hold the intrinsics")
+        return self
 
 
 class ChairDescription(Settings):
@@ -244,9 +257,11 @@ class ChairDescription(Settings):
         return self
 
     def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
-        """Return the chair's front or rear Kinect 1 camera at 320×240 (default) or 640×480.
+        """Return the chair's front or rear camera, its image scaled to a height.
 
-        The focal length of 575 px at 640×480 is the value of the Kinect driver.
+        Args:
+            height_px: Image rows; the simulator renders 240 or 480. Width, focal lengths and principal point scale with it.
+            rear: Whether the camera that faces backwards is asked for.
 
         Raises:
             SettingsError: If the chair has no rear camera.
@@ -254,14 +269,15 @@ class ChairDescription(Settings):
         mount = self.rear_camera if rear else self.camera
         if mount is None:
             raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
-        scale = height_px / 480.0
+        known = mount.calibration or KINECT_1
+        scale = height_px / known.height
         return PinholeCamera(
-            width_px=round(640 * scale),
+            width_px=round(known.width * scale),
             height_px=height_px,
-            fx_px=575.0 * scale,
-            fy_px=575.0 * scale,
-            cx_px=(640 * scale - 1) / 2,
-            cy_px=(height_px - 1) / 2,
+            fx_px=known.fx_px * scale,
+            fy_px=known.fy_px * scale,
+            cx_px=(known.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
+            cy_px=(known.cy_px + 0.5) * scale - 0.5,
             mount_pitch_rad=mount.pitch_deg * DEG,
             mount_roll_rad=mount.roll_deg * DEG,
             mount_yaw_rad=mount.yaw_deg * DEG,
@@ -307,4 +323,12 @@ def read_chair(model: str) -> ChairDescription:
     Raises:
         SettingsError: If no such chair exists, or the file is invalid.
     """
-    return read_toml(chair_file(model), ChairDescription)
+    path = chair_file(model)
+    chair = read_toml(path, ChairDescription)
+    mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
+    calibrated = {
+        name: mount.model_copy(update={"calibration": read_camera(path.parent / mount.file), "file": None})
+        for name, mount in mounts.items()
+        if mount is not None and mount.file is not None
+    }
+    return chair.model_copy(update=calibrated) if calibrated else chair

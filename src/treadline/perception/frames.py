@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.camera_file import read_camera
 from treadline.errors import ImageError
-from treadline.perception.camera_file import read_camera
 from treadline.perception.detection import StairDetection, StairShape, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.edges import ThresholdRule

@@ -35,7 +35,7 @@ def delta_x(left: Float[np.ndarray, " 2"], right: Float[np.ndarray, " 2"], a: fl
 
     Paper: Eq. (3).
     """
-    return float(a * (right[0] * right[1] - left[0] * left[1] + centre_px * (left[1] - right[1])))
+    return float(world_x(right[0], right[1], a, centre_px) - world_x(left[0], left[1], a, centre_px))
 
 
 def delta_d(left_m: Float[np.ndarray, " n"], right_m: Float[np.ndarray, " n"]) -> float:

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from treadline.camera_file import CameraFile
 from treadline.errors import ImageError
-from treadline.perception.camera_file import CameraFile
 from treadline.signals import RgbdFrame
 
 PNG_START = b"\x89PNG\r\n\x1a\n"

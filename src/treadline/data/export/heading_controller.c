@@ -1,16 +1,16 @@
-/* u = speed - K x - disturbance, on both belts, within their limits. See heading_controller.h. */
+/* State feedback u = speed - K x - disturbance on both belts, within their limits. See heading_controller.h. */
 #include "heading_controller.h"
 
 #define N HEADING_STATES
 
 static const double PI = 3.14159265358979323846;
-static const double BELT_DIFFERENCE[2] = {-0.5, 0.5}; /* of the disturbance: right belt faster */
+static const double BELT_DIFFERENCE[2] = {-0.5, 0.5}; /* direction of the disturbance: right belt faster */
 
 static double magnitude(double value) { return value < 0.0 ? -value : value; }
 
 static double within(double value, double limit) { return value < -limit ? -limit : value > limit ? limit : value; }
 
-/* NaN fails every comparison, and so is not usable. */
+/* NaN fails every comparison and is therefore rejected. */
 static bool is_usable(const heading_input *input) {
     return input->has_estimate && magnitude(input->heading_rad) <= PI &&
            magnitude(input->heading_rate_rad_s) <= HEADING_FASTEST_TURN_RAD_S && magnitude(input->target_heading_rad) <= PI &&
@@ -18,7 +18,7 @@ static bool is_usable(const heading_input *input) {
 }
 
 #if HEADING_STATIC
-/* x = (C - DK)^-1 y: no memory (Eq. 11b of the paper). */
+/* Static reconstruction x = (C - DK)^-1 y, without memory (Eq. 11b of the paper). */
 static void find_state(heading_state *memory, const double y[2], double speed_m_s, double x[N]) {
     static const double INVERSE[N][2] = HEADING_INVERSE;
     static const double OUTPUT_OFFSET[2] = HEADING_OUTPUT_OFFSET;
@@ -41,7 +41,7 @@ static void output_of(const double x[N], double y[2]) {
     }
 }
 
-/* Go one period on with what the belts were really told: a limit reached winds nothing up. */
+/* Advance one period with the saturated belt speeds, so that limits cause no windup. */
 static void go_on(heading_state *memory, double speed_m_s) {
     static const double A[N][N] = HEADING_A;
     static const double B[N][2] = HEADING_B;
@@ -76,7 +76,7 @@ static void go_on(heading_state *memory, double speed_m_s) {
 #endif
 }
 
-/* The observer's state, corrected by what is seen now. */
+/* State of the observer, corrected by the current measurement. */
 static void find_state(heading_state *memory, const double y[2], double speed_m_s, double x[N]) {
     static const double START[N][2] = HEADING_START;
     static const double CORRECTION[N][2] = HEADING_CORRECTION;
@@ -99,7 +99,7 @@ static void find_state(heading_state *memory, const double y[2], double speed_m_
 #endif
 
 #if HEADING_CLIMB_SAFE
-/* Steering as asked for, as far as the limits let it be; the slower belt keeps its share of the climb speed. */
+/* Demanded steering within the limits; the inner belt keeps its ratio of the climb speed. */
 static void allocate(const double asked[2], double speed_m_s, double share, double given[2]) {
     const double slowest = share * speed_m_s;
     const double by_belt = 0.5 * (HEADING_MAX_SPEED_M_S - slowest);
@@ -119,7 +119,7 @@ static void allocate(const double asked[2], double speed_m_s, double share, doub
 }
 #endif
 
-/* Backing down: no belt may run uphill while the other lets down, and none may let down faster than half as much again. */
+/* Backing down: no belt may run uphill, and no belt may run down faster than 1.5 times the commanded speed. */
 static void allocate_down(const double asked[2], double speed_m_s, double given[2]) {
     const double half = within(0.5 * (asked[1] - asked[0]), (1.0 - HEADING_SLOWEST_BACKING) * magnitude(speed_m_s));
     given[0] = speed_m_s - half;
@@ -141,7 +141,7 @@ heading_command heading_step(heading_state *memory, const heading_input *input) 
         return stop;
     }
     if (!is_usable(input)) {
-        /* The state is seen again in one period; what the belts' difference is took many. */
+        /* The state is observed again within one period; the belt mismatch took many, so it is kept. */
         memory->is_running = false;
         return stop;
     }

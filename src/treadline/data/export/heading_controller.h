@@ -1,9 +1,9 @@
-/* The heading controller of a tracked chair on a stair: the heading in, belt speeds out, once per period.
+/* Heading controller of a tracked chair on a stair: heading in, belt speeds out, once per period.
  *
- * Written by `treadline export`. It is treadline's HeadingController line by line: an observer that carries the constant
- * difference between the belts, an LQR gain, and belt speeds within limits that do not let the chair slide.
+ * Written by `treadline export`, a line-by-line port of treadline's HeadingController: an observer that estimates a
+ * constant belt mismatch, an LQR gain, and belt speeds within limits that keep the chair from sliding.
  *
- * C99. It allocates nothing, keeps nothing but the state that the caller owns, and needs no library.
+ * C99 without memory allocation, global state or libraries; the caller owns the state.
  * Signs: heading is anticlockwise seen from above, zero square to the stair; positive speed drives up the stair.
  */
 #ifndef HEADING_CONTROLLER_H
@@ -13,25 +13,25 @@
 
 #include "heading_numbers.h"
 
-/* All that is remembered from one call to the next. */
+/* State between calls. */
 typedef struct {
     double state[HEADING_STATES];
-    double disturbance_m_s; /* right belt faster than the left by so much, as learned */
-    double given_m_s[2];    /* left, right: asked of the belts last time */
-    double seen[2];         /* heading from where to steer [rad], rate [rad/s]: last time */
+    double disturbance_m_s; /* estimated belt mismatch, right minus left */
+    double given_m_s[2];    /* previous command: left, right */
+    double seen[2];         /* previous heading error [rad] and rate [rad/s] */
     bool is_running;
     bool was_limited;
 } heading_state;
 
-/* What is known now, and what is wanted. */
+/* Estimate and plan. */
 typedef struct {
-    bool has_estimate; /* false: there is no heading; the chair stands */
-    bool steers;       /* false: something else turns the chair, or it is let alone; what was learned of its belts is void */
+    bool has_estimate; /* false: no heading estimate; the chair stops */
+    bool steers;       /* false: steering is external or suspended; the estimated mismatch is reset */
     double heading_rad;
     double heading_rate_rad_s;
-    double speed_m_s;          /* of both belts, negative backs down */
-    double target_heading_rad; /* to steer to */
-    double min_inner_speed_ratio;      /* of the speed, kept by the slower belt where the chair climbs; HEADING_SLOWEST_CLIMBING by default */
+    double speed_m_s;          /* speed of both belts, negative when backing down */
+    double target_heading_rad; /* target heading */
+    double min_inner_speed_ratio;      /* inner belt speed over the climb speed; HEADING_SLOWEST_CLIMBING by default */
 } heading_input;
 
 typedef struct {
@@ -40,11 +40,11 @@ typedef struct {
     bool brake;
 } heading_command;
 
-/* Forget everything, what the belts' difference is as well. */
+/* Reset the state, including the estimated mismatch. */
 void heading_reset(heading_state *memory);
 
-/* Answer one estimate; call it every HEADING_PERIOD_S. Without a usable estimate, and where something else steers: zero speed
- * and brake. */
+/* Return the command for one estimate; call every HEADING_PERIOD_S. Without a usable estimate, or with external steering:
+ * zero speed and brake. */
 heading_command heading_step(heading_state *memory, const heading_input *input);
 
 #endif

@@ -1,8 +1,8 @@
-/* Replays a log through the controller and compares it with what treadline itself answered.
+/* Replay a log through the controller and compare the commands with treadline's.
  *
  *     cc -std=c99 -O2 heading_controller.c heading_selftest.c -o heading_selftest && ./heading_selftest
  */
-#include <math.h> /* NAN; no function of it is called */
+#include <math.h> /* for NAN only */
 #include <stdio.h>
 
 #include "heading_controller.h"
