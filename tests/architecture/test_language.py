@@ -16,7 +16,6 @@ FOLDERS = [*sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and 
 
 NOT_YET = frozenset(
     {
-        ".",
         "cli",
         "experiments",
         "io",

@@ -26,6 +26,10 @@ def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
     assert read_chair(str(own)) == read_chair("wheelchair")
 
 
+def test_the_key_of_the_previous_release_is_still_read(tmp_path: Path) -> None:
+    assert read_chair(changed_file(tmp_path, "\nlever_arm_m = ", "\narm_m = ")) == read_chair("wheelchair")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

@@ -317,7 +317,7 @@ def test_a_chair_driven_onto_winders_turns_and_rolls_as_their_nosings_lie(side: 
             FlipperCommand(t_s=0.01 * k, rate_rad_s=0.5 if k < 100 else 0.0),
         )
         truth = plant.truth()[-1]
-        R_WB, p_WB = plant._whereabouts()
+        R_WB, p_WB = plant._pose_WB()
         pulley_B = np.array([0.5 * tracks.flat_run_m, sign * 0.5 * tracks.gauge_m, tracks.pulley_radius_m])
         if met_m is None and abs(truth.heading_rad) > 0.2 * DEG:
             met_m = float((p_WB + R_WB @ pulley_B)[0]) + tracks.pulley_radius_m
