@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 OUT ?= reproduce
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
+.PHONY: help setup reproduce quick publish test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
 	@echo "make quick        the same, shortened (figures are marked as such)"
+	@echo "make publish      write the headline figures of $(OUT) to README.md and docs/evidence/results.json"
 	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
 	@echo "make test         run all tests"
 	@echo "make fast         run the tests that finish within a minute"
@@ -53,6 +54,9 @@ reproduce: setup
 
 quick: setup
 	$(BIN)/treadline reproduce --quick --out $(OUT) --force
+
+publish: setup
+	$(BIN)/python benchmarks/publish.py $(OUT)
 
 test: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile

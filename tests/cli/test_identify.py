@@ -108,7 +108,7 @@ def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path
     assert outcome.code == 0
     assert "on the data that were fitted: free run fits heading_rad" in outcome.out
     assert str(tmp_path / "p.html") in outcome.out
-    (said,) = re.findall(r"\d+ samples; \d+ windows fitted, 0 left out for gaps", outcome.out)
+    (said,) = re.findall(r"\d+ samples; \d+ windows fitted, 0 omitted for gaps", outcome.out)
     assert said in (tmp_path / "p.html").read_text()
 
 

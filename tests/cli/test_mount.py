@@ -14,13 +14,13 @@ from treadline.camera_file import read_camera
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
-from treadline.sim.camera import Recipe, RecordedDrive
+from treadline.sim.camera import RecordedDrive, ViewRecipe
 
 SECONDS = 26
 """Eight stretches of three seconds, and two for the tail: the least that the calibrator answers to."""
 IMU_S = 0.05
 PITCH_OFF_DEG, ROLL_OFF_DEG = 2.0, -3.0
-RECIPE = Recipe(
+RECIPE = ViewRecipe(
     scenes=("up",),
     steps=(48, 50),
     place_m=(0.3, 0.5),
@@ -153,7 +153,7 @@ def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path
     for change, words in (
         (stands, "the chair stands"),
         (level, "the slope seen is more than 3° from the one felt"),
-        (dark, "no gravity, and no treads to tell it from"),
+        (dark, "no gravity, and no treads to estimate it from"),
     ):
         outcome = run("mount", changed(driven, tmp_path / "log.mcap", change), "--out", tmp_path / "camera.toml", "--json")
         assert outcome.code == 1

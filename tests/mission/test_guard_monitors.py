@@ -10,7 +10,7 @@ import pytest
 from treadline.estimation import HeadingHealth
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
-from treadline.mission.guard import GuardConfig
+from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
@@ -80,6 +80,24 @@ def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
     assert stamps.leap == "clock of a leapt 1.12 s back"
     assert stamps.accept_reading("a", 0.125)  # the new clock goes on
     assert stamps.accept_reading("b", 0.5)  # each kind has its own
+
+
+def test_a_node_admits_what_the_guard_admits() -> None:
+    """Test: readings that are sound, repeated, and not finite. Expected result: an admission alone answers as the guard does."""
+    admission, guard = ReadingAdmission(GuardConfig()), Guard(GuardConfig())
+    signals = [reading(0.0, 0.1, 0.1), reading(0.0, 0.1, 0.1), reading(0.01, math.nan, 0.1), reading(0.02, 0.1, 0.1)]
+    assert (
+        [admission.admit(signal) for signal in signals] == [guard.admit(signal) for signal in signals] == [True, False, False, True]
+    )
+
+
+def test_a_clock_that_is_no_number_moves_no_clock() -> None:
+    """Test: a tick at NaN. Expected result: stamps are compared with the last clock that was a number."""
+    guard = Guard(GuardConfig())
+    guard.advance(1.0)
+    guard.advance(math.nan)
+    assert not guard.admit(reading(1.2, 0.1, 0.1))
+    assert guard.admit(reading(1.1, 0.1, 0.1))
 
 
 def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
@@ -208,6 +226,16 @@ def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
     assert watch.travel_m == 0.5
     watch.update(reading(2.0625, -1.0, -1.0))
     assert watch.travel_m == 0.4375
+
+
+def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
+    """Test: a second at 0.5 m/s. Expected result: the travel at 0.75 s, and the newest for a stamp after the last reading."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    assert watch.travel.at(0.0) == (0.0, 0.0)
+    for k in range(17):
+        watch.update(reading(k / 16, 0.25, 0.75))
+    assert watch.travel.at(0.75) == (0.375, 0.1875)
+    assert watch.travel.at(2.0) == (0.5, 0.25)
 
 
 def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:

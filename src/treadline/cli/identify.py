@@ -252,9 +252,9 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
 
 
 def _counted(found: "Identified") -> str:
-    """Return how much was fitted, as the page says it: of a stream, or of sums gone on with, only the windows are known."""
+    """Return the amount of data in the words of the page; of a stream, or of earlier data, only the windows are known."""
     given, report = sum(len(record) for record in found.fitted), found.report
-    windows = f"{report.samples} windows fitted, {report.dropped} left out for gaps"
+    windows = f"{report.samples} windows fitted, {report.dropped} omitted for gaps"
     return f"{given} samples; {windows}" if report.samples <= given else windows
 
 

@@ -145,7 +145,7 @@ class _Left:
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
-        self._started, self._flown = 0.0, 0
+        self._started, self._finished = 0.0, 0
 
     def __enter__(self) -> "_Left":
         return self
@@ -163,8 +163,8 @@ class _Left:
 
     def done(self, row: Mapping[str, Any], left: int) -> None:
         """Count one run."""
-        self._flown += 1
-        left_s = (time.monotonic() - self._started) / self._flown * left
+        self._finished += 1
+        left_s = (time.monotonic() - self._started) / self._finished * left
         if self._progress is not None:
             self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
 

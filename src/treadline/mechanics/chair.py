@@ -1,6 +1,6 @@
-"""The chair as its file describes it: tracks over three pulleys, masses, seat, drives and cameras.
+"""Chair description from a file: tracks with three pulleys, masses, seat, drives and camera mounts.
 
-Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the belts' lower line.
+Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the lower line of the belts.
 """
 
 import math
@@ -17,26 +17,27 @@ from treadline.settings import Settings, read_toml
 from treadline.signals import TICK_S, PinholeCamera
 
 GRAVITY_M_S2 = 9.81
+"""Acceleration of gravity [m/s²]."""
 EMPTY_SEAT_KG = 0.5
-"""Mass of the seat's shell, which turns with the payload."""
+"""Mass of the seat shell, which rotates with the payload [kg]."""
 KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
 """Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
 SWEPT_SPARE_M = 0.025
-"""Distance to either side of a chair within which an object counts as an obstacle."""
+"""Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
 
 def _a_tick_or_more(lag_s: float) -> float:
-    """Return a lag with which the drives can be integrated."""
+    """Return a lag after checking that it is at least one tick."""
     if lag_s < TICK_S:
         raise ValueError(
             f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
-            "tick, and a faster one cannot be told from none"
+            "tick, and a shorter lag has no effect"
         )
     return lag_s
 
 
 def _above_zero(torque_n_m: float) -> float:
-    """Return a torque that a motor can have as its limit."""
+    """Return a torque limit after checking that it is positive."""
     if torque_n_m <= 0.0:
         raise ValueError(
             f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
@@ -58,12 +59,12 @@ Size = tuple[Length, Length, Length]
 
 
 class Tracks(Settings):
-    """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
+    """Two belts, each over a rear, a front and a raised nose pulley (three-pulley mechanism, Fig. 3b)."""
 
     flat_run_m: Length
-    """Distance between the centres of the rear and the front pulley: length of track on the stair."""
+    """Distance between the centres of rear and front pulley: the part in contact with the stair."""
     approach_m: Length
-    """Distance between the centres of the front and the nose pulley."""
+    """Distance between the centres of front and nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
     """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
@@ -78,32 +79,34 @@ class Masses(Settings):
     chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
-    """Edges of the uniform box with the chassis's inertia."""
+    """Edges of the uniform box with the inertia of the chassis."""
 
 
 class Seat(Settings):
-    """The seat, its hinge and the slider-bar linkage that levels it (Section II.B)."""
+    """Seat, its hinge and the slider-bar linkage for levelling (Section II.B)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"arm_m": "lever_arm_m"}
 
     hinge_m: Point
     payload_com_m: Point
-    """Centre of the payload relative to the hinge, seat level with the chassis."""
+    """Centre of mass of the payload relative to the hinge, with the seat parallel to the chassis."""
     payload_size_m: Size
     bar_m: Length
     """Length of the bar from slider to seat."""
-    arm_m: Length
+    lever_arm_m: Length
     """Distance from the hinge to the bar's pin on the seat."""
     slider_drop_m: Length
-    """Depth of the slider's rail below the hinge."""
+    """Height of the hinge above the slider rail."""
     stroke_m: tuple[Place, Place]
-    """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
+    """Slider positions at the two ends of the actuator, measured rearward from below the hinge."""
     max_rate_m_s: Speed
     lag_s: Lag
     """First-order lag of the actuator."""
     push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: the actuator follows at any load."""
+    """Stall force of the actuator, decreasing linearly to zero at ``no_load_m_s``. None: no force limit."""
     no_load_m_s: Speed | None = None
     hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Holding force of the actuator's screw at rest [N]."""
+    """Holding force of the actuator's screw at standstill."""
 
     @model_validator(mode="after")
     def _a_limit_is_whole(self) -> "Seat":
@@ -119,7 +122,7 @@ class Seat(Settings):
 
 
 class Drives(Settings):
-    """The belts' motors and their inner speed loop."""
+    """Belt motors with their inner speed loop."""
 
     max_speed_m_s: Speed
     lag_s: Lag
@@ -130,26 +133,26 @@ class Drives(Settings):
 
 
 class Motor(Settings):
-    """One belt's motor and gear: force at the belt falls linearly from stall to no load."""
+    """Motor and gear of one belt: the belt force decreases linearly from stall to no load."""
 
     peak_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Belt force at stall [N], at the nominal voltage."""
+    """Belt force at stall and nominal voltage."""
     no_load_speed_m_s: Speed
-    """Belt speed without load [m/s], at the nominal voltage."""
+    """Belt speed without load at nominal voltage."""
     continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Continuous belt force of the motor [N]; the limit once the motor is hot."""
+    """Belt force at thermal equilibrium; the limit of a hot motor."""
     thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
     """Time constant of the motor's heating."""
     moving_mass_kg: Mass
-    """Inertia of rotor and gear as a mass at the belt, and the belt's own."""
+    """Equivalent mass at the belt of rotor, gear and belt."""
     nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class Battery(Settings):
-    """The battery that feeds both motors."""
+    """Battery of both motors."""
 
     full_v: Annotated[float, Field(gt=0.0, le=1000.0)]
-    """Open-circuit voltage, full; linear in the charge down to ``empty_v``."""
+    """Open-circuit voltage of a full battery; linear in the charge down to ``empty_v``."""
     empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
     resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
     """Internal resistance, cables included."""
@@ -157,37 +160,37 @@ class Battery(Settings):
 
 
 class Flipper(Settings):
-    """A motor on the front pulley's axis that turns the approach section: a variable angle of attack.
+    """Motor on the front pulley's axis that rotates the approach section: a variable angle of attack.
 
-    The section stays where ``tracks`` puts it: ``approach_m`` is the flipper's length, ``approach_angle_deg`` where it rests.
+    The section itself is described in ``tracks``: ``approach_m`` is the flipper's length, ``approach_angle_deg`` its rest angle.
     """
 
     range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
-    """Lowest and highest angle against the flat run."""
+    """Lowest and highest angle relative to the flat run."""
     torque_n_m: Torque
     """Largest torque of the motor, both sides together."""
     max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
     no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
-    """Rate at which the motor has no torque left; its torque falls linearly to there. None: full torque at any rate."""
+    """No-load rate of the motor; the torque decreases linearly to zero at this rate. None: full torque at any rate."""
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
-    """Damping against rising once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
+    """Damping of rising motion with a dead motor: a diode shorts its windings in one direction only."""
     mass_kg: Mass
 
 
 class Rating(Settings):
-    """Operational envelope by the maker; mechanics may allow more."""
+    """Manufacturer's limits; physics may allow more."""
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
     """Slope of the steepest flight."""
     payload_kg: Mass
-    """Heaviest load on any flight."""
+    """Largest payload on any flight."""
     steep_payload_kg: Mass
-    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with its largest torque."""
+    """Largest payload on flights steeper than ``steep_deg``, limited by the flipper motor at the crest."""
     steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
 class CameraMount(Settings):
-    """Mounting of the depth camera: place, pitch and yaw."""
+    """Position and orientation of a depth camera."""
 
     position_m: Point
     pitch_deg: Degrees
@@ -206,7 +209,7 @@ class CameraMount(Settings):
 
 
 class ChairDescription(Settings):
-    """A tracked chair as its maker describes it."""
+    """Tracked chair."""
 
     renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
 
@@ -217,15 +220,15 @@ class ChairDescription(Settings):
     drives: Drives
     camera: CameraMount
     rear_camera: CameraMount | None = None
-    """Camera over the chair's back, for the edge and the flight below. None: the chair only climbs."""
+    """Rear camera above the back of the chair, for the edge and the flight below. None: the chair only climbs."""
     rating: Rating | None = None
-    """Operational envelope. None: mechanics alone limit the chair."""
+    """Manufacturer's limits. None: no limits besides mechanics."""
     flipper: Flipper | None = None
-    """Motor that turns the approach section. None: the section is fixed."""
+    """Flipper. None: the approach section is fixed."""
     motor: Motor | None = None
-    """Motor of each belt. None: belts follow their speeds at any load."""
+    """Motor of each belt. None: belts follow their commands at any load."""
     battery: Battery | None = None
-    """Battery of the motors; required with a motor."""
+    """Battery of the motors; required with motors."""
 
     @model_validator(mode="after")
     def _motors_have_a_battery(self) -> "ChairDescription":
@@ -283,13 +286,13 @@ class ChairDescription(Settings):
 
     @property
     def half_width_m(self) -> float:
-        """Half width of the widest part: belt, chassis or passenger [m]."""
+        """Half of the largest width over belts, chassis and passenger [m]."""
         tracks = self.tracks
         return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
 
     @property
     def swept_half_m(self) -> float:
-        """Half width of the volume swept in straight driving [m]."""
+        """Half width of the volume swept in straight motion [m]."""
         return self.half_width_m + SWEPT_SPARE_M
 
     @property
@@ -305,7 +308,7 @@ class ChairDescription(Settings):
 
     @property
     def nose_m(self) -> Point:
-        """Centre of the nose pulley (mid-gauge)."""
+        """Centre of the nose pulley, mid-gauge [m]."""
         angle = self.tracks.approach_angle_deg * DEG
         return (
             0.5 * self.tracks.flat_run_m + self.tracks.approach_m * math.cos(angle),
@@ -315,10 +318,10 @@ class ChairDescription(Settings):
 
 
 def read_chair(model: str) -> ChairDescription:
-    """Return the chair in a file, or the shipped one of that name, with the intrinsics in its camera files.
+    """Return the chair in a file, or the shipped chair of that name.
 
     Raises:
-        SettingsError: If there is none, or one of its files says something it must not.
+        SettingsError: If no such chair exists, or the file is invalid.
     """
     path = chair_file(model)
     chair = read_toml(path, ChairDescription)
