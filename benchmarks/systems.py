@@ -137,9 +137,9 @@ class DataSet:
 
 DATA_SETS = (
     DataSet(
-        name="CD flipper", file="cd_flipper.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2"), known_percent=75.1
+        name="CD arm", file="cd_arm.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2"), known_percent=75.1
     ),
-    DataSet(name="robot flipper", file="robot_flipper.csv", inputs=("torque",), outputs=("acceleration",), known_percent=97.5),
+    DataSet(name="robot arm", file="robot_arm.csv", inputs=("torque",), outputs=("acceleration",), known_percent=97.5),
     DataSet(
         name="steam generator",
         file="steam_generator.csv",

@@ -43,7 +43,7 @@ typedef struct {
 /* Reset the state, including the estimated mismatch. */
 void heading_reset(heading_state *memory);
 
-/* Return the command for one estimate; call every HEADING_PERIOD_S. Without a usable estimate, or with external steering:
+/* Return the command for one estimate; call every HEADING_PERIOD_S. Without a usable estimate, or while others steer:
  * zero speed and brake. */
 heading_command heading_step(heading_state *memory, const heading_input *input);
 
