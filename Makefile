@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 OUT ?= reproduce
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
+.PHONY: help setup reproduce quick publish test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
 	@echo "make quick        the same, shortened (figures are marked as such)"
+	@echo "make publish      write the headline figures of $(OUT) to README.md and docs/evidence/results.json"
 	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
 	@echo "make test         run all tests"
 	@echo "make fast         run the tests that finish within a minute"
@@ -54,6 +55,9 @@ reproduce: setup
 quick: setup
 	$(BIN)/treadline reproduce --quick --out $(OUT) --force
 
+publish: setup
+	$(BIN)/python benchmarks/publish.py $(OUT)
+
 test: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
@@ -95,7 +99,7 @@ docs: $(VENV)/.docs
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	@echo "documentation: site/index.html"
+	@echo "documentation: site/index.html (make docs-serve for the search)"
 
 docs-serve: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve

@@ -27,14 +27,14 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_of
+from treadline.camera_file import CameraFile
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
-from treadline.perception import DetectorConfig, Sight, StairDetector
-from treadline.perception.camera_file import CameraFile
+from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
-from treadline.sim.camera import ROOM_SCENES, Drive, Recipe, StairTruth, View, draw_view
+from treadline.sim.camera import ROOM_SCENES, Drive, StairTruth, View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
 """Of the image that must be stair for a frame to count."""
@@ -79,7 +79,7 @@ class Look:
     """One frame, what was made of it, and how long that took."""
 
     view: View
-    sight: Sight
+    sight: StairDetection
     spent_ms: float
     stages_ms: dict[str, float]
 
@@ -184,7 +184,7 @@ def axes_cases() -> Iterator[Case]:
 def looks(case: Case, seeds: range) -> Iterator[Look]:
     """Yield what a method makes of the frames of a row."""
     detector = StairDetector(DetectorConfig(method=case.method))
-    recipe = Recipe(**case.recipe)
+    recipe = ViewRecipe(**case.recipe)
     for seed in seeds:
         view = draw_view(np.random.default_rng(seed), recipe)
         if view.stair is not None and view.stair.share < LEAST_SHARE:
@@ -417,7 +417,7 @@ def drive_row(way: Way, seeds: range) -> str:
 def drive(way: Way, seed: int) -> Driven:
     """Return the errors of one drive; the first two seconds do not count."""
     rng = np.random.default_rng(seed)
-    recipe = Recipe(**{"scenes": ("up",), "steps": (48, 50), "place_m": (0.3, 0.5), "gravity_error_deg": 0.0} | way.recipe)
+    recipe = ViewRecipe(**{"scenes": ("up",), "steps": (48, 50), "place_m": (0.3, 0.5), "gravity_error_deg": 0.0} | way.recipe)
     road, imu = Drive(rng, recipe), Imu(IMUS["mpu6050"], GRAVITY_ERROR_RAD, rng)
     detector, filter_, mount = StairDetector(), HeadingFilter(), None
     swing, phase = rng.uniform(5.0, 20.0) * DEG, rng.uniform(0.0, 6.28)

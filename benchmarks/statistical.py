@@ -37,7 +37,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase
 from treadline.perception import StairDetector
 from treadline.signals import HeadingMeasurement, StairMap
-from treadline.sim.camera import Camera, Recipe
+from treadline.sim.camera import Camera, ViewRecipe
 from treadline.sim.camera.camera import TEXTURES
 from treadline.sim.camera.flight import Flight, draw_flight
 
@@ -137,13 +137,13 @@ DATA = Path(__file__).parents[1] / "src" / "treadline" / "data" / "cameras" / "s
 Record = dict[str, Any]
 
 
-def stair_of(seed: int, *, rear: bool) -> tuple[Flight, Recipe, np.random.Generator]:
+def stair_of(seed: int, *, rear: bool) -> tuple[Flight, ViewRecipe, np.random.Generator]:
     """Return a drive's stair, and the chance that goes on from it."""
     rng = np.random.default_rng([seed, int(rear)])
     slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
     while rise / math.tan(slope * DEG) > LONGEST_RUN_M - LENGTH_SPARE_M:
         slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
-    recipe = Recipe(
+    recipe = ViewRecipe(
         **AS_BUILT,
         rise_m=(rise, rise),
         run_m=(rise / math.tan(slope * DEG),) * 2,

@@ -1,6 +1,6 @@
 """Uncertainty budget: the change of each figure with numerics, friction, masses, lags and lugs, one source at a time.
 
-Run: ``python benchmarks/uncertainty.py`` (about 20 minutes of one core; an interrupted run continues where it stopped).
+Run: ``python benchmarks/uncertainty.py`` (24 minutes of one core, extrapolated from 9 of 30 variations; it can be resumed).
 ``--publish`` writes ``docs/evidence/uncertainty.md`` and ``src/treadline/data/sensitivity.json``.
 """
 

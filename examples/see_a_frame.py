@@ -6,10 +6,10 @@ import numpy as np
 
 import treadline as tl
 from treadline.angles import DEG
-from treadline.sim.camera import Recipe, draw_view
+from treadline.sim.camera import ViewRecipe, draw_view
 
 seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-view = draw_view(np.random.default_rng(seed), Recipe(scenes=("up",), heading_deg=(-30.0, 30.0)))
+view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=("up",), heading_deg=(-30.0, 30.0)))
 found = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
 print(found)
 if not found.accepted:

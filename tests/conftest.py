@@ -13,6 +13,18 @@ from treadline.signals import PinholeCamera
 hypothesis.settings.register_profile("busy machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy machine")
 
+FAST = ("architecture/test_language.py", "control", "docs/test_decisions.py", "docs/test_reference.py", "seat", "test_settings.py")
+"""Folders and files whose tests together finish within a minute on two cores: the marker ``fast``."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of ``FAST``."""
+    tests = Path(__file__).parent
+    for item in items:
+        if any(item.path.is_relative_to(tests / part) for part in FAST):
+            item.add_marker(pytest.mark.fast)
+
+
 START_NS = 1_700_000_000_123_456_789
 """Recordings count from 1970."""
 CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4}

@@ -5,9 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from treadline.keys import meanings
-
 from treadline.scenario import Scenario
+from treadline.setting_docs import meanings
 from treadline.settings import Settings
 
 

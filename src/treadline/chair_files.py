@@ -1,6 +1,6 @@
-"""Where a chair's file is: shipped with the package under a name, or one's own.
+"""Path of a chair file: a shipped one by its name, or the user's own.
 
-``model -> path``, for scenarios, which name a chair, and for those who read it.
+``model -> path``, for scenarios, which name a chair, and for the code that reads it.
 """
 
 from functools import cache
@@ -12,7 +12,11 @@ CHAIRS = Path(__file__).parent / "data" / "chairs"
 
 
 def chair_file(model: str, *folders: Path) -> Path:
-    """Return the file of a chair: of the shipped one of that name, or one's own, sought in the folders and as it is.
+    """Return the path of a chair file.
+
+    Args:
+        model: Name of a shipped chair, or path of a TOML file.
+        folders: Folders in which a relative path is sought first.
 
     Raises:
         SettingsError: If there is none.

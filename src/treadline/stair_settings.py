@@ -8,10 +8,10 @@ from pydantic import Field, model_validator
 from treadline.settings import Settings
 
 RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
-"""What a staircase's rise, run and slope may be."""
+"""Bounds of a staircase's rise, run and slope."""
 RUN_DEFAULT_M = 0.30
 TURNING_FLIGHTS = 4
-"""Most flights where they turn: after four quarters one would lie above the first."""
+"""Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
 STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
 """Rise and run of a single step: from a lip to a mounting block, and from a narrow tread to a podium."""
 STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
@@ -33,8 +33,8 @@ Friction = tuple[FrictionCoefficient, FrictionCoefficient]
 class Stair(Settings):
     """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
 
-    The slope is only another way to write the rise: it is turned into one as the file is read, and is not kept. Several flights
-    are alike, with a landing between any two.
+    The slope is another way to write the rise: it is converted as the file is read, and is not kept. Several flights are alike,
+    with a landing between any two.
     """
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
@@ -42,14 +42,14 @@ class Stair(Settings):
     run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
     """Depth of a step, from nosing to nosing."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
-    """In place of ``rise_m``."""
+    """Slope of the flight, in place of ``rise_m``."""
     steps: Annotated[int, Field(ge=2, le=2000)] = 20
-    """Of each flight; the uppermost is its landing."""
+    """Number of steps of each flight; the uppermost is its landing."""
     flights: Annotated[int, Field(ge=1, le=20)] = 1
     between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
     turn: Literal["none", "left", "right"] = "none"
-    """Way each next flight goes: straight on, or a quarter to one side (quarter landings)."""
+    """Direction of each next flight: straight on, or a quarter turn to one side (quarter landings)."""
     winders: Annotated[int, Field(ge=0, le=12)] = 0
     """Number of winders: wedge-shaped steps around a newel, which turn the flight. They are among ``steps``."""
     winder_first: Annotated[int, Field(ge=0)] | None = None
@@ -66,16 +66,16 @@ class Stair(Settings):
     end_wall: bool = False
     """Whether a wall stands across the far end of that landing."""
     open_risers: bool = False
-    """Whether one can look through between the treads."""
+    """Whether the stair has treads without risers."""
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
     rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
     """Standard deviation of a step's height."""
     run_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
     """Standard deviation of a step's depth."""
     nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Standard deviation by which a nosing is turned about the vertical."""
+    """Standard deviation of a nosing's turn about the vertical."""
     friction: Friction = (0.62, 0.5)
-    """Along the belt and across it."""
+    """Friction coefficients along the belt and across it."""
     friction_left: Friction | None = None
     """Friction on the left half of every step, along and across; unset: friction."""
     friction_right: Friction | None = None
@@ -83,9 +83,9 @@ class Stair(Settings):
     floor_friction: Friction | None = None
     """Friction of the floor before the first step, along and across; unset: friction."""
     missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
-    """Counted from the floor over all flights, from 0."""
+    """Indices of missing steps, counted from the floor over all flights, from 0."""
     texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
-    """What it is made of, as the camera sees it."""
+    """Material in the camera's picture."""
     walls: Literal["none", "left", "right", "both"] = "left"
     light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
     """Gain of the light: 1 as usual, less is darker."""
@@ -93,7 +93,7 @@ class Stair(Settings):
     @model_validator(mode="before")
     @classmethod
     def _rise_from_slope(cls, tables: object) -> object:
-        """Turn ``slope_deg`` into a rise, so that only one of the two can be the truth."""
+        """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
         if not isinstance(tables, dict) or tables.get("slope_deg") is None:
             return tables
         if "rise_m" in tables:
@@ -208,12 +208,12 @@ class Stair(Settings):
 
     @property
     def mean_friction(self) -> Friction:
-        """Friction that carries a chair in the middle, whose two belts bear alike."""
+        """Mean friction under the two belts of a chair in the middle."""
         (left_along, left_across), (right_along, right_across) = self.halves
         return 0.5 * (left_along + right_along), 0.5 * (left_across + right_across)
 
     def is_landing(self, index: int) -> bool:
-        """Say whether a step is the uppermost of its flight."""
+        """Return whether a step is the uppermost of its flight."""
         return (index + 1) % self.steps == 0
 
 
@@ -222,10 +222,10 @@ def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
 
 
 class StepOverride(Settings):
-    """One step that differs from the others; what is not given is as the stair has it."""
+    """One step that differs from the others; a value that is not given is the stair's."""
 
     index: int
-    """Which step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
+    """Index of the step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
     rise_m: Annotated[float, Field(ge=STEP_RISE_M[0], le=STEP_RISE_M[1])] | None = None
     """Height of its nosing above the one before; all that is above moves along."""
     run_m: Annotated[float, Field(ge=STEP_RUN_M[0], le=STEP_RUN_M[1])] | None = None

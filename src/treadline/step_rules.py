@@ -1,4 +1,4 @@
-"""Whether a staircase with ``[[step]]`` tables can be built: rules that join several tables.
+"""Feasibility of a staircase with ``[[step]]`` tables: rules that join several tables.
 
 ``Stair, StepOverrides -> the first problem, in one line``, or None.
 """
@@ -25,7 +25,7 @@ def place_of(stair: Stair, override: StepOverride) -> int:
 
 
 def value_at(stair: Stair, overrides: Sequence[StepOverride], key: str, index: int, usual: float) -> float:
-    """Return a step's value: its own, or the usual one."""
+    """Return a step's value: its override, or the usual value."""
     for override in overrides:
         if place_of(stair, override) == index and getattr(override, key) is not None:
             return float(getattr(override, key))
@@ -109,7 +109,7 @@ def _overhang(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
 
 
 def _steep_tread(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    """Say where the back of a tread would rise above the next nosing."""
+    """Return where the back of a tread would rise above the next nosing."""
     for number, override in enumerate(overrides):
         index = place_of(stair, override)
         if not override.tread_slope_deg or index == stair.count - 1:
@@ -125,7 +125,7 @@ def _steep_tread(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
 
 
 def _crossing_nosings(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    """Say where turned nosings meet within the stair's width."""
+    """Return where turned nosings meet within the stair's width."""
     turned = {place_of(stair, override) for override in overrides if override.yaw_deg is not None}
     for index in sorted({*turned, *(turn - 1 for turn in turned)}):
         if not 0 <= index < stair.count - 1:

@@ -192,7 +192,7 @@ def test_a_mark_before_a_scenario_is_no_part_of_it(run, tmp_path: Path) -> None:
 def test_identify_out_that_is_a_folder_says_so(run, tmp_path: Path) -> None:
     path = tmp_path / "record.csv"
     path.write_text("\n".join(record_text()) + "\n")
-    assert_refused(run("identify", path, "--method", "okid-era", "--order", "1", "--out", tmp_path), "is a folder; give the model")
+    assert_refused(run("identify", path, "--method", "okid-era", "--order", "1", "--out", tmp_path), "is a folder; give a file")
 
 
 def test_tune_does_not_write_over_its_model(run, tmp_path: Path, model_path: Path) -> None:

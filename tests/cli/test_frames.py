@@ -9,7 +9,7 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.settings import read_toml
-from treadline.sim.camera import Recipe
+from treadline.sim.camera import ViewRecipe
 
 
 def table(path: Path) -> dict[str, dict[str, str]]:
@@ -95,7 +95,7 @@ def test_a_scene_is_one_or_several(run, tmp_path: Path, word: str, scenes: set[s
 def test_a_recipe_gives_what_options_leave_open(run, tmp_path: Path) -> None:
     recipe = tmp_path / "recipe.toml"
     recipe.write_text('slope_deg = [28.0, 28.0]\nheading_deg = [5.0, 5.0]\nscenes = ["top"]\npitch_deg = [30, 30]\n')
-    assert read_toml(recipe, Recipe).scenes == ("top",)
+    assert read_toml(recipe, ViewRecipe).scenes == ("top",)
     run("frames", "--out", tmp_path / "out", "--count", 2, "--recipe", recipe, "--heading", "7,7")
     for row in table(tmp_path / "out" / "truth.csv").values():
         assert float(row["slope_deg"]) == pytest.approx(28.0)
@@ -140,8 +140,10 @@ def test_frames_of_another_run_are_not_mixed_in(run, tmp_path: Path) -> None:
     before = contents(tmp_path)
     refused = run("frames", "--out", tmp_path, "--count", 2, "--seed", 1)
     assert refused.code == 2
-    assert "00002_depth.png" in refused.err
+    assert "not empty" in refused.err
     assert contents(tmp_path) == before
+    assert run("frames", "--out", tmp_path, "--count", 2, "--seed", 1, "--force").code == 0
+    assert not (tmp_path / "00002_depth.png").exists()
 
 
 def test_an_interruption_leaves_tables_of_what_was_finished(run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

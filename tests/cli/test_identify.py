@@ -108,7 +108,7 @@ def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path
     assert outcome.code == 0
     assert "on the data that were fitted: free run fits heading_rad" in outcome.out
     assert str(tmp_path / "p.html") in outcome.out
-    (said,) = re.findall(r"\d+ samples; \d+ windows fitted, 0 left out for gaps", outcome.out)
+    (said,) = re.findall(r"\d+ samples; \d+ windows fitted, 0 omitted for gaps", outcome.out)
     assert said in (tmp_path / "p.html").read_text()
 
 
@@ -133,7 +133,7 @@ def test_a_stream_gives_what_the_whole_gives(run, tmp_path: Path) -> None:
 
 def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
     new, worn = write_log(tmp_path / "new.csv"), write_log(tmp_path / "worn.csv", seed=1, poles=(0.7, 0.9))
-    sums, common = tmp_path / "sums.npz", ("--order", "2", "--no-page", "--out", tmp_path / "m.json", "--json")
+    sums, common = tmp_path / "sums.npz", ("--order", "2", "--no-page", "--out", tmp_path / "m.json", "--force", "--json")
     first = run("identify", new, *CHANNELS, *common, "--method", "pbsid", "--gram", sums)
     assert first.values["gram"] == str(sums)
     found = {
@@ -147,7 +147,7 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
 
 def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: Path) -> None:
     log, sums = write_log(tmp_path / "log.csv"), tmp_path / "sums.npz"
-    common = ("--no-page", "--out", tmp_path / "m.json")
+    common = ("--no-page", "--out", tmp_path / "m.json", "--force")
     assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--sums", sums).code == 0  # the former name of --gram
     swapped = ["--inputs", "right_m_s,left_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
     outcome = run("identify", log, *swapped, *common, "--update", sums)
@@ -158,7 +158,7 @@ def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: 
 
 def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.csv", late=3)
-    common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--json")
+    common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--force", "--json")
     told = run(*common).values
     assert told["delays"] == [4, 4]
     assert any("--delays auto" in warning for warning in told["warnings"])
@@ -181,6 +181,7 @@ def test_an_unstable_model_is_mirrored_on_request(run, tmp_path: Path) -> None:
         "--no-page",
         "--out",
         tmp_path / "m.json",
+        "--force",
         "--json",
     )
     plain = run(*common).values

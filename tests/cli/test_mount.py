@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, quaternion_of
+from treadline.camera_file import read_camera
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.perception.camera_file import read_camera
 from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
-from treadline.sim.camera import Recipe, RecordedDrive
+from treadline.sim.camera import RecordedDrive, ViewRecipe
 
 SECONDS = 26
 """Eight stretches of three seconds, and two for the tail: the least that the calibrator answers to."""
 IMU_S = 0.05
 PITCH_OFF_DEG, ROLL_OFF_DEG = 2.0, -3.0
-RECIPE = Recipe(
+RECIPE = ViewRecipe(
     scenes=("up",),
     steps=(48, 50),
     place_m=(0.3, 0.5),
@@ -102,7 +102,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
         "mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\n"
     )
-    outcome = run("mount", driven, "--camera", told, "--out", told)
+    outcome = run("mount", driven, "--camera", told, "--out", told, "--force")
     assert outcome.code == 0, outcome.err
     assert outcome.out.startswith("pitch 4")
     assert f"treadline replay {driven} --camera {told} --out RUN" in outcome.out
@@ -153,7 +153,7 @@ def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path
     for change, words in (
         (stands, "the chair stands"),
         (level, "the slope seen is more than 3° from the one felt"),
-        (dark, "no gravity, and no treads to tell it from"),
+        (dark, "no gravity, and no treads to estimate it from"),
     ):
         outcome = run("mount", changed(driven, tmp_path / "log.mcap", change), "--out", tmp_path / "camera.toml", "--json")
         assert outcome.code == 1

@@ -234,7 +234,7 @@ def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path:
     assert outcome.values["verdict"] == "held"
     assert "IMU" in outcome.values["cause"]
     assert outcome.values["frames"] == 2 * FRAMES
-    assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "out").code == 2
+    assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "paper").code == 2
 
 
 def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, blind: Path, tmp_path: Path) -> None:
@@ -307,7 +307,7 @@ def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run,
     values = run("replay", flown, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values
     assert values["largest_command_gap_m_s"] > 0.001
     other.unlink()
-    values = run("replay", changed, "--out", again, "--json").values
+    values = run("replay", changed, "--out", again, "--force", "--json").values
     assert values["largest_command_gap_m_s"] == 0.0
 
 
@@ -424,8 +424,9 @@ def assert_one_line(outcome: Any, word: str) -> None:
     [
         (["{run}"], "--out"),
         (["--out", "{new}"], "log"),
-        (["{run}", "--out", "{run}"], "own folder"),
-        (["{run}/log.mcap", "--out", "{run}"], "own folder"),
+        (["{run}", "--out", "{run}"], "not empty"),
+        (["{run}", "--out", "{run}", "--force"], "own folder"),
+        (["{run}/log.mcap", "--out", "{run}", "--force"], "own folder"),
         (["{run}", "--out", "{run}/series.csv"], "is a file"),
         (["{run}/nowhere", "--out", "{new}"], "no such file"),
         (["{run}/series.csv", "--out", "{new}"], "not a message log"),

@@ -12,11 +12,11 @@ import pytest
 from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_z
+from treadline.camera_file import read_camera
 from treadline.cli import main
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.perception import StairDetector
-from treadline.perception.camera_file import read_camera
 from treadline.perception.images import read_frame
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame

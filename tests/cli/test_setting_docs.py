@@ -54,6 +54,6 @@ def test_check_without_a_scenario_says_what_it_needs(run) -> None:
 
 
 def test_a_meaning_is_the_docstring_under_its_field() -> None:
-    assert meanings(Stair)["slope_deg"] == "In place of rise_m."
+    assert meanings(Stair)["slope_deg"] == "Slope of the flight, in place of rise_m."
     assert "width_m" not in meanings(Stair)
     assert tables_of(Scenario)["[drive]"][0] == "Direction, speed and time limit of the run."

@@ -138,4 +138,18 @@ def test_an_interrupted_sweep_names_what_goes_on_with_it(
     monkeypatch.setattr("treadline.campaign.sweep.run_sweep", interrupted)
     done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
     assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
-    assert "the same command with --resume goes on with it" in done.err
+    assert "the same command with --resume continues it" in done.err
+
+
+def test_a_sweep_keeps_its_plug_ins_when_it_is_resumed_and_repeated(
+    run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.quick)
+    plugin = f"{Path(__file__).parents[2] / 'examples' / 'own_controller_pid.py'}:HeadingPid"
+    common = ("sweep", spec, "--workers", 1, "--out", tmp_path / "out", "--json")
+    done = run(*common, "--runs", 2, "--controller", plugin)
+    assert done.values["worst"][0]["replay"].endswith(f"--controller {plugin}")
+    other = run(*common, "--runs", 3, "--resume")
+    assert (other.code, "options" in other.err) == (2, True)
+    assert run(*common, "--runs", 3, "--resume", "--controller", plugin).values["runs"] == 3
+    assert run(*common, "--runs", 1, "--force").values["runs"] == 1

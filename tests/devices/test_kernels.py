@@ -7,6 +7,11 @@ import pytest
 
 from treadline.angles import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.devices import kernels
+from treadline.devices.instruments import chair_numbers
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.stability import centre_of_mass, payload_com, payload_place
+from treadline.mechanics.tipping import Support, tipping_margins
+from treadline.scenario import Chair
 
 
 def turned(seed: int) -> np.ndarray:
@@ -61,3 +66,24 @@ def test_a_tip_beyond_the_end_of_a_turned_tread_is_no_support() -> None:
     for out_m, counts in ((0.149, True), (0.151, False)):
         p_WB = np.array([out_m * c - 0.9, out_m * s, 1.0])
         assert (kernels.tip_support(surfaces, 0.9, 0.07, 0.0, 0.07, p_WB, np.eye(3), 0.01) > 0.0) == counts
+
+
+@pytest.mark.parametrize("name", ["wheelchair", "wheelchair-fixed"])
+def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> None:
+    chair, loading = read_chair(name), Chair(model=name, payload_kg=80.0, seat_shift_m=0.03)
+    rng = np.random.default_rng(3)
+    payload, numbers = np.array(payload_com(chair, loading)), chair_numbers(chair, loading)
+    for _ in range(20):
+        seat_rad, flipper_rad, pitch, roll = rng.uniform(-0.4, 0.4, 4).tolist()
+        R_WB, p_WB = rotation_y(pitch) @ rotation_x(roll), rng.normal(size=3)
+        reach = rng.uniform(0.2, 0.6, 4)
+        told = kernels.truth(
+            *(np.eye(3), np.zeros(3), R_WB, p_WB, np.zeros(3), seat_rad, flipper_rad, reach, -1),
+            *(np.zeros((25, 4)), np.zeros((0, 3)), np.zeros((0, 7)), numbers, payload, payload, (0.015, 0.01)),
+        )
+        support = Support(front_m=reach[0], rear_m=reach[1], left_m=reach[2], right_m=reach[3])
+        margins = tipping_margins(centre_of_mass(chair, loading, seat_rad, flipper_rad), tuple(R_WB[2].tolist()), support)
+        # The same sums in the same order: only the library of the trigonometric functions may differ.
+        assert told[8] == pytest.approx(margins.worst, abs=1e-14)
+        place_W = p_WB + R_WB @ np.array(payload_place(chair, loading, seat_rad))
+        np.testing.assert_allclose(told[9:], place_W, atol=1e-14)

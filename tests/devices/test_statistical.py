@@ -11,7 +11,7 @@ from treadline.devices.statistical import LONGEST_RUN_M, StatisticalCamera, fitt
 from treadline.devices.visibility import Geometry
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.perception import Sight, StairDetector
+from treadline.perception import StairDetection, StairDetector
 from treadline.perception.nosings import STEP_RUN_M
 from treadline.scenario import Stair
 from treadline.signals import HeadingMeasurement, StairMap
@@ -57,7 +57,7 @@ def report(eye: StatisticalCamera, pose: Pose) -> tuple[HeadingMeasurement, Stai
     return heading, stair_map
 
 
-def rendered(staircase: Staircase, pose: Pose, *, rear: bool) -> Sight:
+def rendered(staircase: Staircase, pose: Pose, *, rear: bool) -> StairDetection:
     calibration = read_chair("wheelchair").camera_at(240, rear=rear)
     R_WB, p_WB = pose
     R_WC = R_WB @ calibration.R_BC

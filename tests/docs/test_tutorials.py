@@ -1,7 +1,7 @@
 """Tutorials and how-to guides: every command and script on a page runs, in the page's order, in an empty folder.
 
-A page's fenced blocks are its program: ``toml title="NAME"`` writes a file, ``sh`` and ``python`` run. A comment
-``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
+A page's fenced blocks are its program: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python`` without a title
+run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
 """
 
 import os
@@ -56,9 +56,9 @@ def test_every_command_of_a_page_runs(page: Path, tmp_path: Path, shell: dict[st
     folder = tmp_path / "work"
     folder.mkdir()
     for number, block in enumerate(blocks_of(page)):
-        if block.kind == "toml":
-            if block.name is not None:
-                (folder / block.name).write_text(block.text, encoding="utf-8")
+        if block.name is not None:
+            (folder / block.name).write_text(block.text, encoding="utf-8")
+        if block.name is not None or block.kind == "toml":
             continue
         command = ["sh", "-e", "-c", block.text] if block.kind == "sh" else [sys.executable, "-c", block.text]
         done = subprocess.run(command, cwd=folder, env=shell, capture_output=True, text=True, check=False)

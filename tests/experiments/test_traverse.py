@@ -174,7 +174,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
     assert run.verdict == verdict
     assert (run.scores.duration_s, len(run.trace["t_s"])) == (0.0, 0)
-    assert ("beside the flight" if asked else "touches nothing") in str(run.cause)
+    assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
 
 
 def test_a_seat_that_cannot_be_level_at_the_start_is_told_with_what_to_set() -> None:

@@ -1,4 +1,4 @@
-"""Chair files: what a maker must say, and what cannot be."""
+"""Chair files: required keys and invalid values."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""One description, three files: read back by others' eyes, masses, inertias and geometry are equal."""
+"""One description, three files: masses, inertias and geometry are equal when read by independent parsers."""
 
 # ruff: noqa: S314 - the files are ours
 import math
@@ -38,7 +38,7 @@ class Extent:
 
 @dataclass
 class ReadBack:
-    """What a file says: total mass, centre and inertia about B's origin, extents of what touches."""
+    """Content of a file: total mass, centre and inertia about B's origin, extents of what touches."""
 
     mass_kg: float
     com_B: Array
@@ -209,11 +209,11 @@ def test_urdf_is_a_tree_with_limits(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CHAIRS)
-def test_somebody_elses_parser_reads_the_urdf_and_weighs_the_same(name: str) -> None:
+def test_an_independent_parser_reads_the_same_mass_from_the_urdf(name: str) -> None:
     chair = read_chair(name)
     # As it stands: MuJoCo would take the chassis for a part of the world, and guess a mass for each pulley.
-    told = '<mujoco><compiler fusestatic="false" inertiafromgeom="false"/></mujoco></robot>'
-    model = mujoco.MjModel.from_xml_string(urdf(chair, LOADING).replace("</robot>", told))
+    ending = '<mujoco><compiler fusestatic="false" inertiafromgeom="false"/></mujoco></robot>'
+    model = mujoco.MjModel.from_xml_string(urdf(chair, LOADING).replace("</robot>", ending))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     ours = read_mjcf(chair)

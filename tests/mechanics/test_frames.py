@@ -1,4 +1,4 @@
-"""Frames and signs are what docs/frames.md says."""
+"""Frames and signs agree with docs/frames.md."""
 
 import math
 from pathlib import Path

@@ -29,7 +29,7 @@ def test_stroke_undoes_angle(stroke: float) -> None:
 @given(stroke=st.floats(LOW, HIGH))
 def test_the_bar_keeps_its_length(stroke: float) -> None:
     angle = SeatLinkage(SEAT).angle(stroke)
-    pin = (SEAT.arm_m * math.cos(angle), -SEAT.arm_m * math.sin(angle))
+    pin = (SEAT.lever_arm_m * math.cos(angle), -SEAT.lever_arm_m * math.sin(angle))
     slider = (-stroke, -SEAT.slider_drop_m)
     assert math.dist(pin, slider) == pytest.approx(SEAT.bar_m, rel=1e-12)
 
@@ -57,7 +57,7 @@ def test_the_shipped_seat_turns_at_12_degrees_a_second_everywhere(stroke: float)
     "seat",
     [
         changed(bar_m=0.35, stroke_m=(-0.30, -0.04)),  # the slider would pass under the pin
-        changed(arm_m=0.30, bar_m=0.31, slider_drop_m=0.02, stroke_m=(-0.2, 0.005)),  # bar and flipper fold onto one line
+        changed(lever_arm_m=0.30, bar_m=0.31, slider_drop_m=0.02, stroke_m=(-0.2, 0.005)),  # bar and lever arm fold onto one line
     ],
 )
 def test_a_stroke_through_a_dead_point_is_refused(seat: Seat) -> None:
@@ -95,11 +95,11 @@ def test_a_stroke_that_is_no_number_is_refused(stroke: float) -> None:
 lengths = st.floats(0.05, 0.6)
 
 
-@given(flipper=lengths, bar=lengths, drop=lengths, low=st.floats(-0.5, 0.5), stroke=st.floats(0.01, 0.5), share=st.floats(0, 1))
+@given(lever_arm=lengths, bar=lengths, drop=lengths, low=st.floats(-0.5, 0.5), stroke=st.floats(0.01, 0.5), share=st.floats(0, 1))
 def test_any_linkage_that_is_accepted_can_be_inverted(
-    flipper: float, bar: float, drop: float, low: float, stroke: float, share: float
+    lever_arm: float, bar: float, drop: float, low: float, stroke: float, share: float
 ) -> None:
-    seat = changed(arm_m=flipper, bar_m=bar, slider_drop_m=drop, stroke_m=(low, low + stroke))
+    seat = changed(lever_arm_m=lever_arm, bar_m=bar, slider_drop_m=drop, stroke_m=(low, low + stroke))
     try:
         linkage = SeatLinkage(seat)
     except MechanicsError:

@@ -1,4 +1,4 @@
-"""Flights that turn at their landings: what stands where, and against which flight a chair is told."""
+"""Flights turning at their landings: positions of the solids, and the flight assigned to a chair."""
 
 import math
 from itertools import pairwise
@@ -68,7 +68,7 @@ def test_a_landing_reaches_to_the_next_flight_and_is_not_built_over(turn: str) -
 
 
 def test_places_along_the_stair_go_on_where_a_chair_turns() -> None:
-    """Test: at the corner of the flights' middle lines, told against either. Expected: the same place along, heading 90° apart."""
+    """Test: at the corner of the flights' middle lines, relative to either. Expected: the same place along, heading 90° apart."""
     staircase = build("left")
     corner = np.array([staircase.flights[0][-1].x_m + 2.4 - 0.7, 0.0, staircase.flights[0][-1].z_m])
     along = []
@@ -142,7 +142,7 @@ def test_a_chair_backs_down_the_last_flight_as_down_a_straight_one(turn: str) ->
     assert max(abs(reading.heading_rad) for reading in seen) < 0.01
 
 
-def test_a_start_on_the_landing_is_told_against_the_last_flight() -> None:
+def test_a_start_on_the_landing_is_relative_to_the_last_flight() -> None:
     staircase = build("left")
     tracks = read_chair("wheelchair").tracks
     put = standing(staircase, tracks, Start(place="landing", heading_deg=10.0))

@@ -89,7 +89,7 @@ def triple(vector: np.ndarray) -> tuple[float, float, float]:
 
 
 @given(slope=slopes, heading=headings)
-def test_askew_the_plumb_line_is_the_worlds_vertical_seen_from_the_chair(slope: float, heading: float) -> None:
+def test_at_a_heading_the_plumb_line_is_the_worlds_vertical_in_the_chair_frame(slope: float, heading: float) -> None:
     up = (rotation_y(-slope) @ rotation_z(heading)).T @ np.array([0.0, 0.0, 1.0])
     com = centre_of_mass(CHAIR, Chair(), math.asin(up[0]))
     expected = tipping_margins(com, triple(up), worst_support(CHAIR, pitch_of(slope)))

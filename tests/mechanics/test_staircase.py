@@ -1,4 +1,4 @@
-"""The staircase: what the scenario asks for stands in the world."""
+"""Staircase in the world as described by the scenario."""
 
 import math
 from itertools import pairwise
@@ -49,7 +49,7 @@ def test_jitter_comes_from_the_seed_alone() -> None:
     assert build(3, **keys).steps != build(4, **keys).steps
 
 
-def test_jitter_has_the_standard_deviation_asked_for() -> None:
+def test_jitter_has_the_requested_standard_deviation() -> None:
     staircase = build(5, steps=2000, rise_jitter_m=0.004, nosing_yaw_jitter_deg=2.0)
     # The standard deviation of 2000 draws is known to 1/√4000 = 1.6 %; 8 % is five sigma.
     assert np.std([step.rise_m for step in staircase.steps]) == pytest.approx(0.004, rel=0.08)
@@ -106,7 +106,7 @@ def test_the_last_tread_is_the_landing_and_never_less_than_a_step(landing_m: flo
 
 
 @pytest.mark.parametrize(("walls", "sides"), [("none", []), ("left", [1.0]), ("right", [-1.0]), ("both", [1.0, -1.0])])
-def test_walls_stand_where_they_are_asked_for(walls: str, sides: list[float]) -> None:
+def test_walls_stand_at_the_requested_sides(walls: str, sides: list[float]) -> None:
     staircase = build(walls=walls, width_m=2.0)
     found = [box for box in staircase.boxes() if box.kind == "wall"]
     assert [math.copysign(1.0, box.centre_W[1]) for box in found] == sides

@@ -28,7 +28,7 @@ def reasons(**tables: Any) -> list[str]:
 
 
 def test_a_section_of_the_tracks_inside_a_wall_is_refused() -> None:
-    """Test: 30° askew on a flight of 1.4 m, where the flat run just fits; with walls and without."""
+    """Test: heading 30° on a flight of 1.4 m, where the flat run just fits; with walls and without."""
     start = {"place": "flight", "step": 6, "heading_deg": 22}
     stair = {"slope_deg": 25, "width_m": 1.25, "steps": 14}
     assert reasons(stair=stair | {"walls": "none"}, start=start) == []

@@ -57,7 +57,7 @@ def test_an_override_replaces_jitter_and_leaves_the_other_steps_draws() -> None:
         assert (odd.steps[i].rise_m, odd.steps[i].yaw_rad) == (plain.steps[i].rise_m, plain.steps[i].yaw_rad)
 
 
-def test_run_jitter_has_the_standard_deviation_asked_for_and_draws_nothing_without() -> None:
+def test_run_jitter_has_the_requested_standard_deviation_and_draws_nothing_without() -> None:
     staircase = build(steps=2000, run_jitter_m=0.015)
     # 2000 draws know a standard deviation to 1.6 %; 8 % is five sigma.
     assert np.std(np.diff([step.x_m for step in staircase.steps])) == pytest.approx(0.015, rel=0.08)

@@ -9,7 +9,7 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.tracks import minimum_track_length
-from treadline.mission.entry import MEASURED_M, refusal_of
+from treadline.mission.entry import MEASURED_M, reject_reason
 from treadline.scenario import Chair, Scenario, Stair
 from treadline.setup import ready, with_seat_shifted
 
@@ -17,7 +17,7 @@ CHAIR = read_chair("wheelchair")
 
 
 def refusal(rise_m: float, run_m: float, payload_kg: float = 50.0, chair: ChairDescription = CHAIR) -> str | None:
-    return refusal_of(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
+    return reject_reason(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
 
 
 def with_seat(**changes: object) -> ChairDescription:
@@ -42,7 +42,7 @@ def test_what_check_lets_in_with_its_seat_shift_is_not_refused_at_the_foot(
     told, refused, _ = ready(Scenario(stair=Stair(rise_m=rise_m, run_m=run_m, friction=(0.9, 0.8)), chair=load), CHAIR)
     assume(refused is None)
     chair = with_seat_shifted(CHAIR, told.chair.seat_shift_m)
-    assert refusal_of(chair, kg, rise_m, run_m, (slope_deg + slope_error_deg) * DEG) is None
+    assert reject_reason(chair, kg, rise_m, run_m, (slope_deg + slope_error_deg) * DEG) is None
 
 
 def test_110_kg_are_let_in_up_to_26_degrees() -> None:
@@ -97,13 +97,13 @@ def test_the_noise_of_a_frames_mean_does_not_refuse_what_the_seat_can() -> None:
     # A degree is three standard deviations of the mean slope.
     chair = with_seat(stroke_m=(CHAIR.seat.stroke_m[0], 0.08))
     reach = SeatLinkage(chair.seat).angle_range[1]
-    answer = refusal_of(chair, 0.0, 0.12, 0.25, reach + 0.9 * DEG)
+    answer = reject_reason(chair, 0.0, 0.12, 0.25, reach + 0.9 * DEG)
     assert answer is None or "lengthen" not in answer
-    answer = refusal_of(chair, 0.0, 0.12, 0.25, reach + 1.1 * DEG)
+    answer = reject_reason(chair, 0.0, 0.12, 0.25, reach + 1.1 * DEG)
     assert answer is not None
     assert "lengthen" in answer
 
 
 def test_a_stair_steeper_than_the_chair_is_rated_for_is_refused_with_both_angles() -> None:
-    answer = refusal_of(CHAIR, 50.0, 0.18, 0.24, 36.9 * DEG)
+    answer = reject_reason(CHAIR, 50.0, 0.18, 0.24, 36.9 * DEG)
     assert answer == "the stair is 36.9° steep, chair 'wheelchair' is rated for 32°; take another way"

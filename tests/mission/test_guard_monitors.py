@@ -10,7 +10,7 @@ import pytest
 from treadline.estimation import HeadingHealth
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig, guard_config
-from treadline.mission.guard import GuardConfig
+from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
@@ -80,6 +80,24 @@ def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
     assert stamps.leap == "clock of a leapt 1.12 s back"
     assert stamps.accept_reading("a", 0.125)  # the new clock goes on
     assert stamps.accept_reading("b", 0.5)  # each kind has its own
+
+
+def test_a_node_admits_what_the_guard_admits() -> None:
+    """Test: readings that are sound, repeated, and not finite. Expected result: an admission alone answers as the guard does."""
+    admission, guard = ReadingAdmission(GuardConfig()), Guard(GuardConfig())
+    signals = [reading(0.0, 0.1, 0.1), reading(0.0, 0.1, 0.1), reading(0.01, math.nan, 0.1), reading(0.02, 0.1, 0.1)]
+    assert (
+        [admission.admit(signal) for signal in signals] == [guard.admit(signal) for signal in signals] == [True, False, False, True]
+    )
+
+
+def test_a_clock_that_is_no_number_moves_no_clock() -> None:
+    """Test: a tick at NaN. Expected result: stamps are compared with the last clock that was a number."""
+    guard = Guard(GuardConfig())
+    guard.advance(1.0)
+    guard.advance(math.nan)
+    assert not guard.admit(reading(1.2, 0.1, 0.1))
+    assert guard.admit(reading(1.1, 0.1, 0.1))
 
 
 def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
@@ -208,6 +226,16 @@ def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
     assert watch.travel_m == 0.5
     watch.update(reading(2.0625, -1.0, -1.0))
     assert watch.travel_m == 0.4375
+
+
+def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
+    """Test: a second at 0.5 m/s. Expected result: the travel at 0.75 s, and the newest for a stamp after the last reading."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    assert watch.travel.at(0.0) == (0.0, 0.0)
+    for k in range(17):
+        watch.update(reading(k / 16, 0.25, 0.75))
+    assert watch.travel.at(0.75) == (0.375, 0.1875)
+    assert watch.travel.at(2.0) == (0.5, 0.25)
 
 
 def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
@@ -682,7 +710,7 @@ def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
 
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
     """Let the belts run apart for so many sixteenths of a second."""
-    watch = watch or GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = watch or GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     for _ in range(ticks):
         watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
@@ -748,7 +776,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
 def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
     """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
     belts turn the chair there."""
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
     turning(0.3 / per_metre, "crest", 27, watch)
     assert watch.cause is None
@@ -763,7 +791,7 @@ def test_belts_that_stand_closer_turn_a_chair_further(model: str, gauge_m: float
     chair = read_chair(model)
     limits = guard_config(MissionConfig(chair=chair), 0.25)
     assert limits.gauge_m == chair.tracks.gauge_m == gauge_m
-    watch = GyroOnlyTurn(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     readings = 2 + math.floor(2.0 * 16 * gauge_m / 0.65)
     assert turning(0.25 / FLIGHT_RAD_M, "climb", readings - 1, watch).cause is None
     assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
@@ -773,7 +801,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
     """Test: a chair that lies level, yawed by 120° and rolled by 0.1 rad; its first sample a shock. Expected result: judged as on
     the level from the first reading on."""
     c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
     assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
 
@@ -781,7 +809,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
 def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
-        watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+        watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
         watch.update_motion(0.0, tilted(0.3, 0.0), rate)
         assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
         for k in range(1, 100):
@@ -789,7 +817,7 @@ def test_a_chair_that_swings_is_not_judged() -> None:
         turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0))
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
     watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None

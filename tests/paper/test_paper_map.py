@@ -1,4 +1,4 @@
-"""docs/paper-map.md is complete, and nothing on it is an invention."""
+"""docs/paper-map.md is complete, and each function, path and command on it exists."""
 
 import re
 from dataclasses import dataclass
@@ -6,7 +6,11 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from treadline.perception import heading
+from treadline.perception.heading import world_x
 
 ROOT = Path(__file__).parents[2]
 MAP = ROOT / "docs" / "paper-map.md"
@@ -39,8 +43,14 @@ class Row:
     item: str
     what: str
     code: list[str]
+    """File and function, as in ``src/treadline/paper.py:K``."""
     test: list[str]
     command: str
+
+    @property
+    def files(self) -> list[str]:
+        """Files of the code."""
+        return [entry.partition(":")[0] for entry in self.code]
 
 
 def rows() -> dict[str, Row]:
@@ -100,8 +110,33 @@ def test_the_map_has_no_row_for_what_the_paper_does_not_have() -> None:
 
 
 def test_every_path_on_the_map_exists() -> None:
-    named = {path for row in rows().values() for path in [*row.code, *row.test, *_quoted(row.what)]}
+    named = {path for row in rows().values() for path in [*row.files, *row.test, *_quoted(row.what)]}
     assert sorted(path for path in named if not (ROOT / path).is_file()) == []
+
+
+def test_every_row_names_functions_classes_or_constants_that_exist() -> None:
+    for row in rows().values():
+        for entry in row.code:
+            path, _, name = entry.partition(":")
+            if not path.endswith(".py"):
+                continue  # a file of data has no functions
+            assert name, f"{row.item}: {path} without a function"
+            module = import_module(path.removeprefix("src/").removesuffix(".py").replace("/", "."))
+            assert hasattr(module, name), f"{row.item}: {path} has no {name}"
+
+
+def test_equation_1_is_called_by_equation_3_on_the_way_of_algorithm_1(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[tuple[float, float]] = []
+
+    def counted(x_px: float, depth_m: float, a: float, centre_px: float) -> float:
+        calls.append((x_px, depth_m))
+        return world_x(x_px, depth_m, a, centre_px)
+
+    monkeypatch.setattr(heading, "world_x", counted)
+    found = heading.delta_x(np.array([100.0, 2.0]), np.array([500.0, 3.0]), 0.002, 320.0)
+    assert calls == [(500.0, 3.0), (100.0, 2.0)]
+    # Eq. (3) as printed: a (X2 D2 - X1 D1 + 320 (D1 - D2)); rounding alone.
+    assert found == pytest.approx(0.002 * (500.0 * 3.0 - 100.0 * 2.0 + 320.0 * (2.0 - 3.0)), rel=1e-12)
 
 
 def test_every_command_on_the_map_is_one_of_ours() -> None:
@@ -112,9 +147,20 @@ def test_every_command_on_the_map_is_one_of_ours() -> None:
         assert word in (targets if program == "make" else verbs), command
         assert program in ("make", "treadline")
         if program == "treadline":
-            known = signature(getattr(import_module(f"treadline.cli.{word}"), word)).parameters
-            options = [option.replace("-", "_") for option in re.findall(r"--([\w-]+)", command)]
-            assert [option for option in options if option not in known] == [], command
+            options = re.findall(r"--[\w-]+", command)
+            assert [option for option in options if option not in _options(word)] == [], command
+
+
+def _options(verb: str) -> set[str]:
+    """Return the options of a command: those of its parameters, and names given in their annotations."""
+    parameters = signature(getattr(import_module(f"treadline.cli.{verb}"), verb), eval_str=True).parameters
+    named = {
+        name
+        for parameter in parameters.values()
+        for note in getattr(parameter.annotation, "__metadata__", ())
+        for name in getattr(note, "name", None) or ()
+    }
+    return named | {f"--{name.replace('_', '-')}" for name in parameters}
 
 
 def test_every_paper_line_of_the_source_is_on_the_map() -> None:
@@ -123,7 +169,7 @@ def test_every_paper_line_of_the_source_is_on_the_map() -> None:
         f"{path} says '{tag[:60]}': add it to the row {item}"
         for path, tag in tags()
         for item in sorted(cited(tag))
-        if item not in listed or path not in listed[item].code
+        if item not in listed or path not in listed[item].files
     ]
     assert missing == []
 

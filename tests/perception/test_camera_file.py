@@ -1,9 +1,9 @@
-"""A calibration: real cameras pass, numbers that no camera has are told."""
+"""Camera files: calibrations of real cameras are accepted, impossible ones rejected with their number."""
 
 import pytest
 
+from treadline.camera_file import CameraFile
 from treadline.errors import SettingsError
-from treadline.perception.camera_file import CameraFile
 from treadline.settings import settings_of
 
 
@@ -38,7 +38,7 @@ def test_real_cameras_pass(width: int, height: int, focal_px: float) -> None:
         (287.5, {"mount_pitch_deg": 400.0}, "mount_pitch_deg: must be a number from -180 to 180 (got 400.0)"),
     ],
 )
-def test_what_no_camera_has_is_told_with_its_number(fx_px: float, mount: dict[str, float], message: str) -> None:
+def test_an_impossible_calibration_is_refused_with_its_number(fx_px: float, mount: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError) as refused:
         calibration(320, 240, fx_px, 287.5, **mount)
     assert str(refused.value).startswith(f"camera.toml: {message}")

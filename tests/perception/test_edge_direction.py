@@ -9,10 +9,10 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.perception.direction import EdgeFit, fit_edges
-from treadline.perception.down import down_of_treads
+from treadline.perception.gravity_from_treads import down_of_treads
 from treadline.perception.kernels import BEYOND
 from treadline.perception.lines import Line
-from treadline.perception.nosings import Nosing
+from treadline.perception.nosings import NosingObservation
 from treadline.perception.planes import Ends, Surface
 
 CAMERA = read_chair("wheelchair").camera_at(240)
@@ -35,16 +35,18 @@ def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, dist
     )
 
 
-def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> Nosing:
+def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> NosingObservation:
     plane = surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
-    return Nosing(ahead_m=distance_m, up_m=None, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=(), weight=9.0)
+    return NosingObservation(
+        ahead_m=distance_m, up_m=None, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=(), weight=9.0
+    )
 
 
 def tread() -> Surface:
     return surface(DOWN)
 
 
-def fit(risers: list[Nosing]) -> EdgeFit:
+def fit(risers: list[NosingObservation]) -> EdgeFit:
     return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, START, CAMERA)
 
 
@@ -66,7 +68,7 @@ def test_risers_that_disagree_are_averaged() -> None:
     assert off_rad(fit([riser(-0.3 * DEG), riser(0.3 * DEG)])) < 0.02 * DEG
 
 
-def test_planes_that_tilt_with_their_distance_tell_of_warped_depth() -> None:
+def test_planes_tilting_with_distance_indicate_warped_depth() -> None:
     warp = 0.002  # 1/m: 0.11 to 0.34° at 1 to 3 m
 
     def bent(normal: Float[np.ndarray, " 3"], distance_m: float) -> Surface:
@@ -81,7 +83,7 @@ def test_planes_that_tilt_with_their_distance_tell_of_warped_depth() -> None:
     assert off_rad(found) < 0.1 * DEG
 
 
-def test_nosings_that_turn_from_step_to_step_are_told_apart() -> None:
+def test_nosings_rotating_from_step_to_step_widen_the_irregularity() -> None:
     winders = fit([riser(turned * DEG, 1.0 + 0.03 * turned) for turned in (-12.0, 0.0, 12.0, 24.0)])
     assert winders.agreeing < 0.5
     assert winders.widest_rad > 10.0 * DEG
@@ -124,10 +126,10 @@ def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
     )
 
 
-@pytest.mark.parametrize("askew_deg", [0.7, -1.5, 2.5])
-def test_the_edge_of_a_mat_on_a_tread_is_no_nosing(askew_deg: float) -> None:
+@pytest.mark.parametrize("yaw_deg", [0.7, -1.5, 2.5])
+def test_the_edge_of_a_mat_on_a_tread_is_no_nosing(yaw_deg: float) -> None:
     risers = [riser(distance_m=distance) for distance in (1.0, 1.3, 1.6, 1.9, 2.2)]
-    with_mat = [replace(risers[0], lines=(line(askew_deg * DEG),)), *risers[1:]]
+    with_mat = [replace(risers[0], lines=(line(yaw_deg * DEG),)), *risers[1:]]
     treads = [surface(DOWN, distance_m=distance) for distance in (0.3, 0.5, 0.7)]
     clean, found = (fit_edges(nosings, treads, DOWN, 0.5 * DEG, START, CAMERA) for nosings in (risers, with_mat))
     # Taken for a nosing, it drew the edge by degrees: a warp turns no line, so that one line was believed before five risers.

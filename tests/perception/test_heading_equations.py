@@ -50,5 +50,5 @@ def test_a_heading_about_the_chairs_z_needs_neither_pitch_nor_roll_of_the_mount(
     assert heading == pytest.approx(heading_deg * DEG, abs=1e-12)
 
 
-def test_a_camera_that_looks_along_the_chairs_z_tells_no_heading() -> None:
+def test_a_camera_looking_along_the_chairs_z_gives_no_heading() -> None:
     assert heading_about(np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0])) is None

@@ -10,11 +10,11 @@ from jaxtyping import Float
 from treadline.angles import DEG, rms, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.perception import Sight, StairDetector
+from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.scenario import Stair
 from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera import Camera, Recipe, View, draw_view
+from treadline.sim.camera import Camera, View, ViewRecipe, draw_view
 
 DETECTOR = StairDetector()
 REAR = read_chair("wheelchair").camera_at(240, rear=True)
@@ -29,15 +29,15 @@ def turned_around(camera: PinholeCamera) -> PinholeCamera:
     return replace(camera, mount_yaw_rad=camera.mount_yaw_rad + math.pi, mount_m=(-x, -y, z))
 
 
-def both_ways(view: View) -> tuple[Sight, Sight]:
+def both_ways(view: View) -> tuple[StairDetection, StairDetection]:
     """Return what a camera in front of a chair facing down sees, and the same one at the back of a chair facing up."""
     back = replace(view.frame, camera=turned_around(view.frame.camera))
     return DETECTOR.look(view.frame, view.gravity_C), DETECTOR.look(back, view.gravity_C)
 
 
 @pytest.mark.parametrize("scene", ["down", "edge", "bottom", "up"])
-def test_a_chair_the_other_way_round_is_told_the_same_stair(scene: str) -> None:
-    recipe = Recipe(scenes=(scene,), walls=("left", "right", "both"), clutter=("legs",), clutter_chance=0.5)
+def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
+    recipe = ViewRecipe(scenes=(scene,), walls=("left", "right", "both"), clutter=("legs",), clutter_chance=0.5)
     obstacles = walls = 0
     for seed in range(42_000, 42_020):
         front, back = both_ways(draw_view(np.random.default_rng(seed), recipe))
@@ -119,16 +119,16 @@ def test_nosings_behind_the_chair_are_where_they_are(level: bool, behind_m: floa
 
 
 def test_the_floor_behind_the_last_nosing_ends_the_flight() -> None:
-    told = []
+    reported = []
     for seed in range(44_000, 44_012):
         # Of fourteen nosings four are left behind the chair.
         frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False)
         seen = DETECTOR.look(frame, down).stair_map
         if seen is not None:
             gaps = np.linalg.norm(seen.nosings_B[-1] - true, axis=1)
-            told.append(seen.ends)
+            reported.append(seen.ends)
             assert not seen.ends or int(gaps.argmin()) == len(true) - 1
-    assert sum(told) >= 11
+    assert sum(reported) >= 11
 
 
 def test_the_picture_of_what_lies_behind_has_its_nosings_where_they_are() -> None:

@@ -1,4 +1,4 @@
-"""Frames that show no stair: refused with a reason, and never a number that is none."""
+"""Frames without a stair: rejected with a reason, and never a NaN."""
 
 import dataclasses
 from dataclasses import replace
@@ -11,7 +11,7 @@ from treadline.angles import DEG, rotation_x, rotation_y
 from treadline.errors import ImageError
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
-from treadline.perception import DetectorConfig, Sight, StairDetector
+from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
 from treadline.sim.camera import Camera
@@ -46,15 +46,15 @@ def room(
 FLOOR = (np.array([0.0, 1.0, 0.0]), 0.9)
 
 
-def wall(distance_m: float, askew_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
-    return rotation_y(askew_rad) @ np.array([0.0, 0.0, 1.0]), distance_m
+def wall(distance_m: float, yaw_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
+    return rotation_y(yaw_rad) @ np.array([0.0, 0.0, 1.0]), distance_m
 
 
-def side_wall(distance_m: float, askew_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
-    return rotation_y(askew_rad) @ np.array([1.0, 0.0, 0.0]), distance_m
+def side_wall(distance_m: float, yaw_rad: float) -> tuple[Float[np.ndarray, " 3"], float]:
+    return rotation_y(yaw_rad) @ np.array([1.0, 0.0, 0.0]), distance_m
 
 
-def assert_refused(sight: Sight) -> None:
+def assert_refused(sight: StairDetection) -> None:
     assert not sight.accepted
     assert sight.reason
     assert sight.heading_rad is sight.sigma_rad is sight.edge_direction_C is None
@@ -68,21 +68,21 @@ def test_a_floor_yields_no_heading(pitch_deg: float, knows_down: bool) -> None:
 
 
 @pytest.mark.parametrize("knows_down", [True, False])
-@pytest.mark.parametrize("askew_deg", [-20.0, -12.0, -5.0, 0.0, 3.0, 8.0, 15.0, 20.0])
-def test_a_wall_at_the_landing_yields_no_heading(askew_deg: float, knows_down: bool) -> None:
+@pytest.mark.parametrize("yaw_deg", [-20.0, -12.0, -5.0, 0.0, 3.0, 8.0, 15.0, 20.0])
+def test_a_wall_at_the_landing_yields_no_heading(yaw_deg: float, knows_down: bool) -> None:
     for seed, distance_m in enumerate((0.8, 1.3, 2.0, 3.0)):
         for pitch_deg in (12.0, 40.0):
-            planes = [FLOOR, wall(distance_m, askew_deg * DEG), side_wall(0.7, askew_deg * DEG)]
+            planes = [FLOOR, wall(distance_m, yaw_deg * DEG), side_wall(0.7, yaw_deg * DEG)]
             for scene in (planes[1:2], planes[:2], planes):
                 frame, down = room(seed, pitch_deg * DEG, scene)
                 assert_refused(ROBUST.look(frame, down if knows_down else None))
 
 
-@pytest.mark.parametrize("askew_deg", [-15.0, 0.0, 5.0])
+@pytest.mark.parametrize("yaw_deg", [-15.0, 0.0, 5.0])
 @pytest.mark.parametrize("gap_m", [0.2, 0.3, 0.4])
-def test_a_bench_before_a_wall_yields_no_heading(gap_m: float, askew_deg: float) -> None:
-    behind, down = room(10, 30.0 * DEG, [FLOOR, wall(2.0, askew_deg * DEG)])
-    front, _ = room(11, 30.0 * DEG, [FLOOR, wall(2.0 - gap_m, askew_deg * DEG)])
+def test_a_bench_before_a_wall_yields_no_heading(gap_m: float, yaw_deg: float) -> None:
+    behind, down = room(10, 30.0 * DEG, [FLOOR, wall(2.0, yaw_deg * DEG)])
+    front, _ = room(11, 30.0 * DEG, [FLOOR, wall(2.0 - gap_m, yaw_deg * DEG)])
     v = (np.arange(CAMERA.height_px)[:, None] - CAMERA.cy_px) / CAMERA.fy_px
     u = (np.arange(CAMERA.width_px)[None, :] - CAMERA.cx_px) / CAMERA.fx_px
     below_m = (down[0] * u + down[1] * v + down[2]) * front.depth_m
@@ -128,7 +128,7 @@ def corrupted(depth_m: Float32[np.ndarray, "h w"], rng: np.random.Generator) -> 
     return (worse * np.float32(rng.choice([1.0, 1.0, 0.5, 2.0]))).astype(np.float32)
 
 
-def numbers(sight: Sight) -> list[float]:
+def numbers(sight: StairDetection) -> list[float]:
     shape = [] if sight.shape is None else [x for x in dataclasses.astuple(sight.shape) if isinstance(x, float)]
     edge = [] if sight.edge_direction_C is None else sight.edge_direction_C.tolist()
     return [value for value in (sight.heading_rad, sight.sigma_rad, *shape, *edge) if value is not None]

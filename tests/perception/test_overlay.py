@@ -1,4 +1,4 @@
-"""The picture of what was seen."""
+"""Image of the detection result."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,12 @@ from treadline.perception import StairDetector
 from treadline.perception import overlay as drawn
 from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
 from treadline.perception.planes import Surface
-from treadline.sim.camera.recipe import Recipe
+from treadline.sim.camera.recipe import ViewRecipe
 from treadline.sim.camera.views import View, draw_view
 
 
 def seen(scene: str) -> tuple[View, np.ndarray]:
-    view = draw_view(np.random.default_rng(41_000), Recipe(scenes=(scene,)))
+    view = draw_view(np.random.default_rng(41_000), ViewRecipe(scenes=(scene,)))
     return view, overlay(view.frame, StairDetector().look(view.frame, view.gravity_C))
 
 
@@ -35,7 +35,7 @@ def test_a_stair_is_tinted_where_its_surfaces_are() -> None:
 
 def test_nosings_are_drawn_no_further_than_they_are_seen() -> None:
     # Two nosings whose first guess of a direction is five degrees off: lines along it ran a third of the image past the steps.
-    view = draw_view(np.random.default_rng([0, 3]), Recipe())
+    view = draw_view(np.random.default_rng([0, 3]), ViewRecipe())
     sight = StairDetector().look(view.frame, view.gravity_C)
     assert sight.parts is not None
     assert sight.axes is not None

@@ -1,4 +1,4 @@
-"""What a frame is worth: each scenario is *Test / Expected result*."""
+"""Quality of a frame; each scenario states *Test / Expected result*."""
 
 import time
 from dataclasses import replace
@@ -20,7 +20,7 @@ def frame(seed: int = 0, level: float = 120.0, spread: float = 40.0, holes: floa
     return RgbdFrame(t_s=1.5, rgb=rgb, depth_m=depth_m, camera=CAMERA)
 
 
-def test_an_ordinary_frame_is_told_by_its_numbers() -> None:
+def test_an_ordinary_frame_has_its_true_statistics() -> None:
     """Test: mean 120 and deviation 40 of 255, two thirds of the depth lost. Expected result: those numbers, the frame's time."""
     quality = quality_of(frame(holes=2 / 3))
     assert quality.t_s == 1.5
@@ -38,14 +38,14 @@ def test_the_same_pixels_make_the_same_fingerprint_at_any_time_and_in_any_layout
 
 
 def test_a_single_depth_makes_another_fingerprint() -> None:
-    """Test: one depth changes, beside the pixels that the numbers come from. Expected result: another fingerprint."""
+    """Test: one depth changes outside the pixels of the statistics. Expected result: another fingerprint."""
     first = frame()
     changed = first.depth_m.copy()
     changed[3, 5] = 1
     assert quality_of(replace(first, depth_m=changed)).fingerprint != quality_of(first).fingerprint
 
 
-def test_frames_without_depth_are_told_apart_by_their_colours() -> None:
+def test_frames_without_depth_are_distinguished_by_their_colours() -> None:
     """Test: two frames without any depth and with other colours. Expected result: two fingerprints, for the camera lives."""
     assert quality_of(frame(seed=1, holes=1.1)).fingerprint != quality_of(frame(seed=2, holes=1.1)).fingerprint
 

@@ -1,4 +1,4 @@
-"""The robust estimator against the simulator's truth."""
+"""Robust detector against simulator ground truth."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rms, rotation_x, rotation_z
 from treadline.errors import ImageError, ShapeMismatch
-from treadline.perception import DetectorConfig, Sight, StairDetector
+from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.scenario import Stair
 
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
@@ -107,7 +107,7 @@ def test_gravity_so_wrong_that_no_tread_is_level_is_refused(view) -> None:
             # What risers alone say under such a gravity is ten degrees off.
             assert sight.heading_rad is None or sight.heading_rad == pytest.approx(heading_of(seed), abs=1.0 * DEG)
             reasons.append(sight.reason or "")
-    assert any("treads agree on a level" in reason and "° off the gravity told" in reason for reason in reasons)
+    assert any("treads agree on a level" in reason and "° off the IMU's gravity" in reason for reason in reasons)
 
 
 def test_gravity_may_be_off_by_degrees_and_of_any_length(view) -> None:
@@ -166,7 +166,7 @@ def test_rise_and_run_are_those_of_the_stair(view) -> None:
 def test_steep_headings_are_refused_or_right(view) -> None:
     for seed in range(4260, 4290):
         heading = (1.0 if seed % 2 else -1.0) * float(np.random.default_rng(seed).uniform(36.0, 80.0)) * DEG
-        sight: Sight = ROBUST.look(*view(seed, heading, stair_of(seed)))
+        sight: StairDetection = ROBUST.look(*view(seed, heading, stair_of(seed)))
         if sight.heading_rad is None:
             assert sight.reason
         else:
@@ -182,19 +182,19 @@ def test_gravity_may_be_a_list_and_must_be_three_numbers(view, monkeypatch: pyte
             look(frame, np.append(down, 0.0))
 
 
-@pytest.mark.parametrize(("gravity_C", "told"), [([0.0, 0.0, 0.0], "(0, 0, 0)"), ([0.0, float("nan"), 1.0], "(0, nan, 1)")])
-def test_gravity_without_a_direction_is_no_gravity(view, gravity_C: list[float], told: str) -> None:
+@pytest.mark.parametrize(("gravity_C", "message"), [([0.0, 0.0, 0.0], "(0, 0, 0)"), ([0.0, float("nan"), 1.0], "(0, nan, 1)")])
+def test_gravity_without_a_direction_is_no_gravity(view, gravity_C: list[float], message: str) -> None:
     sight = ROBUST.look(view(4202, 0.2, STAIR)[0], np.array(gravity_C))
-    assert (sight.accepted, sight.reason) == (False, f"gravity is not a direction but {told}")
+    assert (sight.accepted, sight.reason) == (False, f"gravity is not a direction but {message}")
 
 
 def test_depth_must_be_an_image_of_the_cameras_size(view, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     frame, _ = view(4202, 0.2, STAIR)
-    for depth_m, told in (
+    for depth_m, message in (
         (frame.depth_m[::2, ::2], "depth is 160×120 pixels, its calibration is for 320×240"),
         (frame.depth_m.ravel(), r"depth is no image but an array of shape \(76800,\); its calibration is for 320×240 pixels"),
         (frame.depth_m.tolist(), "depth is no image but a list; its calibration is for 320×240 pixels"),
     ):
-        with pytest.raises(ImageError, match=told):
+        with pytest.raises(ImageError, match=message):
             ROBUST.look(replace(frame, depth_m=depth_m))

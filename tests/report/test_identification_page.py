@@ -274,7 +274,7 @@ def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_f
     text = " ".join(outline_of(page).text.split())
     assert "50 structures tried" in text
     assert "9 more are not listed" in text
-    assert "Error: what free runs leave of data held out" in text
+    assert "Error: residual of free runs on data held out" in text
     assert "the smaller order wins" in text
 
 
@@ -291,10 +291,10 @@ def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None
 
 
 def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:
-    assert "not refused at 5 %" in small_page
+    assert "not rejected at 5 %" in small_page
     page = page_of(tmp_path, replace(small, report=replace(small.report, whiteness_p=0.0)))
     assert "p &lt; 0.001" in page
-    assert "not refused" not in page
+    assert "not rejected" not in page
 
 
 def test_gaps_are_drawn_around_and_counted(tmp_path: Path, small: Found) -> None:

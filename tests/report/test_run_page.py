@@ -57,11 +57,11 @@ def truth_at(t_s: float) -> Truth:
         ),
         ("python own.py", {"verdict": "fell"}, "One run: fell"),
         ("treadline 'unclosed", {"verdict": "fell"}, "One run: fell"),
-        ("treadline reproduce --quick --out x", {}, "reproduce: driven to the end of its time"),
+        ("treadline reproduce --quick --out x", {}, "reproduce turn-28: driven to the end of its time"),
     ],
 )
 def test_the_heading_says_what_was_run_and_how_it_ended(command: str, values: dict[str, Any], said: str) -> None:
-    assert headline(result_of(**values), Manifest(settings={}, seed=0, command=command)) == said
+    assert headline(result_of(**values), Manifest(settings={}, seed=0, command=command), "turn-28") == said
 
 
 def test_every_score_of_a_run_has_words_and_is_shown_once() -> None:

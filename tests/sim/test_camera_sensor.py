@@ -9,7 +9,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
-from treadline.sim.camera import Camera, Recipe, draw_view
+from treadline.sim.camera import Camera, ViewRecipe, draw_view
 
 CALIBRATION = read_chair("wheelchair").camera_at(240)
 DISPARITY_PX_M = 575.0 * 0.075
@@ -118,7 +118,7 @@ def test_planes_fit_a_large_frame_as_tightly_as_recorded_ones() -> None:
 def test_planes_fit_a_kinect_2_frame_as_tightly_as_recorded_ones(
     near_m: float, far_m: float, recorded_mm: tuple[float, float]
 ) -> None:
-    recipe = Recipe(sensor="kinect2", scenes=("up", "foot"), heading_deg=(-15.0, 15.0), textures=("carpet",))
+    recipe = ViewRecipe(sensor="kinect2", scenes=("up", "foot"), heading_deg=(-15.0, 15.0), textures=("carpet",))
     found = np.vstack([block_residuals(draw_view(np.random.default_rng(seed), recipe).frame) for seed in range(3)])
     inside = (found[:, 0] * DISPARITY_PX_M < 0.16) & (found[:, 1] > near_m) & (found[:, 1] < far_m)
     # Lower quartile to median of two recorded frames of a carpeted stair, by distance.

@@ -11,14 +11,14 @@ from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.scenario import Stair
 from treadline.sim.camera import Camera
 from treadline.sim.camera.clutter import worn_step
-from treadline.sim.camera.solids import Solid, beam, solids_of, upright
+from treadline.sim.camera.solids import SceneBox, beam, solids_of, upright
 
 CALIBRATION = read_chair("wheelchair").camera_at(240)
 LEVEL = rotation_y(25.0 * DEG) @ CALIBRATION.R_BC
 EYE = np.array([0.0, 0.0, 1.0])
 
 
-def rays(solids: list[Solid], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "h w"]:
+def rays(solids: list[SceneBox], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "h w"]:
     """Return depth along the optical axis of each pixel by MuJoCo, NaN where nothing is hit."""
     geoms = "".join(
         f'<geom type="box" pos="{_words(box.centre_W)}" size="{_words(box.half_m)}" quat="{_words(quaternion_of(box.R_WK))}"/>'
@@ -42,9 +42,9 @@ def _words(numbers: Float[np.ndarray, " n"]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 
-def random_solid(rng: np.random.Generator) -> Solid:
+def random_solid(rng: np.random.Generator) -> SceneBox:
     quaternion = rng.standard_normal(4)
-    return Solid(
+    return SceneBox(
         kind="thing",
         centre_W=rng.uniform((0.8, -1.0, -0.5), (4.0, 1.0, 1.5)),
         half_m=rng.uniform(0.02, 0.5, size=3),

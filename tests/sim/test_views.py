@@ -11,7 +11,7 @@ from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
 from treadline.settings import settings_of
 from treadline.signals import RgbdFrame
-from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, Camera, Recipe, RecordedDrive, View, draw_view
+from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
 from treadline.sim.camera.recipe import CLUTTER
 from treadline.sim.camera.solids import Puddle, Shadow, upright
 
@@ -19,7 +19,7 @@ IDEAL: dict[str, object] = {"sensor": "ideal", "gravity_error_deg": 0.0}
 
 
 def view(seed: int, **recipe: object) -> View:
-    return draw_view(np.random.default_rng(seed), Recipe(**recipe))
+    return draw_view(np.random.default_rng(seed), ViewRecipe(**recipe))
 
 
 def points_B(seen: View) -> Float[np.ndarray, "h w 3"]:
@@ -286,7 +286,7 @@ def test_a_recipe_that_makes_no_sense_is_refused() -> None:
         ({"colour": 1}, "unknown"),
     ):
         with pytest.raises(SettingsError, match=word):
-            settings_of(wrong, Recipe, where="recipe.toml")
+            settings_of(wrong, ViewRecipe, where="recipe.toml")
 
 
 def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> None:
@@ -310,7 +310,7 @@ def test_holes_cover_the_requested_fraction() -> None:
 
 
 def test_a_drive_shows_one_flight_from_one_camera() -> None:
-    drive = RecordedDrive(np.random.default_rng(2), Recipe(mount_pitch_error_deg=(1.0, 1.0), walls=("both",), steps=(30, 30)))
+    drive = RecordedDrive(np.random.default_rng(2), ViewRecipe(mount_pitch_error_deg=(1.0, 1.0), walls=("both",), steps=(30, 30)))
     views = [drive.view(0.1 * i, drive.pose(along_m=0.1 * i, heading_rad=0.05 * i)) for i in range(4)]
     truths = [seen.stair for seen in views]
     assert len({truth.slope_rad for truth in truths if truth is not None}) == 1
@@ -332,4 +332,4 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
 @pytest.mark.parametrize("scene", ["edge", "shelf"])
 def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
     with pytest.raises(SettingsError, match=scene):
-        RecordedDrive(np.random.default_rng(0), Recipe(scenes=(scene,)))
+        RecordedDrive(np.random.default_rng(0), ViewRecipe(scenes=(scene,)))

@@ -45,7 +45,7 @@ class Run(Printable):
         return series(self.episode.trace, self.episode.estimate_rad)
 
     def plot(self) -> Any:
-        """Return the matplotlib figure of the run: heading, pitch, seat, belts, place and tip-over margin against time.
+        """Return the matplotlib figure of the run: heading, pitch, seat, belts, place and tip-over margin over time.
 
         Raises:
             TreadlineError: If the run ended before its first tick.

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from treadline.camera_file import read_camera
 from treadline.errors import ImageError
 from treadline.perception import StairDetector
-from treadline.perception.camera_file import read_camera
-from treadline.perception.sight import Sight
+from treadline.perception.detection import StairDetection
 from treadline.signals import PinholeCamera, RgbdFrame
 
 
@@ -17,7 +17,7 @@ def detect_stair(
     depth_m: ArrayLike,
     camera: PinholeCamera | str | Path,
     gravity: ArrayLike | Sequence[float] | None = None,
-) -> Sight:
+) -> StairDetection:
     """Return the heading and the geometry of the stair in one depth image.
 
     Args:

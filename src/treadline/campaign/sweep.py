@@ -50,6 +50,8 @@ class SweepPlan:
     """Whether to search for the worst score instead of sampling."""
     score: str = MARGIN
     """Score that ranks the worst runs."""
+    climb_options: tuple[str, ...] = ()
+    """Options of ``treadline climb`` that all runs share: controller and plug-ins. They are part of what ``--resume`` compares."""
 
     def __post_init__(self) -> None:
         least = generation_size(self.runs) if self.adversarial else 1
@@ -69,6 +71,7 @@ class SweepPlan:
     def identity(self) -> dict[str, Any]:
         """Identity that must match on resume; the number of runs may grow, except in a search."""
         same = {"spec": self.spec.digest, "seed": self.seed, "sampling": self.sampling}
+        same |= {"options": shlex.join(self.climb_options) or None}
         return same | ({"search for": self.score, "runs": self.runs} if self.adversarial else {"search for": "nothing"})
 
     def episode(self, index: int, point: Float[np.ndarray, " dimension"]) -> Episode:
@@ -138,7 +141,7 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episod
         note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {rows[index]['verdict']}"
         write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(episodes[index].scenario, note))
     for row in summary["worst"]:
-        row["replay"] = replay_command(folder, row)
+        row["replay"] = replay_command(folder, row, plan.climb_options)
     cpu_s = sum(row.get("cpu_s") or 0.0 for row in kept)
     times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
     _write_json(folder / "summary.json", summary)
@@ -147,11 +150,11 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episod
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
 
 
-def replay_command(folder: Path, row: Mapping[str, Any]) -> str:
-    """Return the shell command that repeats a run."""
+def replay_command(folder: Path, row: Mapping[str, Any], options: Sequence[str] = ()) -> str:
+    """Return the shell command that repeats a run, with the options that all runs of its sweep share."""
     name = f"{row['index']:04d}"
     scenario, out = folder / "scenarios" / f"{name}.toml", folder / "reruns" / name
-    return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out)])
+    return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out), *options])
 
 
 def _left(plan: SweepPlan, journal: Journal) -> int:

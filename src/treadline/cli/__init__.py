@@ -50,7 +50,7 @@ from treadline.errors import SimulationDiverged, TreadlineError
 from treadline.interrupts import Terminated, on_terminate
 
 AGAIN_S = 0.25
-"""After which an interrupt that was swallowed comes again: longer than a burst that counts as one (``interrupts``)."""
+"""Delay after which a lost interrupt is sent again [s]: longer than a burst that counts as one (``interrupts``)."""
 EPILOGUE = """\
 Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
 Start with: treadline doctor; treadline check paper-28; treadline climb paper-28 --out runs/first

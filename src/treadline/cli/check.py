@@ -1,17 +1,17 @@
-"""``treadline check``: mechanics before driving."""
+"""``treadline check``: mechanical feasibility of a scenario."""
 
 from treadline.cli.answer import Answer
 
 
 def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
-    """Say whether physics allows a scenario: track length, traction, stability, seat stroke.
+    """Check the mechanical feasibility of a scenario: track length, traction, stability, seat stroke.
 
     treadline check --keys > mine.toml
 
     Args:
-        scenario: A scenario file, or the name of a shipped one.
-        keys: List the names of shipped scenarios, and all keys of a scenario with type, range, default and meaning, as a file
-            that says what is the default anyway; and end.
+        scenario: Scenario file, or the name of a shipped scenario.
+        keys: List the shipped scenarios and all keys of a scenario with type, range, default and meaning, as a scenario file of
+            the defaults, and exit.
     """
     from dataclasses import asdict
 
@@ -40,7 +40,7 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
 
 
 def _keys() -> Answer:
-    """Return all that a scenario can say: lines that are themselves one, of defaults."""
+    """Return all keys of a scenario; the lines are a scenario file of the defaults."""
     from pydantic_core import PydanticUndefined
 
     from treadline.faults import EXTENTS

@@ -55,7 +55,7 @@ def _are(count: int, what: str = "part") -> str:
 
 def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:
     installed = util.find_spec(module) is not None
-    return _told(name, metadata.version(name) if installed else None, enables, remedy, required=required)
+    return _entry(name, metadata.version(name) if installed else None, enables, remedy, required=required)
 
 
 def _rospy() -> dict[str, object]:
@@ -67,7 +67,7 @@ def _rospy() -> dict[str, object]:
         version, remedy = "here" if util.find_spec("rospy") or (DEBIAN / "rospy").is_dir() else None, INSTALL
     except ImportError as error:
         remedy = str(error)
-    return _told("rospy", version, "nodes on ROS 1: --transport ros1", remedy)
+    return _entry("rospy", version, "nodes on ROS 1: --transport ros1", remedy)
 
 
 def _gazebo() -> dict[str, object]:
@@ -81,10 +81,10 @@ def _gazebo() -> dict[str, object]:
         version = "11"
     except (GazeboError, ImportError) as error:
         remedy = str(error)
-    return _told("Gazebo", version, "a second simulator: --plant gazebo", remedy)
+    return _entry("Gazebo", version, "a second simulator: --plant gazebo", remedy)
 
 
-def _told(name: str, version: str | None, enables: str, remedy: str, *, required: bool = False) -> dict[str, object]:
+def _entry(name: str, version: str | None, enables: str, remedy: str, *, required: bool = False) -> dict[str, object]:
     return {
         "name": name,
         "required": required,

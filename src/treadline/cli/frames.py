@@ -1,4 +1,4 @@
-"""``treadline frames``: frames of stairs with their truth, to try a method on."""
+"""``treadline frames``: rendered frames of stairs with ground truth, to evaluate a method."""
 
 from pathlib import Path
 from typing import Any
@@ -22,32 +22,32 @@ def frames(
     recipe: Path | None = None,
     force: Force = False,
 ) -> Answer:
-    """Draw frames of stairs, or of places without one, with the truth of each.
+    """Render frames of stairs, or of places without a stair, with the ground truth of each.
 
     Writes NAME_rgb.png and NAME_depth.png (16 bit, millimetres), camera.toml and gravity.csv, which treadline see FOLDER
     reads, and truth.csv to score any method with: heading, edge direction, slope, rise, run, next nosing, walls, obstacle.
 
     Args:
-        out: The folder.
-        count: How many frames.
-        seed: Of everything that chance decides.
+        out: Folder to write.
+        count: Number of frames.
+        seed: Random seed. The same seed gives byte-identical results.
         scene: up, top, foot (facing up the flight), down (facing down it), mixed (all of these), stairless, or the name of
             one scene: edge, bottom, floor, wall, corridor, corner, shelf, table, boxes, ramp, landing, steep, ladder,
-            threshold, stripes, bench, pallets. Left out: up.
-        sensor: kinect1 (when left out), kinect2 or ideal.
-        height: Rows of the image, from 120 to 1080; left out: 240, of a Kinect 2 424.
-        heading: Smallest and largest heading in degrees; left out: -35,35.
-        clutter: What stands about, each there or not: legs, mat, bag, strips, shadow, wet, rail_left, rail_right; or all.
-            Left out: nothing.
-        open_risers: Steps without risers.
-        recipe: A TOML file with any of the ranges that a view is drawn from; options given here come before it.
+            threshold, stripes, bench, pallets. Default: up.
+        sensor: Noise model: kinect1 (the default), kinect2 or ideal.
+        height: Image rows, from 120 to 1080. Default: 240; for a Kinect 2: 424.
+        heading: Smallest and largest heading in degrees. Default: -35,35.
+        clutter: Objects that may be present: legs, mat, bag, strips, shadow, wet, rail_left, rail_right; or all. Default: none.
+        open_risers: Render steps without risers.
+        recipe: TOML file with ranges from which views are sampled; options on the command line take precedence.
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.numbers import numbers, words
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
+    from treadline.io.runs import remove
     from treadline.settings import parse_toml, settings_of
-    from treadline.sim.camera import Recipe
+    from treadline.sim.camera import ViewRecipe
     from treadline.sim.camera.folder import write_views
     from treadline.sim.camera.recipe import CLUTTER
 
@@ -69,7 +69,9 @@ def frames(
         options["clutter_chance"] = 0.4
     given = {key: value for key, value in options.items() if value is not None}
     file = {} if recipe is None else parse_toml(recipe)
-    settings = settings_of(file | given, Recipe, where="frames" if recipe is None else str(recipe))
+    settings = settings_of(file | given, ViewRecipe, where="frames" if recipe is None else str(recipe))
+    if force:
+        remove(out, [path.name for path in out.glob("[0-9]*_*.png")])
     with Progress("frames", count) as progress:
         write_views(settings, out, count=count, seed=seed, watch=progress.done)
     values = {"frames": count, "out": str(out), "truth": str(out / "truth.csv"), "seed": seed}
@@ -77,7 +79,7 @@ def frames(
 
 
 def _scenes(word: str) -> tuple[str, ...]:
-    """Return the scenes a word stands for: several, or the one of that name."""
+    """Return the scenes that a name stands for: a group, or one scene."""
     from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES
 
     several: dict[str, tuple[str, ...]] = {

@@ -20,31 +20,85 @@ STREAMED_BYTES = 256 * 1024**2
 STREAMED = (".csv", ".tsv", ".txt", ".parquet")
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifyOptions:
+    """Options of ``treadline identify``: one object from the command line to the identification.
+
+    Attributes:
+        inputs: Input columns; of bags as topic.field, of arrays as name[column].
+        outputs: Output columns, likewise.
+        period: Sampling period in seconds. Default: from the time column.
+        resample: Resample an irregular time axis to the period (inputs held, outputs interpolated).
+        allow_gaps: Accept up to 20 % of rows with NaN (an empty cell), or missing where the others keep the period's grid.
+        order: Number of states. Default: chosen from the data.
+        lags: Observer lags p. Default: chosen from the data.
+        method: best (several methods, compared by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
+            (Eq. 9c as printed). Default: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best takes
+            zero for rest, and a left and a right belt that turn a vehicle by their difference, unless the data contradict it.
+        delays: Dead time of each input in samples (0,2), or auto to estimate it. Default: part of the states.
+        solver: gram, or qr: slower, exact on data without noise.
+        stable: Mirror poles outside the unit circle.
+        validate: Share of each record, at its end, kept for validation. Default: none.
+        validate_on: Another log to validate on.
+        update: Gram matrix of earlier data (--gram) to continue from.
+        forgetting: Factor on the weight of earlier data per new sample, for example 0.999; 1 forgets nothing.
+        stream: Read CSV or Parquet in chunks, in bounded memory. Default: above 256 MB.
+        gram: Write the Gram matrix of all data to this file, for --update (--sums: former name).
+        page: Page of plots to write. Default: next to the model.
+        no_page: Write no page.
+    """
+
+    inputs: str = "left_m_s,right_m_s"
+    outputs: str = "heading_rad,yaw_rate_rad_s"
+    period: float | None = None
+    resample: bool = False
+    allow_gaps: bool = False
+    order: int | None = None
+    lags: int | None = None
+    method: str | None = None
+    delays: str | None = None
+    solver: str = "gram"
+    stable: bool = False
+    validate: float | None = None
+    validate_on: Path | None = None
+    update: Path | None = None
+    forgetting: float = 1.0
+    stream: Annotated[bool | None, Parameter(negative="--no-stream")] = None
+    gram: Annotated[Path | None, Parameter(name=["--gram", "--sums"])] = None
+    page: Path | None = None
+    no_page: bool = False
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Input columns as a list."""
+        return words("--inputs", self.inputs)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Output columns as a list."""
+        return words("--outputs", self.outputs)
+
+    @property
+    def dead_time(self) -> list[int] | str | None:
+        """Dead time of each input in samples, ``auto``, or None.
+
+        Raises:
+            SettingsError: If it is neither auto nor whole numbers.
+        """
+        if self.delays is None or self.delays == "auto":
+            return self.delays
+        try:
+            return [int(part) for part in self.delays.split(",")]
+        except ValueError:
+            raise SettingsError(f"--delays is '{self.delays}'; give auto, or one whole number per input, for example 0,2") from None
+
+
+DEFAULTS = IdentifyOptions()
+
+
 def identify(
-    logs: list[Path],
-    /,
-    *,
-    inputs: str = "left_m_s,right_m_s",
-    outputs: str = "heading_rad,yaw_rate_rad_s",
-    period: float | None = None,
-    resample: bool = False,
-    allow_gaps: bool = False,
-    order: int | None = None,
-    lags: int | None = None,
-    method: str | None = None,
-    delays: str | None = None,
-    solver: str = "gram",
-    stable: bool = False,
-    validate: float | None = None,
-    validate_on: Path | None = None,
-    update: Path | None = None,
-    forgetting: float = 1.0,
-    stream: bool | None = None,
-    gram: Annotated[Path | None, Parameter(name=["--gram", "--sums"])] = None,
-    page: Path | None = None,
-    no_page: bool = False,
-    out: Path = Path("model.json"),
-    force: Force = False,
+    logs: list[Path], /, *, options: IdentifyOptions = DEFAULTS, out: Path = Path("model.json"), force: Force = False
 ) -> Answer:
     """Fit x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] to recorded runs.
 
@@ -54,108 +108,46 @@ def identify(
 
     Args:
         logs: CSV, NPZ, MAT, Parquet, MCAP or ROS bag files, or run folders; several are separate experiments.
-        inputs: Columns that drove the system; of bags as topic.field, of arrays as name[column].
-        outputs: Columns that answered.
-        period: Sampling period in seconds; read from the time column when left out.
-        resample: Bring an irregular time axis to the period (inputs held, outputs interpolated).
-        allow_gaps: Accept up to 20 % of rows with NaN (an empty cell), or missing where the others keep the period's grid.
-        order: Number of states; chosen when left out.
-        lags: Observer lags p; chosen from the data when left out.
-        method: best (several ways, judged by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
-            (Eq. 9c as printed). Left out: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best
-            takes zero for rest, and a left and a right belt that turn a vehicle by their difference, unless the data speak
-            against it.
-        delays: Dead time of each input in samples (0,2), or auto to find it.
-        solver: gram, or qr: slower, exact on data without noise.
-        stable: Mirror poles outside the unit circle.
-        validate: Share of each record, at its end, kept for validation.
-        validate_on: Another log to validate on.
-        update: Gram matrix of earlier data (--gram) to continue from.
-        forgetting: Factor on the weight of earlier data for each new sample, for example 0.999; 1 forgets nothing.
-        stream: Read CSV or Parquet in chunks, in bounded memory; by itself above 256 MB.
-        gram: Write the Gram matrix of all data to this file, for --update (--sums: former name).
-        page: Where the page of plots is written; beside the model when left out.
-        no_page: Write no page.
-        out: Where the model is written, .json or .mat.
+        out: Model file to write, .json or .mat. Default: model.json.
     """
-    asked = _Asked(
-        logs=logs,
-        inputs=words("--inputs", inputs),
-        outputs=words("--outputs", outputs),
-        period=period,
-        resample=resample,
-        allow_gaps=allow_gaps,
-        order=order,
-        lags=lags,
-        method=method,
-        delays=_delays(delays),
-        solver=solver,
-        stable=stable,
-        validate=validate,
-        validate_on=validate_on,
-        update=update,
-        forgetting=forgetting,
-    )
-    _check(asked, gram)
-    if page is not None and no_page:
-        raise SettingsError("give --page or --no-page, not both")
+    _check(logs, options)
     claim(out, force=force, kind="file")
     try:
-        found = _streamed(asked) if _in_chunks(asked, stream) else _whole(asked)
+        found = _streamed(logs, options) if _in_chunks(logs, options) else _whole(logs, options)
     except TooFewSamples as error:
-        raise TooFewSamples(f"{_titled(logs)}: {error}{_share_kept(asked)}") from None
-    return _answer(found, asked, _written(found, asked, out, gram, None if no_page else page or out.with_suffix(".html")))
+        raise TooFewSamples(f"{_titled(logs)}: {error}{_share_kept(options)}") from None
+    return _answer(found, options, _written(found, logs, options, out))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Asked:
-    """The options, as they were given."""
-
-    logs: Sequence[Path]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    period: float | None
-    resample: bool
-    allow_gaps: bool
-    order: int | None
-    lags: int | None
-    method: str | None
-    delays: list[int] | str | None
-    solver: str
-    stable: bool
-    validate: float | None
-    validate_on: Path | None
-    update: Path | None
-    forgetting: float
-
-
-def _check(asked: _Asked, gram: Path | None) -> None:
+def _check(logs: Sequence[Path], asked: IdentifyOptions) -> None:
     from treadline.identification import METHODS, SOLVERS
 
-    if not asked.logs:
+    if not logs:
         raise SettingsError("identify needs at least one log: a file or a run folder")
     for option, value, allowed in (("--method", asked.method, METHODS), ("--solver", asked.solver, SOLVERS)):
         if value is not None:
             choice(option, value, allowed)
     if asked.validate is not None and asked.validate_on is not None:
         raise SettingsError("give --validate or --validate-on, not both")
-    if asked.delays is not None and (gram or asked.update) is not None:
+    if asked.dead_time is not None and (asked.gram or asked.update) is not None:
         raise SettingsError("--delays cannot be combined with --gram or --update: a Gram matrix does not record shifted inputs")
     if asked.update is None and 0.0 < asked.forgetting < 1.0:
         raise SettingsError("--forgetting needs earlier data; give them with --update")
-    both = [name for name in asked.inputs if name in asked.outputs]
+    if asked.page is not None and asked.no_page:
+        raise SettingsError("give --page or --no-page, not both")
+    both = [name for name in asked.input_names if name in asked.output_names]
     if both:
         raise SettingsError(f"'{both[0]}' is given to --inputs and to --outputs; a column is one or the other")
 
 
-def _in_chunks(asked: _Asked, stream: bool | None) -> bool:
-    """Say whether the log is read in chunks: as asked, else where it is long and nothing needs the whole of it."""
-    can = all(path.suffix.lower() in STREAMED and path.is_file() for path in asked.logs)
-    long = can and sum(path.stat().st_size for path in asked.logs) > STREAMED_BYTES
-    return stream or (stream is None and long and asked.method != "best" and asked.update is None)
+def _in_chunks(logs: Sequence[Path], asked: IdentifyOptions) -> bool:
+    """Return whether the logs are read in chunks: as chosen, else if they are long and no option needs them whole."""
+    can = all(path.suffix.lower() in STREAMED and path.is_file() for path in logs)
+    long = can and sum(path.stat().st_size for path in logs) > STREAMED_BYTES
+    return asked.stream or (asked.stream is None and long and asked.method != "best" and asked.update is None)
 
 
-def _whole(asked: _Asked) -> "Identified":
+def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.cli.progress import Status
     from treadline.identification import Gram
     from treadline.identification import identify as fit
@@ -164,11 +156,11 @@ def _whole(asked: _Asked) -> "Identified":
 
     def read(path: Path) -> InputOutputRecord:
         return read_record(
-            path, asked.inputs, asked.outputs, period_s=asked.period, resample=asked.resample, allow_gaps=asked.allow_gaps
+            path, asked.input_names, asked.output_names, period_s=asked.period, resample=asked.resample, allow_gaps=asked.allow_gaps
         )
 
     with Status("reading") as status:
-        records = [read(path) for path in asked.logs]
+        records = [read(path) for path in logs]
         judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
         status.say("identifying")
         found = fit(
@@ -176,7 +168,7 @@ def _whole(asked: _Asked) -> "Identified":
             order=asked.order,
             lags=asked.lags,
             method=asked.method,
-            delays=asked.delays,
+            delays=asked.dead_time,
             solver=asked.solver,
             stable=asked.stable,
             validation=judged,
@@ -189,7 +181,7 @@ def _whole(asked: _Asked) -> "Identified":
     return found
 
 
-def _streamed(asked: _Asked) -> "Identified":
+def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.cli.progress import Share
     from treadline.identification import identify_chunks
     from treadline.io.chunks import read_chunks
@@ -206,14 +198,14 @@ def _streamed(asked: _Asked) -> "Identified":
         if is_given:
             raise SettingsError(f"{name} needs the whole record; give --no-stream")
     readers = [
-        read_chunks(log, asked.inputs, asked.outputs, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in asked.logs
+        read_chunks(log, asked.input_names, asked.output_names, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in logs
     ]
-    sizes = [log.stat().st_size for log in asked.logs]
+    sizes = [log.stat().st_size for log in logs]
 
     def fraction() -> float:
         return sum(size * reader.fraction for size, reader in zip(sizes, readers, strict=True)) / max(sum(sizes), 1)
 
-    with Share(f"reading {_titled(asked.logs)}", fraction) as share:
+    with Share(f"reading {_titled(logs)}", fraction) as share:
         return identify_chunks(
             *(share.of(reader) for reader in readers),
             order=asked.order,
@@ -223,22 +215,23 @@ def _streamed(asked: _Asked) -> "Identified":
         )
 
 
-def _written(found: "Identified", asked: _Asked, out: Path, gram: Path | None, page: Path | None) -> dict[str, str]:
-    """Write what was found; return where each file is."""
+def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, out: Path) -> dict[str, str]:
+    """Write model, Gram matrix and page; return the path of each."""
     from treadline.io.model_files import write_model
 
     write_model(found.model, out)
     written = {"model": str(out)}
-    if gram is not None:
-        found.gram.save(gram)
-        written |= {"gram": str(gram), "sums": str(gram)}  # "sums" is the former key, kept for one release
+    if asked.gram is not None:
+        found.gram.save(asked.gram)
+        written |= {"gram": str(asked.gram), "sums": str(asked.gram)}  # "sums" is the former key, kept for one release
+    page = None if asked.no_page else asked.page or out.with_suffix(".html")
     if page is not None:
-        _write_page(found, page, asked.logs)
+        _write_page(found, page, logs)
         written["page"] = str(page)
     return written
 
 
-def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answer:
+def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
     report = found.report
     fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
     ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
@@ -259,23 +252,14 @@ def _answer(found: "Identified", asked: _Asked, written: dict[str, str]) -> Answ
 
 
 def _counted(found: "Identified") -> str:
-    """Return how much was fitted, as the page says it: of a stream, or of sums gone on with, only the windows are known."""
+    """Return the amount of data in the words of the page; of a stream, or of earlier data, only the windows are known."""
     given, report = sum(len(record) for record in found.fitted), found.report
-    windows = f"{report.samples} windows fitted, {report.dropped} left out for gaps"
+    windows = f"{report.samples} windows fitted, {report.dropped} omitted for gaps"
     return f"{given} samples; {windows}" if report.samples <= given else windows
 
 
-def _share_kept(asked: _Asked) -> str:
+def _share_kept(asked: IdentifyOptions) -> str:
     return "" if asked.validate is None else f"; --validate {asked.validate:g} keeps that share of each record back"
-
-
-def _delays(text: str | None) -> list[int] | str | None:
-    if text is None or text == "auto":
-        return text
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        raise SettingsError(f"--delays is '{text}'; give auto, or one whole number per input, for example 0,2") from None
 
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:

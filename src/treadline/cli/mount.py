@@ -1,4 +1,4 @@
-"""``treadline mount``: how the camera sits on the chair, from a minute of driving."""
+"""``treadline mount``: mount angles of the camera on the chair, estimated from a minute of driving."""
 
 from pathlib import Path
 from typing import Any
@@ -18,26 +18,26 @@ def mount(
     out: Path = OUT,
     force: Force = False,
 ) -> Answer:
-    """Learn how the camera sits on the chair from ordinary driving on a flight.
+    """Estimate the mount angles of the camera on the chair from ordinary driving on a flight.
 
-    The log is a run folder (treadline climb --log-images keeps the frames), or an MCAP file or ROS bag of anybody's with depth
-    images and the chair's IMU; an IMU inside the camera turns with the mount and cannot tell it. On the flight the belts lie on
-    the nosings' plane, which the camera sees: pitch and roll follow within a minute, yaw once the chair has turned to both
-    sides. The mount as meant must be within 15 degrees.
+    The log is a run folder (treadline climb --log-images keeps the frames), an MCAP file or a ROS bag with depth images and the
+    chair's IMU; an IMU inside the camera turns with the mount and does not observe it. On the flight the belts lie on the nosing
+    plane, which the camera sees: pitch and roll follow within a minute, yaw once the chair has turned to both sides. The nominal
+    mount must be within 15 degrees.
 
     treadline mount runs/climb --out camera.toml
 
     Args:
-        log: A run folder, an .mcap, .bag or .db3 file, or a bag's folder.
-        camera: Calibration and mount as meant, in place of the log's CameraInfo and the chair's file.
-        topics: Topics by role where types do not tell: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
+        log: Run folder, an .mcap, .bag or .db3 file, or the folder of a bag.
+        camera: Calibration and nominal mount, in place of the log's CameraInfo and the chair's file.
+        topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
         out: Calibration file to write. Default: camera.toml.
     """
+    from treadline.camera_file import read_camera
     from treadline.cli.compiling import tell_compiling
     from treadline.cli.progress import Share
     from treadline.experiments.mount import MountStudy
     from treadline.io.topics import parse_topics
-    from treadline.perception.camera_file import read_camera
 
     claim(out, force=force, kind="file")
     tell_compiling()
@@ -45,20 +45,20 @@ def mount(
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):
             pass
-    lesson = study.calibration()
-    values = lesson.summary()
-    if lesson.reason is not None:
-        return Answer(values=values | {"path": None}, summary=[f"no mount: {lesson.reason}"], code=1)
-    lesson.write(out)
+    found = study.calibration()
+    values = found.summary()
+    if found.reason is not None:
+        return Answer(values=values | {"path": None}, summary=[f"no mount: {found.reason}"], code=1)
+    found.write(out)
     return Answer(values=values | {"path": str(out)}, summary=_lines(values, log, out))
 
 
 def _lines(values: dict[str, Any], log: Path, path: Path) -> list[str]:
     """Return the summary for people."""
-    told = ", ".join(_angle(name, values) for name in ("pitch", "roll", "yaw"))
+    angles = ", ".join(_angle(name, values) for name in ("pitch", "roll", "yaw"))
     change = ", ".join(f"{name} {value:+.2f}°" for name, value in values["change_deg"].items() if value is not None)
     return [
-        told,
+        angles,
         f"changed by {change}; {values['counted']} of {values['frames']} frames count",
         *(f"  left out {count}: {why}" for why, count in values["left_out"].items()),
         *(f"  dropped {count}: {why}" for why, count in values["dropped"].items()),

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from treadline.nodes.wire import WireTransport
 
 STARTED_BY = "TREADLINE_STARTED_BY"
-"""Environment: the process that a node must not outlive."""
+"""Environment variable with the id of the process that a node must not outlive."""
 RECORDER_SPARE = 100
-"""A recorder wants every picture, however late."""
+"""Queue length of a recorder [messages]: it keeps every image, however late."""
 WireName = Literal["ros1", "zenoh"]
 TransportName = Literal["inproc", WireName]
 PlantName = Literal["mujoco", "gazebo"]
@@ -48,21 +48,21 @@ def node(
     treadline node guard default --transport ros1
 
     Args:
-        name: The node.
-        scenario: The settings that the whole graph shares: a scenario file, or the name of a shipped one.
-        remappings: ROS 1's own, as /camera/color/image_raw:=/camera; behind a lone --.
+        name: Name of the node.
+        scenario: Settings that the whole graph shares: scenario file, or the name of a shipped scenario.
+        remappings: Remappings of ROS 1, as /camera/color/image_raw:=/camera, after a lone --.
         transport: ros1 needs a roscore; zenoh speaks ROS 2's wire and needs no ROS; inproc is for treadline nodes alone.
-        controller: A file that treadline tune wrote; the shipped one when left out.
-        plant: Which simulator the plant node is.
-        seed: Of the simulated plant.
-        clock: sim where a plant speaks on /clock, wall where drivers stamp with the machine's.
-        pace: Simulated seconds a second, of the plant.
-        duration: Seconds after which the plant ends; the scenario's when left out.
-        endpoint: Where zenoh's nodes find each other; the guard listens there.
-        domain: ROS 2's ROS_DOMAIN_ID.
-        patience: Seconds to wait for what a node cannot do without.
-        stick: The guard takes /cmd_vel (geometry_msgs/Twist) instead of the driver's proposals.
-        out: What the recorder writes: a run folder, or a file that ends in .mcap, .bag or .db3.
+        controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
+        plant: Simulator of the plant node: mujoco or gazebo.
+        seed: Random seed of the simulated plant.
+        clock: sim where a plant publishes /clock, wall where drivers stamp with the machine's clock.
+        pace: Simulated seconds per second, of the plant.
+        duration: Duration of the plant in seconds. Default: as in the scenario.
+        endpoint: Address at which the nodes of zenoh connect; the guard listens there.
+        domain: ROS_DOMAIN_ID of ROS 2.
+        patience: Startup timeout for required topics, in seconds.
+        stick: Let the guard take /cmd_vel (geometry_msgs/Twist) instead of the driver's commands.
+        out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
     from treadline.errors import SettingsError
     from treadline.nodes.assembly import node_of

@@ -1,4 +1,4 @@
-"""``treadline nodes``: the whole graph, in one process or each node in its own."""
+"""``treadline nodes``: the complete node graph, in one process or each node in its own process."""
 
 import math
 import os
@@ -16,9 +16,9 @@ from treadline.cli.out import Force, claim, make_way
 from treadline.errors import SettingsError
 
 GONE_S = 4.0
-"""After a node was lost, for the guard to hold and a bystander to see it."""
+"""Time to keep the graph running after a node was lost [s], so that the guard can hold and the hold is recorded."""
 LEAVE_S = 5.0
-"""For nodes that were asked to end."""
+"""Time given to a node to end before it is killed [s]."""
 
 
 def nodes(
@@ -37,22 +37,22 @@ def nodes(
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
-    """Run the whole graph of Fig. 7 on a scenario, and tell what came of it.
+    """Run the complete node graph of Fig. 7 on a scenario, and report the outcome.
 
     treadline nodes default --transport zenoh --pace 0.5
 
     Args:
-        scenario: A scenario file, or the name of a shipped one.
-        transport: inproc runs all nodes in this process, tick by tick; ros1 and zenoh start a process for each.
-        controller: A file that treadline tune wrote; the shipped one when left out.
-        plant: Which simulator moves the chair.
-        seed: Of the simulated plant.
-        pace: Simulated seconds a second; less where the machine is busy.
-        duration: Simulated seconds after which it ends; the scenario's when left out.
-        endpoint: Where zenoh's nodes find each other.
-        domain: ROS 2's ROS_DOMAIN_ID.
-        without: plant leaves the plant to somebody else: a chair's own drivers.
-        out: Record, too: a run folder, or a file that ends in .mcap, .bag or .db3.
+        scenario: Scenario file, or the name of a shipped scenario.
+        transport: inproc runs all nodes in this process, tick by tick; ros1 and zenoh start one process per node.
+        controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
+        plant: Simulator: mujoco or gazebo.
+        seed: Random seed of the simulated plant.
+        pace: Simulated seconds per second; slower on a busy machine.
+        duration: Duration in simulated seconds. Default: as in the scenario.
+        endpoint: Address at which the nodes of zenoh connect.
+        domain: ROS_DOMAIN_ID of ROS 2.
+        without: Leave out the plant node; the drivers of a real chair take its place.
+        out: Run folder, or .mcap, .bag or .db3 file, to record to. Default: no recording.
     """
     from treadline.attendant import rearms_until_s
     from treadline.setup import resolve
@@ -94,7 +94,7 @@ def nodes(
 
 
 def _supervise(running: dict[str, subprocess.Popen[bytes]], wire: Any, watch: "_Watch", stop: Any) -> str | None:
-    """Watch until the traversal is over; return which node ended without being asked: the guard has a while to hold for it."""
+    """Wait until the traversal is over; return the node that ended by itself, after the time in which the guard holds for it."""
     ended, until_s = None, math.inf
     while not stop.is_set() and not watch.over and time.monotonic() < until_s:
         wire.deliver(0.1)
@@ -119,7 +119,7 @@ def _end(running: dict[str, subprocess.Popen[bytes]]) -> None:
 
 
 class _Watch:
-    """What a bystander sees of a traversal: the guard's state, the plan, events, and the simulator's truth."""
+    """Monitor of a traversal: guard state, plan, events, and the simulator's ground truth."""
 
     AFTER_S = 1.0
     """How long a held chair is watched."""
@@ -144,7 +144,7 @@ class _Watch:
             transport.subscribe(channel, take)
 
     def answer(self, ended: str | None, where: dict[str, Any], transport: str) -> Answer:
-        """Return what came of it."""
+        """Return the outcome."""
         from treadline.angles import DEG
 
         verdict = "time_up"
@@ -170,8 +170,8 @@ class _Watch:
             "transport": transport,
             "nodes": where,
         }
-        told = "" if rms_deg is None or final_deg is None else f"; heading {rms_deg:.2f}° RMS, {final_deg:.2f}° at the end"
-        lines = [f"{verdict}" + (f": {cause}" if cause else "") + f" after {self._t_s:.1f} s in phase {self._phase}{told}"]
+        heading = "" if rms_deg is None or final_deg is None else f"; heading {rms_deg:.2f}° RMS, {final_deg:.2f}° at the end"
+        lines = [f"{verdict}" + (f": {cause}" if cause else "") + f" after {self._t_s:.1f} s in phase {self._phase}{heading}"]
         return Answer(values=values, summary=lines, code=0 if verdict in ("arrived", "time_up") else 1)
 
     def _plan(self, plan: Any) -> None:
@@ -188,11 +188,11 @@ class _Watch:
         elif self._held_s is None:
             self._held_s = state.t_s
 
-    def _event(self, told: Any) -> None:
+    def _event(self, event: Any) -> None:
         from treadline.signals import Event
 
-        if isinstance(told, Event) and told.t_s < self._until_s:
-            self._events.append({"t_s": told.t_s, "name": told.name, "cause": told.cause})
+        if isinstance(event, Event) and event.t_s < self._until_s:
+            self._events.append({"t_s": event.t_s, "name": event.name, "cause": event.cause})
 
     def _truth(self, truth: Any) -> None:
         self._headings.append(truth.heading_rad)
@@ -236,7 +236,7 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
 
 
 def _table(where: dict[str, str], transport: str) -> list[str]:
-    """Return what runs where, for people."""
+    """Return a table of the nodes and their processes."""
     from treadline.nodes.assembly import ROLES
 
     return [f"treadline: {name:9} {place:13} {transport:7} {ROLES[name]}" for name, place in where.items()]

@@ -13,7 +13,7 @@ class Progress:
     """Counts finished parts of a long job."""
 
     LINES = 20
-    """At most, where no person watches."""
+    """Largest number of progress lines where stderr is no terminal."""
 
     def __init__(self, title: str, total: int) -> None:
         self._title = title

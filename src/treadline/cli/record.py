@@ -1,4 +1,4 @@
-"""``treadline record``: what nodes say into a bag, or a log from one kind of bag into another. No ROS is needed for either."""
+"""``treadline record``: messages of nodes into a bag, or a log from one bag format into another; neither needs ROS."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,20 +27,20 @@ def record(
     domain: int = 0,
     force: Force = False,
 ) -> Answer:
-    """Record what the graph's nodes say, or copy a log into another kind of bag.
+    """Record the messages of the node graph, or convert a log into another bag format.
 
     treadline record --transport ros1 --duration 60 --out drive.bag
     treadline record runs/first --out first.bag
 
     Args:
-        log: A run folder or a bag to copy; without one the nodes are listened to until Ctrl-C.
-        out: A run folder (record.csv and log.mcap), or a file: .mcap, .bag (ROS 1) or .db3 (ROS 2).
-        transport: Where the nodes are; those of one process are recorded by treadline nodes --out.
-        duration: Seconds to record.
-        scenario: The settings that the graph shares; the camera's mount is in them.
+        log: Run folder or bag to convert. Default: record live messages until Ctrl-C.
+        out: Run folder (record.csv and log.mcap), or a file: .mcap, .bag (ROS 1) or .db3 (ROS 2).
+        transport: Transport of the nodes; nodes in one process are recorded by treadline nodes --out.
+        duration: Duration of the recording in seconds. Default: until Ctrl-C.
+        scenario: Settings that the graph shares; they hold the camera's mount.
         images: Keep images.
-        endpoint: Where zenoh's nodes find each other.
-        domain: ROS 2's ROS_DOMAIN_ID.
+        endpoint: Address at which the nodes of zenoh connect.
+        domain: ROS_DOMAIN_ID of ROS 2.
     """
     check_times(duration=duration)
     claim(out, force=force, kind="either")
@@ -84,7 +84,7 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
 
 
 def _copied(log: Path, out: Path, *, force: bool) -> Answer:
-    """Copy a log, signal by signal in the order of time."""
+    """Convert a log, signal by signal in order of time."""
     from treadline.errors import SettingsError
     from treadline.io.sensor_log import SensorLog
     from treadline.nodes.bags import open_bag
@@ -99,13 +99,13 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     count = 0
     try:
         for taken_s, signal in recording.arrivals(aside.append):
-            for told_signal in aside:
-                bag(told_signal)
+            for kept in aside:
+                bag(kept)
             bag(signal, taken_s)
             count += 1 + len(aside)
             aside.clear()
-        for told_signal in aside:
-            bag(told_signal)
+        for kept in aside:
+            bag(kept)
     finally:
         bag.close()
     count += len(aside)

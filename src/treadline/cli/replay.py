@@ -57,17 +57,17 @@ def replay(
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
+    from treadline.camera_file import read_camera
     from treadline.experiments.replay_settings import camera_items
     from treadline.experiments.replayed import replayed_run
-    from treadline.perception.camera_file import read_camera
 
     claim(out, force=force)
-    told = () if camera is None else camera_items(read_camera(camera))
+    settings = () if camera is None else camera_items(read_camera(camera))
     with _Played() as progress:
         run = replayed_run(
             out,
             log,
-            changes=(*told, *(changes or ())),
+            changes=(*settings, *(changes or ())),
             topics=parse_topics(topics),
             controller=controller,
             detector=detector,
@@ -90,9 +90,9 @@ def _keys(log: Path | None) -> Answer:
     return Answer(
         values={
             "keys": {key: default for key, (default, _) in table.items()},
-            "meanings": {key: told for key, (_, told) in table.items()},
+            "meanings": {key: meaning for key, (_, meaning) in table.items()},
         },
-        summary=[f"{key} = {default}" + (f"  # {told}" if told else "") for key, (default, told) in table.items()],
+        summary=[f"{key} = {default}" + (f"  # {meaning}" if meaning else "") for key, (default, meaning) in table.items()],
     )
 
 

@@ -1,4 +1,4 @@
-"""``treadline see``: the heading of recorded frames."""
+"""``treadline see``: heading and stair geometry in recorded frames."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +9,7 @@ from treadline.cli.numbers import List, choice
 from treadline.cli.out import Force, claim
 
 MANY = 20
-"""Frames of a folder from which on progress is told."""
+"""Number of frames in a folder above which progress is shown."""
 
 
 def see(
@@ -24,22 +24,22 @@ def see(
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
-    """Find the stair in an RGB-D frame and say the heading.
+    """Detect the stair in an RGB-D frame and report the heading.
 
     Give a colour image and a 16-bit depth image with a calibration, or a folder of NAME_rgb.png + NAME_depth.png
     with camera.toml and, if known, gravity.csv. A calibration without a mount gives a heading about the camera's own axis, and
-    the answer says so.
+    the answer states this.
 
     Args:
-        rgb: The colour image, or a folder.
-        depth: The depth image, 16 bit.
-        camera: The calibration, a TOML file; of a folder, its camera.toml when left out.
-        gravity: Unit vector that points down in the camera's frame: x,y,z; of a folder, for frames that gravity.csv lacks.
-        method: robust, or paper for Algorithm 1 as printed.
-        threshold: Rule for Canny's thresholds in Algorithm 1: median (the paper's place, where none is given), otsu,
-            rosin or mad; it takes --method paper, or --out, whose six stages are Algorithm 1's.
-        out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and
-            heading as the robust method sees them (NAME-seen.png).
+        rgb: Colour image, or a folder.
+        depth: Depth image, 16 bit.
+        camera: Calibration file (TOML). Default for a folder: its camera.toml.
+        gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
+        method: Method: robust, or paper for Algorithm 1 as printed.
+        threshold: Rule for Canny's thresholds in Algorithm 1: median (the default), otsu, rosin or mad; needs --method paper, or
+            --out, whose six stages are those of Algorithm 1.
+        out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
+            the robust method (NAME-seen.png).
     """
     from treadline.cli.compiling import tell_compiling
     from treadline.errors import SettingsError
@@ -58,7 +58,7 @@ def see(
         raise alone(rgb)
     if depth is None:
         frames = FolderOfFrames(rgb, camera, gravity)
-        seen = list(_told(see_frames(frames, method=chosen, out=out, threshold=rule), len(frames)))
+        seen = list(_with_progress(see_frames(frames, method=chosen, out=out, threshold=rule), len(frames)))
         accepted = sum(bool(item["accepted"]) for item in seen)
         return Answer(
             values={"frames": seen},
@@ -70,8 +70,8 @@ def see(
     return Answer(values=answer, summary=[_line(answer), *_warnings([answer])], code=0 if answer["accepted"] else 1)
 
 
-def _told(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]]:
-    """Yield what is seen; of many frames, tell how far it has come."""
+def _with_progress(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]]:
+    """Yield the results; of many frames, show the progress."""
     from treadline.cli.progress import Progress
 
     if count < MANY:
@@ -100,13 +100,13 @@ def _line(seen: dict[str, Any]) -> str:
         )
     if not seen["mount_known"]:
         places = [(seen[f"heading_on_{place}_deg"], place) for place in ("flight", "level")]
-        told = ", ".join(f"{value:+.2f}° on the {place}" for value, place in places if value is not None)
-        words.append("about the camera's own axis: no mount" + (f" (the chair's {told})" if told else ""))
+        on_chair = ", ".join(f"{value:+.2f}° on the {place}" for value, place in places if value is not None)
+        words.append("about the camera's own axis: no mount" + (f" (the chair's {on_chair})" if on_chair else ""))
     return ", ".join([*words, f"{seen['ms']:.1f} ms"])
 
 
 def _warnings(seen: list[dict[str, Any]]) -> list[str]:
-    """Return what is wrong with the calibration, once for all frames."""
+    """Return the warnings about the calibration, each once for all frames."""
     return [
         f"warning: {warning}" for warning in {item["warning"]: None for item in seen if item["accepted"]} if warning is not None
     ]

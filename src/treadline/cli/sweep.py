@@ -77,8 +77,12 @@ def sweep(
     resolved_controller(controller)  # loaded once here, so that a mistake is found before a process starts
     resolved_plugin("detector", detector)
     resolved_plugin("estimator", estimator)
+    blocks = {"--controller": controller, "--detector": detector, "--estimator": estimator}
+    shared = tuple(word for option, value in blocks.items() if value is not None for word in (option, value))
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)
-    plan = SweepPlan(spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score)
+    plan = SweepPlan(
+        spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score, climb_options=shared
+    )
     count = min(workers or default_workers(), plan.total)
     compile_once()
     runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
@@ -141,7 +145,7 @@ class _Left:
 
     def __init__(self) -> None:
         self._progress: Progress | None = None
-        self._started, self._flown = 0.0, 0
+        self._started, self._finished = 0.0, 0
 
     def __enter__(self) -> "_Left":
         return self
@@ -159,8 +163,8 @@ class _Left:
 
     def done(self, row: Mapping[str, Any], left: int) -> None:
         """Count one run."""
-        self._flown += 1
-        left_s = (time.monotonic() - self._started) / self._flown * left
+        self._finished += 1
+        left_s = (time.monotonic() - self._started) / self._finished * left
         if self._progress is not None:
             self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
 

@@ -96,7 +96,7 @@ class Instruments:
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
         self._scenario, self._chair, self._staircase = scenario, chair, staircase
         self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
-        self._numbers = _numbers(chair, scenario.chair)
+        self._numbers = chair_numbers(chair, scenario.chair)
         self._fixed_rad = chair.tracks.approach_angle_deg * DEG
         self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
         self._streams = streams
@@ -224,7 +224,7 @@ class Instruments:
         )
 
 
-def _numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
+def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
     """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
     tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
     numbers = np.empty(kernels.CHAIR)

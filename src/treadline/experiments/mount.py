@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from treadline.angles import DEG, rotation_of
+from treadline.camera_file import CameraFile
 from treadline.errors import ImageError, LogFormatError
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.estimation.mount import PAIRED_S, STANDING_M_S
@@ -25,7 +26,6 @@ from treadline.io.sensor_log import SensorLog
 from treadline.mission.replay import ReplayPlant
 from treadline.models import write_whole
 from treadline.perception import StairDetector
-from treadline.perception.camera_file import CameraFile
 from treadline.settings import settings_of
 from treadline.signals import TICK_S, ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
 

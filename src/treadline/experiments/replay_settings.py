@@ -17,6 +17,7 @@ from numpy import ndarray
 from pydantic import Field, create_model
 
 from treadline.angles import DEG
+from treadline.camera_file import CameraFile, Pixels
 from treadline.controller_files import shipped_controller
 from treadline.errors import SettingsError
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
@@ -27,7 +28,6 @@ from treadline.mission.loop import Blocks
 from treadline.mission.planner import Cruise
 from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
-from treadline.perception.camera_file import CameraFile, Pixels
 from treadline.scenario import Control, DriveSettings
 from treadline.setting_docs import meanings
 from treadline.settings import Settings, settings_of

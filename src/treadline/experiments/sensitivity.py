@@ -1,6 +1,6 @@
 """Sensitivity of the figures of ``results.json`` to step size, contact stiffness and friction, as stored with the package.
 
-``benchmarks/uncertainty.py`` measures the changes in about 20 minutes; ``reproduce`` attaches them and does not measure them anew.
+``benchmarks/uncertainty.py`` measures the changes; ``reproduce`` attaches them and does not measure them anew.
 A figure that the budget does not vary has the changes of the nearest figure that it does, labelled with its conditions.
 """
 

@@ -24,7 +24,7 @@ def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription,
     """
     start = standing(staircase, chair.tracks, scenario.start)
     element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=start.seat_rad)
-    return sdf_world(staircase, chair, scenario.chair.leaning(), start=start, plugins=(element,), is_whole=True)
+    return sdf_world(staircase, chair, scenario.chair.leaning(), start=start, plugins=(element,), belts_on_bodies=True)
 
 
 def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:

@@ -1,7 +1,8 @@
 """A log as a source of sensor readings, and of the recorded commands and estimates for comparison.
 
-A reading of our own logs is due at its log time, the mission time at which the run took it: late camera frames stay late. The log
-time of any other log is a recorder's wall clock; there a reading is due at its stamp.
+A reading of our own logs is due at its log time, the mission time at which the run took it: late camera frames stay late. So is one
+of a bag that holds our topics and whose log times are of the clock of its stamps, as ``treadline record`` writes it. The log time
+of any other log is a recorder's wall clock; there a reading is due at its stamp.
 
 Logs are not trusted. A message whose stamp is not later than the previous one on its topic is dropped, and so is a sample that is
 not finite; both are counted and reported. The recording ends where its clock leaps, or where nothing was recorded for
@@ -37,6 +38,7 @@ from treadline.signals import (
     TrackReading,
 )
 
+BELTS = "/tracks/state"
 HORIZON_S = 1.0
 """How far the stamps of two topics may lie apart where they stand side by side in the file; a longer leap is another clock."""
 SILENCE_S = 60.0
@@ -84,7 +86,6 @@ class SensorLog:
         """
         self._path = path
         self._sealed = sealed
-        self._has_arrivals = has_arrivals(path)
         self._unit_m = depth_unit_m
         self._calibrate = calibrate
         self.found = survey(path, sealed=sealed)
@@ -96,6 +97,7 @@ class SensorLog:
         self._roles = {name: role for role, name in _named(self.topics) if name is not None}
         used = [self.found[name] for name in self._roles]
         self._origin_ns = min(item.stamp_ns for item in used)
+        self._has_arrivals = has_arrivals(path) or self._is_ours()
         self.duration_s = (max(item.last_ns for item in used) - min(item.first_ns for item in used)) / 1e9
 
     @property
@@ -146,6 +148,11 @@ class SensorLog:
             elif signal is not None:
                 aside(signal)
         yield from self._due(math.inf)
+
+    def _is_ours(self) -> bool:
+        """Return whether the log holds our belt readings, logged by the clock that stamped them."""
+        belts = self.found.get(BELTS)
+        return belts is not None and belts.kind == OURS[BELTS][0] and abs(belts.first_ns - belts.stamp_ns) < HORIZON_S * 1e9
 
     def _due_s(self, signal: Sensor, logged_ns: int) -> float:
         """Return when a reading is due: at its arrival where the log kept it, never before its stamp."""

@@ -1,8 +1,7 @@
-"""Chair and stair as rigid bodies: the one description from which MJCF, URDF and SDF are written.
+"""Chair and stair as rigid bodies: the common description for MJCF, URDF and SDF.
 
-``ChairDescription, Chair -> Vehicle``; ``Staircase -> Solid``. The vehicle is a tree: the chassis, whose frame is B, and on it the
-seat and, where the flipper is driven, the flipper. All joints stand at zero: the seat level with the chassis, the flipper in line
-with the flat run.
+``ChairDescription, Chair -> Vehicle``; ``Staircase -> Solid``. The vehicle is a tree: the chassis, whose frame is B, with the seat
+and, if driven, the flipper. All joints are at zero: the seat parallel to the chassis, the flipper in line with the flat run.
 """
 
 import math
@@ -20,61 +19,63 @@ from treadline.mechanics.staircase import Box, Staircase, Step
 from treadline.scenario import Chair, Start
 
 FLAT_THICKNESS_M = 0.025
-"""Half thickness of a belt's box: inside the pulleys' diameter."""
+"""Half thickness of a belt's box [m], less than the pulleys' diameter."""
 HULL_FRICTION = 0.4
-"""Friction of hull and passenger against stair, walls and obstacles: steel on concrete has 0.3 to 0.4 (EN 12812:2004, annex A)."""
+"""Friction coefficient of hull and passenger against stair, walls and obstacles: 0.3 to 0.4 for steel on concrete (EN 12812:2004,
+annex A)."""
 CLEARANCE_M = 0.001
-"""Between a chair that is put down and what it will stand on."""
+"""Initial gap between a chair and its support [m]."""
 FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
-"""Of the nearer pulley from the first nosing or the edge at the start, and what of a short landing stays free behind the chair."""
+"""Initial distance of the nearer pulley from the first nosing (floor) and from the edge (landing), and free length of a short
+landing behind the chair [m]."""
 LANDING_LEAST_M = 0.2
-"""Of that pulley from the edge, however short the landing."""
+"""Least initial distance of the pulley from the edge of a short landing [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A box, or a cylinder about y, in the frame of its body."""
+    """Box, or cylinder about y, in the frame of its body."""
 
     name: str
     kind: Literal["box", "cylinder"]
     centre_m: Point
     half_m: Point
-    """Half extents along the shape's own axes."""
+    """Half extents along the shape's own axes [m]."""
     nose_up_rad: float = 0.0
     belt: Literal["left", "right"] | None = None
-    """Whose surface runs with that belt; None for hull and payload, whose surface is at rest."""
+    """Belt that moves this surface; None for hull and payload, whose surfaces are at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hinge:
-    """A joint that turns a body against its parent, about an axis through the body's origin."""
+    """Revolute joint between a body and its parent, about an axis through the body's origin."""
 
     axis: Point
     range_rad: tuple[float, float]
     max_rate_rad_s: float
     torque_n_m: float | None
-    """Largest; None is an actuator as stiff as need be."""
+    """Largest torque [N m]; None: unlimited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """A rigid body; its principal axes are those of its frame."""
+    """Rigid body; the principal axes are those of its frame."""
 
     name: str
     parent: str | None
     origin_m: Point
-    """In the parent's frame."""
+    """Origin in the parent's frame [m]."""
     mass_kg: float
     com_m: Point
     inertia: Point
-    """Principal moments [kg·m²] about the centre of mass."""
+    """Principal moments of inertia about the centre of mass [kg·m²]."""
     hinge: Hinge | None = None
     shapes: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
-    """A chair with its payload: the chassis, and what turns on it."""
+    """Chair with its payload: the chassis and the bodies hinged to it."""
 
     name: str
     chassis: Body
@@ -83,18 +84,18 @@ class Vehicle:
 
     @property
     def turning(self) -> tuple[tuple[Body, Hinge], ...]:
-        """The bodies on hinges: the seat, and the flipper if there is one."""
+        """Hinged bodies with their hinges: the seat, and the flipper if present."""
         hung = (self.seat,) if self.flipper is None else (self.seat, self.flipper)
         return tuple((body, body.hinge) for body in hung if body.hinge is not None)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """All of them, the chassis first."""
+        """All bodies, the chassis first."""
         return (self.chassis, *(body for body, _ in self.turning))
 
 
 def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
-    """Return a chair and what sits on it as bodies."""
+    """Return a chair with its payload as bodies."""
     flipper = None if chair.flipper is None else _flipper(chair.tracks, chair.flipper)
     return Vehicle(name=chair.name, chassis=_chassis(chair), seat=_seat(chair, loading), flipper=flipper)
 
@@ -114,7 +115,7 @@ def _chassis(chair: ChairDescription) -> Body:
 
 
 def _seat(chair: ChairDescription, loading: Chair) -> Body:
-    """Return the seat with its payload: a uniform box for a person, moved by the scenario's offset."""
+    """Return the seat with its payload: a uniform box for a person, at the scenario's offset."""
     seat, linkage = chair.seat, SeatLinkage(chair.seat)
     mass, com = seat_mass_kg(loading), payload_com(chair, loading)
     fastest = max(linkage.rate_ratio(float(stroke)) for stroke in np.linspace(*linkage.stroke_range, 21))
@@ -137,7 +138,7 @@ def _seat(chair: ChairDescription, loading: Chair) -> Body:
 
 
 def _flipper(tracks: Tracks, flipper: Flipper) -> Body:
-    """Return the approach section of both belts as one body that turns about the front pulleys' axis."""
+    """Return the approach sections of both belts as one body hinged at the front pulleys' axis."""
     low, high = (math.radians(angle) for angle in flipper.range_deg)
     across = flipper.mass_kg * tracks.gauge_m**2 / 4.0  # half the mass on either side
     along = flipper.mass_kg * tracks.approach_m**2 / 12.0
@@ -158,12 +159,12 @@ Side = Literal["left", "right"]
 
 
 def sides(tracks: Tracks) -> tuple[tuple[Side, float], tuple[Side, float]]:
-    """Return each belt's name and where its centre line runs [m]."""
+    """Return name and lateral position of each belt's centre line [m]."""
     return ("left", 0.5 * tracks.gauge_m), ("right", -0.5 * tracks.gauge_m)
 
 
 def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
-    """Return the part of a belt that is fixed to the chassis."""
+    """Return the parts of a belt fixed to the chassis."""
     tracks = chair.tracks
     half_run, half_width = 0.5 * tracks.flat_run_m, 0.5 * tracks.belt_width_m
     nose_x, _, nose_z = chair.nose_m
@@ -198,7 +199,7 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
 
 
 def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
-    """Return a belt's part on the flipper."""
+    """Return the parts of a belt on the flipper."""
     length, half_width = tracks.approach_m, 0.5 * tracks.belt_width_m
     approach = Shape(
         name=f"{side}_approach",
@@ -216,7 +217,7 @@ def _pulley(tracks: Tracks, side: Side, name: str, centre_m: Point) -> Shape:
 
 
 def box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
-    """Return the principal moments of a uniform box [kg·m²]."""
+    """Return the principal moments of inertia of a uniform box [kg·m²]."""
     a, b, c = (edge * edge for edge in size_m)
     return mass_kg * (b + c) / 12.0, mass_kg * (a + c) / 12.0, mass_kg * (a + b) / 12.0
 
@@ -228,7 +229,7 @@ def _half(size_m: tuple[float, float, float]) -> Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NosingGeometry:
-    """The rounded front edge of a step: a round bar between two ends."""
+    """Rounded front edge of a step: a round bar between two ends."""
 
     index: int
     left_W: Point
@@ -238,7 +239,7 @@ class NosingGeometry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solid:
-    """One box of the stair as it is stood on, and the bar that rounds it off; floors and walls have none."""
+    """Box of the stair, with the round bar of its nosing; floors and walls have no bar."""
 
     box: Box
     nosing: NosingGeometry | None = None
@@ -271,23 +272,23 @@ def _solid(box: Box, radius: float) -> Solid:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Standing:
-    """Where a chair is put down."""
+    """Start pose of a chair."""
 
     p_WB: Float[np.ndarray, " 3"]
     R_WB: Float[np.ndarray, "3 3"]
     seat_rad: float
-    """Of the seat against the chassis: level, or parallel to it."""
+    """Angle of the seat relative to the chassis [rad]: level, or parallel."""
 
 
 def from_edge_m(landing_m: float, tracks: Tracks) -> float:
-    """Return how far behind the edge the rear pulley stands when a chair starts on a landing."""
+    """Return the distance of the rear pulley behind the edge for a start on a landing [m]."""
     return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the pose in which a scenario starts, ``CLEARANCE_M`` above the floor, the nosings or the landing.
+    """Return the start pose of a scenario, slightly above the support.
 
-    Heading and lateral place are those against the flight: on the floor the first one, on the landing the last one.
+    On the landing, heading and lateral position are relative to the last flight.
     """
     heading, top = math.radians(start.heading_deg), staircase.steps[-1]
     slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
@@ -312,12 +313,12 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
 
 
 def rounded_off_m(nosing_radius_m: float, slope_rad: float) -> float:
-    """Return how far below the sharp edges the plane lies that touches rounded nosings."""
+    """Return the distance from the plane of the sharp edges down to the plane tangent to the rounded nosings [m]."""
     return nosing_radius_m * (math.sin(slope_rad) + math.cos(slope_rad) - 1.0)
 
 
 def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> float:
-    """Return how far the highest nosing under the belts stands out of the plane through the front one, square to it."""
+    """Return the height of the highest nosing under the belts above the plane through the front nosing [m]."""
     c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
     offsets = [
         (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s

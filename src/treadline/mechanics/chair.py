@@ -1,6 +1,6 @@
-"""The chair as its file describes it: tracks with three pulleys, masses, seat, drives and where the camera sits.
+"""Chair description from a file: tracks with three pulleys, masses, seat, drives and camera mounts.
 
-Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the belts' lower line.
+Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the lower line of the belts.
 """
 
 import math
@@ -10,30 +10,34 @@ from typing import Annotated, ClassVar
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.angles import DEG
+from treadline.camera_file import CameraFile, read_camera
 from treadline.chair_files import chair_file
 from treadline.errors import SettingsError
 from treadline.settings import Settings, read_toml
 from treadline.signals import TICK_S, PinholeCamera
 
 GRAVITY_M_S2 = 9.81
+"""Acceleration of gravity [m/s²]."""
 EMPTY_SEAT_KG = 0.5
-"""The seat's shell, which turns with the payload."""
+"""Mass of the seat shell, which rotates with the payload [kg]."""
+KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
+"""Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
 SWEPT_SPARE_M = 0.025
-"""To either side of a chair: a thing there is in its way."""
+"""Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
 
 def _a_tick_or_more(lag_s: float) -> float:
-    """Return a lag that the drives can be integrated with."""
+    """Return a lag after checking that it is at least one tick."""
     if lag_s < TICK_S:
         raise ValueError(
             f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
-            "tick, and a faster one cannot be told from none"
+            "tick, and a shorter lag has no effect"
         )
     return lag_s
 
 
 def _above_zero(torque_n_m: float) -> float:
-    """Return a torque that a motor can have as its limit."""
+    """Return a torque limit after checking that it is positive."""
     if torque_n_m <= 0.0:
         raise ValueError(
             f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
@@ -55,52 +59,54 @@ Size = tuple[Length, Length, Length]
 
 
 class Tracks(Settings):
-    """Two belts, each over a rear, a front and a raised nose pulley (the three-pulley mechanism, Fig. 3b)."""
+    """Two belts, each over a rear, a front and a raised nose pulley (three-pulley mechanism, Fig. 3b)."""
 
     flat_run_m: Length
-    """Between the centres of the rear and the front pulley: the part that lies on the stair."""
+    """Distance between the centres of rear and front pulley: the part in contact with the stair."""
     approach_m: Length
-    """Between the centres of the front and the nose pulley."""
+    """Distance between the centres of front and nose pulley."""
     approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
-    """Angle of attack: the nose section above the flat run."""
+    """Angle of attack: angle of the nose section above the flat run."""
     pulley_radius_m: Length
     gauge_m: Length
-    """Between the belts' centre lines."""
+    """Distance between the belts' centre lines."""
     belt_width_m: Length
 
 
 class Masses(Settings):
-    """Chassis without payload, seat included."""
+    """Mass and inertia of the chassis without payload, seat included."""
 
     chassis_kg: Mass
     chassis_com_m: Point
     chassis_size_m: Size
-    """Edges of the uniform box whose inertia the chassis has."""
+    """Edges of the uniform box with the inertia of the chassis."""
 
 
 class Seat(Settings):
-    """The seat, its hinge and the slider-bar linkage that levels it (Section II.B)."""
+    """Seat, its hinge and the slider-bar linkage for levelling (Section II.B)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"arm_m": "lever_arm_m"}
 
     hinge_m: Point
     payload_com_m: Point
-    """Centre of the payload relative to the hinge, seat level with the chassis."""
+    """Centre of mass of the payload relative to the hinge, with the seat parallel to the chassis."""
     payload_size_m: Size
     bar_m: Length
-    """Bar from slider to seat."""
-    arm_m: Length
-    """Hinge to the bar's pin on the seat."""
+    """Length of the bar from slider to seat."""
+    lever_arm_m: Length
+    """Distance from the hinge to the bar's pin on the seat."""
     slider_drop_m: Length
-    """Of the slider's rail below the hinge."""
+    """Height of the hinge above the slider rail."""
     stroke_m: tuple[Place, Place]
-    """Slider positions at the actuator's two ends, measured rearward from below the hinge."""
+    """Slider positions at the two ends of the actuator, measured rearward from below the hinge."""
     max_rate_m_s: Speed
     lag_s: Lag
     """First-order lag of the actuator."""
     push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force of the actuator at stall [N], falling linearly to ``no_load_m_s``. None: it follows at any load."""
+    """Stall force of the actuator, decreasing linearly to zero at ``no_load_m_s``. None: no force limit."""
     no_load_m_s: Speed | None = None
     hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
-    """Force that the actuator's screw holds while it stands [N]."""
+    """Holding force of the actuator's screw at standstill."""
 
     @model_validator(mode="after")
     def _a_limit_is_whole(self) -> "Seat":
@@ -116,84 +122,94 @@ class Seat(Settings):
 
 
 class Drives(Settings):
-    """The belts' motors and their inner speed loop."""
+    """Belt motors with their inner speed loop."""
 
     max_speed_m_s: Speed
     lag_s: Lag
     """First-order lag from command to belt speed."""
     max_acceleration_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
     brake_hold_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Force each belt's brake can hold."""
+    """Holding force of each belt's brake."""
 
 
 class Motor(Settings):
-    """One belt's motor and gear: force at the belt falls linearly from stall to no load."""
+    """Motor and gear of one belt: the belt force decreases linearly from stall to no load."""
 
     peak_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Belt force at stall [N], at the nominal voltage."""
+    """Belt force at stall and nominal voltage."""
     no_load_speed_m_s: Speed
-    """Belt speed without load [m/s], at the nominal voltage."""
+    """Belt speed without load at nominal voltage."""
     continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
-    """Belt force that the motor gives for ever [N]; the limit once it is hot."""
+    """Belt force at thermal equilibrium; the limit of a hot motor."""
     thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
-    """Time constant of its heating."""
+    """Time constant of the motor's heating."""
     moving_mass_kg: Mass
-    """Inertia of rotor and gear as a mass at the belt, and the belt's own."""
+    """Equivalent mass at the belt of rotor, gear and belt."""
     nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
 
 
 class Battery(Settings):
-    """The battery that feeds both motors."""
+    """Battery of both motors."""
 
     full_v: Annotated[float, Field(gt=0.0, le=1000.0)]
-    """Open-circuit voltage, full; linear in the charge down to ``empty_v``."""
+    """Open-circuit voltage of a full battery; linear in the charge down to ``empty_v``."""
     empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
     resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
-    """Internal, cables included."""
+    """Internal resistance, cables included."""
     capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
 
 
 class Flipper(Settings):
-    """A motor on the front pulley's axis that turns the approach section: a variable angle of attack.
+    """Motor on the front pulley's axis that rotates the approach section: a variable angle of attack.
 
-    The section stays where ``tracks`` puts it: ``approach_m`` is the flipper's length, ``approach_angle_deg`` where it rests.
+    The section itself is described in ``tracks``: ``approach_m`` is the flipper's length, ``approach_angle_deg`` its rest angle.
     """
 
     range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
-    """Lowest and highest angle against the flat run."""
+    """Lowest and highest angle relative to the flat run."""
     torque_n_m: Torque
     """Largest torque of the motor, both sides together."""
     max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
     no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
-    """Rate at which the motor has no torque left; its torque falls linearly to there. None: full torque at any rate."""
+    """No-load rate of the motor; the torque decreases linearly to zero at this rate. None: full torque at any rate."""
     lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
-    """Against rising, once the motor is dead: its windings short over a diode, so it brakes one way and falls freely."""
+    """Damping of rising motion with a dead motor: a diode shorts its windings in one direction only."""
     mass_kg: Mass
 
 
 class Rating(Settings):
-    """What the maker lets the chair do; physics may allow more on a good day."""
+    """Manufacturer's limits; physics may allow more."""
 
     slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
-    """Steepest flight."""
+    """Slope of the steepest flight."""
     payload_kg: Mass
-    """Heaviest load on any flight."""
+    """Largest payload on any flight."""
     steep_payload_kg: Mass
-    """Heaviest load on flights steeper than ``steep_deg``: over a steep crest the flipper's motor lifts with all it has."""
+    """Largest payload on flights steeper than ``steep_deg``, limited by the flipper motor at the crest."""
     steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
 
 
 class CameraMount(Settings):
-    """Where the depth camera sits and how far it looks down."""
+    """Position and orientation of a depth camera."""
 
     position_m: Point
     pitch_deg: Degrees
     roll_deg: Degrees = 0.0
     yaw_deg: Degrees = 0.0
+    file: str | None = None
+    """Camera file with the intrinsics, relative to the chair's file; the mount in it is ignored. Unset: a Kinect 1."""
+    calibration: CameraFile | None = None
+    """Intrinsics given in the chair's file itself, in place of ``file``."""
+
+    @model_validator(mode="after")
+    def _intrinsics_are_given_once(self) -> "CameraMount":
+        if self.file is not None and self.calibration is not None:
+            raise ValueError("give camera.file or camera.calibration, not both: both hold the intrinsics")
+        return self
 
 
 class ChairDescription(Settings):
-    """A tracked chair: all that its maker knows about it."""
+    """Tracked chair."""
 
     renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
 
@@ -204,15 +220,15 @@ class ChairDescription(Settings):
     drives: Drives
     camera: CameraMount
     rear_camera: CameraMount | None = None
-    """Over the chair's back: it sees the edge and the flight below. None: the chair only climbs."""
+    """Rear camera above the back of the chair, for the edge and the flight below. None: the chair only climbs."""
     rating: Rating | None = None
-    """None: whatever mechanics allow."""
+    """Manufacturer's limits. None: no limits besides mechanics."""
     flipper: Flipper | None = None
-    """None: the approach section is fixed."""
+    """Flipper. None: the approach section is fixed."""
     motor: Motor | None = None
-    """Of each belt. None: belts follow their speeds at any load."""
+    """Motor of each belt. None: belts follow their commands at any load."""
     battery: Battery | None = None
-    """Feeds the motors; needed with them."""
+    """Battery of the motors; required with motors."""
 
     @model_validator(mode="after")
     def _motors_have_a_battery(self) -> "ChairDescription":
@@ -241,9 +257,11 @@ class ChairDescription(Settings):
         return self
 
     def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
-        """Return the chair's front or rear Kinect 1 camera at 320×240, at which it is run, or 640×480.
+        """Return the chair's front or rear camera, its image scaled to a height.
 
-        575 px focal length at 640×480 is the value of the Kinect's own driver.
+        Args:
+            height_px: Image rows; the simulator renders 240 or 480. Width, focal lengths and principal point scale with it.
+            rear: Whether the camera that faces backwards is asked for.
 
         Raises:
             SettingsError: If the chair has no rear camera.
@@ -251,14 +269,15 @@ class ChairDescription(Settings):
         mount = self.rear_camera if rear else self.camera
         if mount is None:
             raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
-        scale = height_px / 480.0
+        known = mount.calibration or KINECT_1
+        scale = height_px / known.height
         return PinholeCamera(
-            width_px=round(640 * scale),
+            width_px=round(known.width * scale),
             height_px=height_px,
-            fx_px=575.0 * scale,
-            fy_px=575.0 * scale,
-            cx_px=(640 * scale - 1) / 2,
-            cy_px=(height_px - 1) / 2,
+            fx_px=known.fx_px * scale,
+            fy_px=known.fy_px * scale,
+            cx_px=(known.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
+            cy_px=(known.cy_px + 0.5) * scale - 0.5,
             mount_pitch_rad=mount.pitch_deg * DEG,
             mount_roll_rad=mount.roll_deg * DEG,
             mount_yaw_rad=mount.yaw_deg * DEG,
@@ -267,13 +286,13 @@ class ChairDescription(Settings):
 
     @property
     def half_width_m(self) -> float:
-        """From its middle to its widest part: belt, chassis or passenger."""
+        """Half of the largest width over belts, chassis and passenger [m]."""
         tracks = self.tracks
         return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
 
     @property
     def swept_half_m(self) -> float:
-        """Half the width of the volume it sweeps as it drives straight."""
+        """Half width of the volume swept in straight motion [m]."""
         return self.half_width_m + SWEPT_SPARE_M
 
     @property
@@ -284,12 +303,12 @@ class ChairDescription(Settings):
 
     @property
     def rear_reach_m(self) -> float:
-        """From mid-track to the rearmost part of the tracks."""
+        """Distance from mid-track to the rearmost part of the tracks [m]."""
         return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
 
     @property
     def nose_m(self) -> Point:
-        """Centre of the nose pulley (mid-gauge)."""
+        """Centre of the nose pulley, mid-gauge [m]."""
         angle = self.tracks.approach_angle_deg * DEG
         return (
             0.5 * self.tracks.flat_run_m + self.tracks.approach_m * math.cos(angle),
@@ -299,9 +318,17 @@ class ChairDescription(Settings):
 
 
 def read_chair(model: str) -> ChairDescription:
-    """Return the chair in a file, or the shipped one of that name.
+    """Return the chair in a file, or the shipped chair of that name.
 
     Raises:
-        SettingsError: If there is none, or its file says something it must not.
+        SettingsError: If no such chair exists, or the file is invalid.
     """
-    return read_toml(chair_file(model), ChairDescription)
+    path = chair_file(model)
+    chair = read_toml(path, ChairDescription)
+    mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
+    calibrated = {
+        name: mount.model_copy(update={"calibration": read_camera(path.parent / mount.file), "file": None})
+        for name, mount in mounts.items()
+        if mount is not None and mount.file is not None
+    }
+    return chair.model_copy(update=calibrated) if calibrated else chair

@@ -1,4 +1,7 @@
-"""What a body follows: means over 50 ms, of pitch rate and passenger (ISO 2631-1 weighs vertical motion below some 10 Hz)."""
+"""Comfort measures: means over 50 ms of pitch rate and passenger acceleration.
+
+ISO 2631-1 weights vertical motion below about 10 Hz.
+"""
 
 from dataclasses import dataclass
 
@@ -8,7 +11,7 @@ from jaxtyping import Float
 from treadline.signals import TICK_S
 
 COMFORT_TICKS = 5
-"""50 ms at 100 Hz."""
+"""Length of the averaging window [ticks]: 50 ms at 100 Hz."""
 
 
 def lasting(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:
@@ -21,26 +24,26 @@ def lasting(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " t"]:
 def lasting_change(
     values: Float[np.ndarray, "... T"], dt_s: float | Float[np.ndarray, " t"] = TICK_S
 ) -> Float[np.ndarray, "... t"]:
-    """Return how fast values change, per second, over 50 ms: of velocities the acceleration that lasts.
+    """Return the rate of change over 50 ms [1/s]: for velocities, the mean acceleration.
 
     Args:
-        dt_s: Between two values; where it is not always the same, its mean over each window.
+        dt_s: Sampling interval; if variable, its mean over each window.
     """
     return np.asarray((values[..., COMFORT_TICKS:] - values[..., :-COMFORT_TICKS]) / (COMFORT_TICKS * dt_s))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comfort:
-    """Largest accelerations of a passenger, as means over 50 ms; horizontal axes turn with the chair."""
+    """Largest accelerations of a passenger, as means over 50 ms; horizontal axes rotate with the chair."""
 
     total_m_s2: float
     vertical_m_s2: float
     longitudinal_m_s2: float
-    """Along the chair's forward axis."""
+    """Largest acceleration along the chair's forward axis [m/s²]."""
     lateral_m_s2: float
-    """Across the chair's forward axis."""
+    """Largest acceleration across the chair's forward axis [m/s²]."""
     jerk_m_s3: float
-    """99th percentile of the jerk: a jolt that lasts, not the noise of one sample."""
+    """Jerk, 99th percentile of means over 50 ms [m/s³], which excludes noise of single samples."""
 
 
 def passenger_acceleration(
@@ -50,8 +53,8 @@ def passenger_acceleration(
 
     Args:
         place_W: Passenger in W [m].
-        yaw_rad: Of the chair about gravity.
-        dt_s: Between two places; 10 ms each by default.
+        yaw_rad: Yaw of the chair about the vertical.
+        dt_s: Time between consecutive positions; 10 ms by default.
     """
     steps_s = np.full(len(yaw_rad) - 1, TICK_S) if dt_s is None else dt_s
     velocity = np.diff(place_W, axis=1) / steps_s

@@ -1,4 +1,4 @@
-"""Dead zone of skid steering on a flight: where Coulomb friction lets no difference of belt speeds turn the chair.
+"""Dead zone of skid steering on a flight: Coulomb friction prevents a turn at any difference of belt speeds.
 
 ``chair, loading, slope, friction -> rows of yaw rate over heading and belt difference``, from ``quasi_static``.
 """
@@ -18,8 +18,11 @@ from treadline.mechanics.stance import PHASES, Stance, stair_stance
 from treadline.scenario import Chair
 
 HEADINGS_RAD = tuple(heading * DEG for heading in (0.0, 5.0, 10.0, 15.0, 30.0))
+"""Headings of the table [rad]."""
 SLOW_BELT_M_S = (0.05, 0.1, 0.2)
+"""Speeds of the slower belt in the table [m/s]."""
 DIFFERENCES_M_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
+"""Belt speed differences of the table [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,13 +33,13 @@ class SteeringResponse:
     slow_m_s: float
     """Speed of the slower belt."""
     difference_m_s: float
-    """Right belt less left belt: a positive one steers to the left."""
+    """Right belt speed minus left belt speed [m/s]: a positive one steers to the left."""
     yaw_rad_s: float
     """Yaw rate, averaged over the nosing phases."""
     along_m_s: float
     """Speed of mid-track along the belts, averaged over the nosing phases."""
     turning_share: float
-    """Share of the nosing phases in which the chair turns faster than 0.01 °/s."""
+    """Fraction of the nosing phases with a yaw rate above 0.01 °/s."""
 
 
 def dead_zone_table(
@@ -83,13 +86,13 @@ def dead_zone_table(
 
 
 def turning_room_m(slope_rad: float, friction: tuple[float, float], gauge_m: float) -> float:
-    """Return the mean distance of the carrying contacts from their median below which a chair square to the flight turns.
+    """Return the mean distance of the carrying contacts from their median below which a chair square to the flight turns [m].
 
     The slow belt sticks, and the chair starts to turn about the median of that belt's contacts at a rate ω. The fast belt slides
-    along itself; its drag across is of second order in ω. With half the load on either belt, friction under the fast belt gains
-    μ_along B ω/2, the chair's rise costs tan β B ω/2, and the slow belt's contacts, dragged across, cost μ_across m̄ ω/2, m̄ their
-    mean distance from the median. So the chair turns if (μ_along - tan β) B > μ_across m̄. The condition is sufficient, not
-    necessary: about other centres of rotation a few more phases turn, and ``steady_motion`` finds them.
+    lengthwise; its drag across is of second order in ω. With half the load on either belt, friction under the fast belt gains
+    μ_along B ω/2, the chair's rise costs tan β B ω/2, and dragging the slow belt's contacts across costs μ_across m̄ ω/2, with m̄
+    their mean distance from the median. Hence the chair turns if (μ_along - tan β) B > μ_across m̄. The condition is sufficient,
+    not necessary: a few more phases turn about other centres of rotation, found by ``steady_motion``.
     """
     return (friction[0] - math.tan(slope_rad)) * gauge_m / friction[1]
 

@@ -1,8 +1,8 @@
-"""The seat's slider-bar linkage: actuator stroke against seat angle, in closed form.
+"""Seat linkage (slider-bar mechanism): actuator stroke against seat angle, in closed form.
 
-Paper: Section II.B, Fig. 4. The seat turns about a hinge; a bar joins a pin on the seat, ``arm`` in front of the hinge,
-to a slider on a rail below it. The linear actuator pushes the slider rearward (stroke grows), the bar pulls the pin
-down and the seat leans forward against the slope: at a chassis pitch β, an angle of β makes the seat level.
+Paper: Section II.B, Fig. 4. The seat rotates about a hinge; a bar joins a pin on the seat, ``lever_arm_m`` in front of the hinge,
+to a slider on a rail below. The linear actuator pushes the slider rearward (stroke increases), the bar pulls the pin down and the
+seat leans forward against the slope: at a chassis pitch β, an angle of β levels the seat.
 
 ``stroke [m] <-> angle [rad]``; seat pitch = chassis pitch - angle.
 """
@@ -15,14 +15,14 @@ from treadline.mechanics.chair import Seat
 
 
 class SeatLinkage:
-    """The plane four-link (hinge, pin, bar, slider) of one chair's seat.
+    """Planar four-bar linkage (hinge, pin, bar, slider) of a chair's seat.
 
     Raises:
-        MechanicsError: If the actuator's stroke passes through a dead point, or leaves what the bar can reach.
+        MechanicsError: If the actuator's stroke passes through a dead point, or exceeds the reach of the bar.
     """
 
     def __init__(self, seat: Seat) -> None:
-        self._arm, self._bar, self._drop = seat.arm_m, seat.bar_m, seat.slider_drop_m
+        self._lever_arm, self._bar, self._drop = seat.lever_arm_m, seat.bar_m, seat.slider_drop_m
         self.stroke_range = seat.stroke_m
         low, high = seat.stroke_m
         if not low < high:
@@ -34,34 +34,34 @@ class SeatLinkage:
                 raise MechanicsError(f"the seat's linkage passes a dead point at a stroke of {stroke:.3f} m; shorten the stroke")
 
     def angle(self, stroke_m: float) -> float:
-        """Return how far the seat leans forward against the chassis [rad] at a stroke.
+        """Return the forward lean of the seat relative to the chassis [rad] at a stroke.
 
         Raises:
-            MechanicsError: If the bar does not reach.
+            MechanicsError: If the bar is too short or too long for the stroke.
         """
         to_slider = math.hypot(stroke_m, self._drop)
         # Triangle hinge - pin - slider: the angle at the hinge by the law of cosines.
-        cosine = (self._arm**2 + to_slider**2 - self._bar**2) / (2.0 * self._arm * to_slider)
+        cosine = (self._lever_arm**2 + to_slider**2 - self._bar**2) / (2.0 * self._lever_arm * to_slider)
         if not abs(cosine) <= 1.0:  # not ">": NaN must fail too
             raise MechanicsError(
-                f"a bar of {self._bar} m does not join a slider at {stroke_m:.3f} m to a pin {self._arm} m from the hinge"
+                f"a bar of {self._bar} m does not join a slider at {stroke_m:.3f} m to a pin {self._lever_arm} m from the hinge"
             )
         slider_direction = math.atan2(-self._drop, -stroke_m)
         return -(slider_direction + math.acos(cosine))
 
     def stroke(self, angle_rad: float) -> float:
-        """Return the stroke [m] that gives an angle.
+        """Return the stroke [m] for an angle.
 
         Raises:
-            MechanicsError: If the angle is outside the linkage's range.
+            MechanicsError: If the angle is outside the range of the linkage.
         """
         low, high = self.angle_range
         if not low - 1e-9 <= angle_rad <= high + 1e-9:
             raise MechanicsError(
                 f"a seat angle of {angle_rad / DEG:.1f}° is outside the linkage's {low / DEG:.1f}…{high / DEG:.1f}°"
             )
-        below = self._drop - self._arm * math.sin(angle_rad)
-        return math.sqrt(self._bar**2 - below**2) - self._arm * math.cos(angle_rad)
+        below = self._drop - self._lever_arm * math.sin(angle_rad)
+        return math.sqrt(self._bar**2 - below**2) - self._lever_arm * math.cos(angle_rad)
 
     def rate_ratio(self, stroke_m: float) -> float:
         """Return d(angle)/d(stroke) [rad/m] at a stroke."""
@@ -69,12 +69,12 @@ class SeatLinkage:
         return along / lever
 
     def _along_and_lever(self, stroke_m: float) -> tuple[float, float]:
-        """Return the bar's part along the rail [m], and the arm times the bar's part across the arm [m²].
+        """Return the bar's component along the rail [m], and the lever arm times the bar's component across the lever arm [m²].
 
-        The bar's length is constant: along² + below² = bar², differentiated, gives along d(stroke) = lever d(angle).
-        Either is zero at a dead point: there the slider, or the seat, turns back.
+        The bar length is constant: differentiating along² + below² = bar² gives along d(stroke) = lever d(angle). A zero of either
+        factor is a dead point, at which slider or seat reverses.
         """
         angle = self.angle(stroke_m)
-        along = stroke_m + self._arm * math.cos(angle)
-        below = self._drop - self._arm * math.sin(angle)
-        return along, self._arm * (along * math.sin(angle) + below * math.cos(angle))
+        along = stroke_m + self._lever_arm * math.cos(angle)
+        below = self._drop - self._lever_arm * math.sin(angle)
+        return along, self._lever_arm * (along * math.sin(angle) + below * math.cos(angle))

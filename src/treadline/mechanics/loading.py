@@ -1,7 +1,7 @@
-"""What the chair carries, as it is believed: its weight, and where the plumb line through the centre of mass meets the belts.
+"""Assumed load of the chair: its weight, and the intersection of the plumb line through the centre of mass with the belts.
 
-``chair, payload -> weight, centre of mass with the seat level``. Plant and ``check`` know the load's true place
-(``stability.centre_of_mass``); a mission knows the weight that was entered.
+``chair, payload -> weight, centre of mass with level seat``. Plant and ``check`` use the true position of the load
+(``stability.centre_of_mass``); a mission uses the entered weight.
 """
 
 import math
@@ -12,27 +12,27 @@ from treadline.mechanics.chair import EMPTY_SEAT_KG, GRAVITY_M_S2, ChairDescript
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """The chair and what is believed of its load."""
+    """Chair with the assumed payload."""
 
     chair: ChairDescription
     payload_kg: float
     com_error_m: float = 0.0
-    """Added to the centre of mass along the chair: what a belief is off by, in tests."""
+    """Error added to the centre of mass along the chair [m], for tests."""
 
     @property
     def seat_kg(self) -> float:
-        """What turns with the seat."""
+        """Mass rotating with the seat [kg]."""
         return EMPTY_SEAT_KG + self.payload_kg
 
     @property
     def weight_n(self) -> float:
-        """Of chair and payload."""
+        """Weight of chair and payload [N]."""
         flipper_kg = 0.0 if self.chair.flipper is None else self.chair.flipper.mass_kg
         return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + flipper_kg + self.seat_kg)
 
 
 def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
-    """Return the believed centre of mass (x, z) in B while the seat is level."""
+    """Return the assumed centre of mass (x, z) in B [m] with level seat."""
     chair, c, s = loading.chair, math.cos(pitch_rad), math.sin(pitch_rad)
     (hx, _, hz), (px, _, pz) = chair.seat.hinge_m, chair.seat.payload_com_m
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
@@ -45,6 +45,6 @@ def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, flo
 
 
 def plumb(loading: Loading, pitch_rad: float) -> float:
-    """Return where the plumb line through the believed centre of mass meets the belts, ahead of mid-track."""
+    """Return the intersection of the plumb line through the assumed centre of mass with the belts, ahead of mid-track [m]."""
     x, z = centre_of_mass_level(loading, pitch_rad)
     return x - z * math.tan(pitch_rad)

@@ -1,16 +1,16 @@
-"""Lugs that a chair's pulleys can carry: ``belts, tracks -> reason against``."""
+"""Limits of lug size by the chair's pulleys: ``belts, tracks -> reason for rejection``."""
 
 from treadline.mechanics.chair import Tracks
 from treadline.scenario import Belts
 
 LUG_SHARE = 0.5
-"""Largest height of a lug as a share of the pulley's radius."""
+"""Largest ratio of lug height to pulley radius."""
 LUG_MOST_M = 0.04
-"""Largest height of a lug: the belt's solid of 0.05 m shrinks by it."""
+"""Largest lug height [m]: the belt solid of 0.05 m shrinks by the lug height."""
 
 
 def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
-    """Return why a chair's pulleys cannot carry a belt's lugs, None if they can."""
+    """Return why the lugs are too large for the chair's pulleys, or None."""
     height, most = belts.measures_m[0], min(LUG_SHARE * tracks.pulley_radius_m, LUG_MOST_M)
     if height <= most:
         return None

@@ -1,7 +1,7 @@
-"""How deep a chair that is put down lies in the stair: ``Vehicle, Standing, Staircase -> Overlap``, or None.
+"""Penetration of a chair at its start pose into the stair: ``Vehicle, Standing, Staircase -> Overlap``, or None.
 
-Boxes against boxes, by the separating axis theorem (Gottschalk et al., SIGGRAPH 1996). A pulley is round along each axis that is
-tried; those axes are the boxes' own, so that a box's edge may count as up to 0.4 pulley radii nearer than it is.
+Boxes against boxes, by the separating axis theorem (Gottschalk et al., SIGGRAPH 1996). A pulley is treated as round along each
+tested axis; the axes are those of the boxes, so that the edge of a box can appear up to 0.4 pulley radii too near.
 """
 
 import math
@@ -16,12 +16,12 @@ from treadline.mechanics.bodies import Body, Standing, Vehicle, solids
 from treadline.mechanics.staircase import Box, Staircase
 
 PARALLEL = 1e-9
-"""Sine squared of the angle below which two edges are parallel, and their cross product is no axis."""
+"""Squared sine of the angle below which two edges count as parallel, so that their cross product is not used as an axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlacedPart:
-    """A part of the chair in the world: a box, or a cylinder."""
+    """Part of the chair in the world: a box or a cylinder."""
 
     name: str
     centre_W: Float[np.ndarray, " 3"]
@@ -31,7 +31,7 @@ class PlacedPart:
     """Whether the part is a cylinder about its y."""
 
     def reach(self, axes: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-        """Return how far the part reaches from its centre along unit vectors."""
+        """Return the extent of the part from its centre along unit vectors [m]."""
         along = np.abs(axes @ self.R_WK)
         if not self.is_round:
             return np.asarray(along @ self.half_m)
@@ -41,19 +41,19 @@ class PlacedPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overlap:
-    """The deepest overlap of a part of the chair with a part of the stair."""
+    """Deepest overlap of a part of the chair with a part of the stair."""
 
     part: str
-    """Shape of the chair, as ``bodies.vehicle`` names it."""
+    """Shape of the chair, named as in ``bodies.vehicle``."""
     into: str
     """Kind of the stair's box."""
     index: int
-    """Step of that box; -1 for floor and walls."""
+    """Index of the step; -1 for floor and walls."""
     depth_m: float
 
 
 def placed_parts(chair: Vehicle, start: Standing, flipper_rad: float) -> tuple[PlacedPart, ...]:
-    """Return the chair's shapes where it is put down."""
+    """Return the chair's shapes at its start pose."""
     return tuple(_placed(chair, start, flipper_rad))
 
 
@@ -72,12 +72,12 @@ def _placed(chair: Vehicle, start: Standing, flipper_rad: float) -> Iterator[Pla
 
 
 def _joint(body: Body, start: Standing, flipper_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return how a body is turned against the chassis."""
+    """Return the rotation of a body relative to the chassis."""
     return {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}.get(body.name, np.eye(3))
 
 
 def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Overlap | None:
-    """Return the deepest overlap of the chair with the stair as it is stood on, or None."""
+    """Return the deepest overlap of the chair with the stair, or None."""
     boxes = [solid.box for solid in solids(staircase)]
     centres, radii = np.array([box.centre_W for box in boxes]), np.array([math.hypot(*box.half_m) for box in boxes])
     worst: Overlap | None = None
@@ -92,7 +92,7 @@ def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Over
 
 
 def depth_of_overlap(part: PlacedPart, box: Box) -> float:
-    """Return the way by which two boxes would have to be moved apart, negative where they do not touch."""
+    """Return the distance needed to separate two boxes [m], negative without contact."""
     A, B = part.R_WK, box.R_WK
     apart = np.array(box.centre_W) - part.centre_W
     cross = np.cross(A.T[:, None, :], B.T[None, :, :]).reshape(-1, 3)

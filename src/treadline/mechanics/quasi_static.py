@@ -1,14 +1,14 @@
-"""Quasi-static skid steering: the motion that Coulomb friction gives a tracked chair at given belt speeds.
+"""Quasi-static skid steering: motion of a tracked chair at given belt speeds under Coulomb friction.
 
 ``Stance, friction, belt speeds -> SteadyMotion``, in the axes of ``stance``.
 
-Belt speeds of a chair change slowly against friction's deceleration (5 m/s²), so friction balances gravity at every instant. By the
-principle of maximum dissipation the balancing velocity q = (v_x, v_y, ω) minimises the convex function
+Belt speeds change slowly against friction's deceleration (5 m/s²), so friction balances gravity at every instant. By the principle
+of maximum dissipation the balancing velocity q = (v_x, v_y, ω) minimises the convex function
 
     Σ N_i |M u_i(q)| - G·q,    M = diag(μ along, μ across),    u_i = (v_x - ω y_i - belt speed, v_y + ω x_i),
 
-with N_i the share of the normal force at contact i and G gravity's wrench along the plane per unit of normal force. Nothing here
-depends on the simulator, which is tested against it.
+with N_i the share of the normal force at contact i and G gravity's wrench along the plane per unit of normal force. The theory is
+independent of the simulator, which is tested against it.
 """
 
 import math
@@ -21,9 +21,9 @@ from treadline.errors import MechanicsError
 from treadline.mechanics.stance import Stance
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
-"""Rounding of the kink at zero slip, as a share of the faster belt's speed; a sticking contact creeps at about the last."""
+"""Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""
 NEWTON_STEPS = 100
-"""Bound on the Newton steps at each rounding; six to seven are usual with 200 phases."""
+"""Limit of the Newton steps at each rounding; six to seven are usual with 200 phases."""
 RUNAWAY = 1e3
 """Ratio of the chair's speed to the faster belt's above which no steady motion exists: gravity outweighs friction."""
 
@@ -33,13 +33,13 @@ class SteadyMotion:
     """Velocity of B's origin over the ground and yaw rate, one value per nosing phase."""
 
     along_m_s: Float[np.ndarray, " p"]
-    """Forward, along the belts."""
+    """Speed along the belts, positive forward [m/s]."""
     across_m_s: Float[np.ndarray, " p"]
-    """To the left."""
+    """Speed across the belts, positive to the left [m/s]."""
     yaw_rad_s: Float[np.ndarray, " p"]
-    """Positive to the left."""
+    """Yaw rate, positive to the left [rad/s]."""
     climb_m_s: Float[np.ndarray, " p"]
-    """Up the slope."""
+    """Speed up the slope [m/s]."""
 
     @property
     def mean(self) -> tuple[float, float, float]:
@@ -48,7 +48,7 @@ class SteadyMotion:
 
     @property
     def mean_over_time(self) -> tuple[float, float, float]:
-        """Speed along, speed across and yaw rate as a run of many nosings averages them: a fast phase lasts shorter.
+        """Speed along, speed across and yaw rate averaged over time: a faster phase has a shorter duration.
 
         Raises:
             MechanicsError: If the chair stops or slides back in some phase, so that it never leaves that phase.
@@ -62,7 +62,7 @@ class SteadyMotion:
         return means[0], means[1], means[2]
 
     def turning_share(self, least_rad_s: float) -> float:
-        """Return the share of the nosing phases that turn faster than a yaw rate."""
+        """Return the fraction of the nosing phases with a yaw rate above a limit."""
         return float((np.abs(self.yaw_rad_s) > least_rad_s).mean())
 
 
@@ -70,10 +70,10 @@ def steady_motion(stance: Stance, friction: tuple[float, float], left_m_s: float
     """Return the motion at given belt speeds.
 
     Args:
-        friction: Coefficients along the belts and across.
+        friction: Coefficients along and across the belts.
 
     Raises:
-        MechanicsError: If friction cannot hold the chair on its slope, or an argument is no speed or coefficient.
+        MechanicsError: If friction cannot hold the chair on its slope, or an argument is not a valid speed or coefficient.
     """
     if not (0.0 < friction[0] < math.inf and 0.0 < friction[1] < math.inf):
         raise MechanicsError(f"friction {friction[0]:g} along and {friction[1]:g} across; both coefficients must be positive")
@@ -103,7 +103,7 @@ def steady_motion(stance: Stance, friction: tuple[float, float], left_m_s: float
 def dissipation(
     stance: Stance, friction: tuple[float, float], left_m_s: float, right_m_s: float, q: Float[np.ndarray, "p 3"]
 ) -> Float[np.ndarray, " p"]:
-    """Return the minimised function at any motion q: friction's power less gravity's, over the normal force [m/s]."""
+    """Return the minimised function at any motion q: power of friction minus power of gravity, over the normal force [m/s]."""
     ux = q[:, :1] - q[:, 2:] * stance.y_m - np.where(stance.on_left, left_m_s, right_m_s)
     uy = q[:, 1:2] + q[:, 2:] * stance.x_m
     return (stance.load * np.hypot(friction[0] * ux, friction[1] * uy)).sum(axis=1) - q @ stance.wrench

@@ -17,7 +17,7 @@ from treadline.mechanics.stance import nosing_stance
 from treadline.scenario import Chair
 
 STEP_S = 0.02
-"""Integration step: 3 to 5 mm of the way, a hundredth of a nosing pitch."""
+"""Integration step [s]: 3 to 5 mm of travel, a hundredth of a nosing pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,11 +57,11 @@ def quasi_static_run(
     """Return heading and distance of a run at constant belt speeds.
 
     Args:
-        heading_rad: At the start.
-        nosing_ahead_m: Distance of a nosing ahead of B's origin at the start, up the slope.
+        heading_rad: Initial heading.
+        nosing_ahead_m: Initial distance of a nosing ahead of B's origin, up the slope.
 
     Raises:
-        MechanicsError: If friction cannot hold the chair at some heading, it tips over, or there is no time to run.
+        MechanicsError: If friction cannot hold the chair at some heading, the chair tips over, or the duration is not positive.
     """
     if not (duration_s > 0.0 and step_s > 0.0):
         raise MechanicsError(f"a run of {duration_s:g} s in steps of {step_s:g} s; both must be positive")

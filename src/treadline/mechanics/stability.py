@@ -1,4 +1,4 @@
-"""Static stability on a stair: how far a chair is from tipping, in four directions, with the payload where it is."""
+"""Static stability on a stair: tip-over margins in four directions for a given payload position."""
 
 import math
 
@@ -8,18 +8,18 @@ from treadline.scenario import Chair
 
 
 def seat_mass_kg(loading: Chair) -> float:
-    """Return the mass that turns with the seat."""
+    """Return the mass rotating with the seat [kg]."""
     return EMPTY_SEAT_KG + loading.payload_kg
 
 
 def payload_com(chair: ChairDescription, loading: Chair) -> Point:
-    """Return the payload's centre of mass relative to the hinge, in the seat's frame."""
+    """Return the payload's centre of mass relative to the hinge, in the seat frame [m]."""
     (x, y, z), (dx, dy, dz) = chair.seat.payload_com_m, loading.payload_offset_m
     return (x + dx, y + dy, z + dz)
 
 
 def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:
-    """Return the payload's centre of mass in B, the seat turned forward by an angle."""
+    """Return the payload's centre of mass in B [m] at a forward seat angle."""
     c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
     x, y, z = payload_com(chair, loading)
     hx, hy, hz = chair.seat.hinge_m
@@ -27,10 +27,10 @@ def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float
 
 
 def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, flipper_angle_rad: float | None = None) -> Point:
-    """Return the centre of mass of chair and payload in B, the seat turned forward by an angle.
+    """Return the centre of mass of chair and payload in B [m] at a forward seat angle.
 
     Args:
-        flipper_angle_rad: Of the flipper, where it is a flipper; None where it rests.
+        flipper_angle_rad: Angle of the flipper; None: its rest angle.
     """
     seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
     payload = payload_place(chair, loading, seat_angle_rad)
@@ -46,7 +46,7 @@ def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: floa
 
 
 def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | None) -> tuple[float, Point]:
-    """Return mass and centre of chassis and flipper together."""
+    """Return mass and centre of mass of chassis and flipper together."""
     tracks, (x, y, z), chassis_kg = chair.tracks, chair.masses.chassis_com_m, chair.masses.chassis_kg
     angle = math.radians(tracks.approach_angle_deg) if angle_rad is None else angle_rad
     out = 0.5 * tracks.approach_m
@@ -61,7 +61,7 @@ def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | 
 
 
 def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float) -> Margins:
-    """Return the tipping margins of a chair at rest on a stair, its seat level as far as it pitches."""
+    """Return the tip-over margins of a chair at rest on a stair, with the seat levelled against the pitch."""
     up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
     pitch = math.asin(up[0])
     com = centre_of_mass(chair, loading, pitch)

@@ -1,13 +1,9 @@
-"""The staircase in the world: steps, nosings, landings, walls and, where winders turn it, the newel.
+"""Staircase in the world: steps, nosings, landings and walls.
 
-Paper: Fig. 3(a) (height h, width w).
-
-Frames: the world W has z up, x up the first flight and its origin on the floor below the first nosing, at mid-width. Where flights
-turn, each flight has a frame F of its own, like W below its first nosing; places of steps are in F. S is the frame of a flight's
-nosing plane. Flights that go straight on share one F and one S, in which x grows over the landings by cos β per metre.
-
-A stair turns at quarter landings between flights, or by winders, which divide it into the flight below (the winders included) and
-the flight above them.
+Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width. Several
+straight flights are equal except for jitter, with a landing between any two; S is the frame of the first flight, so that x along S
+also grows over the landings, by cos β per metre. Turning flights (quarter landings) have separate frames F: like W, below the first
+nosing of the flight. Positions of steps are then in F, and S belongs to a flight.
 """
 
 import math
@@ -24,46 +20,47 @@ from treadline.stair_settings import Friction, Stair, StepOverride
 from treadline.step_rules import place_of
 
 TREAD_THICKNESS_M = 0.04
-"""Thickness of an open-riser tread."""
+"""Thickness of an open-riser tread [m]."""
 WALL_HEIGHT_M = 2.2
-"""Height of a wall above the steps."""
+"""Height of the walls above the steps [m]."""
 NEWEL_HEIGHT_M = 1.0
 """Height of a newel post above the last winder: about that of a handrail."""
 STOREY_M = 0.3
-"""Height above or below a flight within which a chair counts as on it; pulley and flipper lift the chair by less."""
+"""Height range above and below a flight within which a chair counts as on the flight [m]: more than the lift by a pulley and its
+flipper."""
 FLOOR_LENGTH_M = 6.0
-"""Length of the floor before the first step."""
+"""Length of the floor before the first step [m]."""
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
 """Sign of a turn, positive to the left."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """One tread and the nosing at its front."""
+    """Tread with the nosing at its front."""
 
     index: int
     x_m: float
-    """Place of the nosing's front at mid-width, along its flight (F)."""
+    """Position of the nosing's front at mid-width along the flight (F) [m]."""
     z_m: float
-    """Height of the tread above the floor."""
+    """Height of the tread [m]."""
     depth_m: float
-    """Distance to the next nosing's front at mid-width, across a landing too; of a winder, along the chord."""
+    """Distance to the front of the next nosing, also across a landing [m]."""
     rise_m: float
-    """Height above the tread (or floor) before."""
+    """Height above the previous tread or the floor [m]."""
     yaw_rad: float
-    """Turn of the nosing about the vertical; zero is square to the flight (F)."""
+    """Rotation of the nosing about the vertical [rad]; zero is perpendicular to the flight."""
     missing: bool
     """Whether the step has no tread."""
     friction: tuple[Friction, Friction]
-    """Friction coefficients along and across the belt, on the left half and on the right half."""
+    """Friction along and across the belt, for the left half and the right half."""
     nosing_radius_m: float
     """Radius of the rounded front edge."""
     y_m: float = 0.0
     """Place of the nosing's middle across its flight (F), positive to the left: not zero for winders alone."""
     overhang_m: float = 0.0
-    """Distance by which the tread stands out over the riser."""
+    """Overhang of the tread over the riser [m]."""
     tread_slope_rad: float = 0.0
-    """Slope of the tread, positive where it rises towards its back."""
+    """Slope of the tread [rad], positive if the tread rises towards its back."""
 
     @property
     def nosing_F(self) -> Float[np.ndarray, " 3"]:
@@ -73,13 +70,13 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A solid box: turned about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
+    """Solid box, rotated about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
 
     kind: str
-    """``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing`` or
-    ``wall`` (a newel post too)."""
+    """Kind: ``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing``
+    or ``wall``."""
     index: int
-    """Index of the step; -1 for floor and walls."""
+    """Index of the step; -1 for other boxes."""
     centre_W: tuple[float, float, float]
     half_m: tuple[float, float, float]
     """Half extents along the box's own axes."""
@@ -94,7 +91,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Staircase:
-    """A flight between a floor and a landing, or several with landings or winders between them."""
+    """Flight between a floor and a landing, or several flights with landings between them."""
 
     steps: tuple[Step, ...]
     """Steps of all flights, the lowest first."""
@@ -105,9 +102,9 @@ class Staircase:
     nosing_radius_m: float
     """Radius of the nosings as designed; ``steps`` hold the radius of each."""
     slope_rad: float
-    """Slope of the nosing plane as designed, without jitter."""
+    """Design slope of the nosing plane, without jitter [rad]."""
     friction: Friction
-    """Friction coefficients as designed, along and across; ``steps`` hold those of each."""
+    """Design friction along and across; individual values are in ``steps``."""
     floor_friction: Friction
     walls: str
     end_wall: bool = False
@@ -120,7 +117,7 @@ class Staircase:
 
     @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:
-        """Steps of each flight, the lowest first. The uppermost step is a landing, or the last winder."""
+        """Steps of each flight, the lowest first; the uppermost step of each flight is its landing."""
         if self.winders is not None:
             return self.steps[: self.winders.after], self.steps[self.winders.after :]
         each = len(self.steps) // self.flight_count
@@ -134,7 +131,7 @@ class Staircase:
         return self.steps[: self.winders.first + 1], self.steps[self.winders.after :]
 
     def alone(self, flight: int) -> "Staircase":
-        """Return one flight as if there were no other: W is then its F. Its uppermost step is a landing."""
+        """Return one flight with its landing and without the others; W is then F."""
         steps = self.flights[flight]
         is_last = steps[-1] is self.steps[-1]
         landing_m = self.landing_m if is_last else steps[-1].depth_m
@@ -173,7 +170,7 @@ class Staircase:
         return landing.x_m + landing.depth_m
 
     def stair_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], float]:
-        """Return a flight's S: rotation, origin, and the origin's distance along the stair, over the flights before."""
+        """Return the frame S of a flight: rotation, origin, and distance of the origin along the stair over the landings [m]."""
         if not self.turn_rad:
             return self.R_WS, self.p_WS, 0.0
         R_WF, p_WF = self.flight_frame(flight)
@@ -183,7 +180,7 @@ class Staircase:
         return R_WF @ self.R_WS, origin, along_m + (first.z_m - self.steps[0].z_m) * s
 
     def flight_at(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> int:
-        """Return the flight that a chair is on; where two meet, the flight whose course is nearer to the chair's."""
+        """Return the flight under a chair; on a landing, that of the two flights with the smaller heading error."""
         if not self.turn_rad:
             return 0
         yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
@@ -198,7 +195,7 @@ class Staircase:
 
     @property
     def last_nosing_m(self) -> float:
-        """Place of the uppermost nosing along the stair (S), from the first one, over the landings."""
+        """Position of the uppermost nosing along the stair (S), measured from the first over the landings [m]."""
         R_WS, p_WS, along_m = self.stair_frame(self.flight_count - 1)
         R_WF, p_WF = self.flight_frame(self.flight_count - 1)
         return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ self.steps[-1].nosing_F - p_WS))
@@ -210,12 +207,12 @@ class Staircase:
 
     @property
     def p_WS(self) -> Float[np.ndarray, " 3"]:
-        """Origin of S: the first nosing."""
+        """Origin of S in W: the first nosing [m]."""
         return self.steps[0].nosing_F
 
     @property
     def nosings_W(self) -> Float[np.ndarray, "N 3"]:
-        """Middles of the nosings, without missing steps."""
+        """Points on the nosings at mid-width [m], missing steps excluded."""
         if not self.turn_rad:
             return np.array([step.nosing_F for step in self.steps if not step.missing])
         frames = [self.flight_frame(k) for k in range(self.flight_count)]
@@ -298,7 +295,7 @@ class Staircase:
         )
 
     def _under(self, step: Step, after: Step) -> float:
-        """Return how far a tread reaches under the next step, so that a turned nosing leaves no gap."""
+        """Return the length of a tread under the next step [m], so that a rotated nosing leaves no gap."""
         if self.open_risers:
             return 0.03
         turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad) - math.tan(step.yaw_rad))
@@ -320,7 +317,7 @@ class Staircase:
         return max(0.10, turned_m + 0.01) + after.overhang_m
 
     def _tread(self, step: Step, depth_m: float, kind: str, half_width: float) -> list[Box]:
-        """Return a step's box, or a slab and the riser below it where the tread overhangs."""
+        """Return the box of a step, or a slab and the riser below an overhanging tread."""
         whole_m = step.rise_m + 0.10
         if self.open_risers:
             return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, TREAD_THICKNESS_M))]
@@ -332,10 +329,7 @@ class Staircase:
         return [slab, _behind_nosing(step, "riser", half_width, depth_m, step.overhang_m, lower)]
 
     def _walls(self, flight: int) -> list[Box]:
-        """Return the walls of a flight in F: beside its straight part, and around its winders.
-
-        Floor and landings have none: a chair can turn there.
-        """
+        """Return the walls next to a flight; floor and landings are open, so that a chair can turn."""
         steps, winders = self.flights[flight], self.winders
         winds = winders is not None and flight == 0
         first, last = steps[0], steps[winders.first] if winders is not None and winds else steps[-1]
@@ -387,7 +381,7 @@ class Staircase:
 
 
 def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
-    """Return a box of a frame F in the world."""
+    """Return a box of one flight in the world."""
     x, y, z = p_WF + R_WF @ np.array(box.centre_W)
     yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])
     return replace(box, centre_W=(float(x), float(y), float(z)), yaw_rad=yaw_rad)
@@ -415,11 +409,10 @@ def _behind_nosing(step: Step, kind: str, half_width: float, depth_m: float, fro
 
 
 def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = ()) -> Staircase:
-    """Return the staircase that a scenario describes, with its irregularities drawn.
+    """Return the staircase of a scenario, with jitter drawn from ``rng``.
 
     Args:
-        rng: Source of the jitter.
-        overrides: Steps that differ; an override replaces design and jitter.
+        overrides: Properties of individual steps, which replace design values and jitter.
     """
     count = stair.count
     own = _by_step(stair, overrides)
@@ -515,13 +508,13 @@ def _places(stair: Stair, longer_m: Float[np.ndarray, " n"], winders: Winders | 
 
 
 def as_designed(stair: Stair, overrides: Sequence[StepOverride] = ()) -> Staircase:
-    """Return the staircase without jitter, as known before it is built."""
+    """Return the staircase without jitter."""
     level = {"rise_jitter_m": 0.0, "run_jitter_m": 0.0, "nosing_yaw_jitter_deg": 0.0}
     return build_staircase(stair.model_copy(update=level), np.random.default_rng(0), overrides)
 
 
 def _by_step(stair: Stair, overrides: Sequence[StepOverride]) -> dict[int, dict[str, Any]]:
-    """Return the overridden values of each step by its index; ``friction`` stands for both halves."""
+    """Return the overridden properties of each step by index; ``friction`` applies to both halves."""
     found: dict[int, dict[str, Any]] = {}
     for override in overrides:
         keys = {key: value for key, value in override.model_dump(exclude={"index"}).items() if value is not None}

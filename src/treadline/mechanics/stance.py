@@ -1,7 +1,7 @@
-"""Stance of the chair on a flight or a floor: where its belts touch, and the share of the weight each contact carries.
+"""Contact points of the belts on a flight or a floor, and the normal force at each contact.
 
-``chair, loading, slope, heading -> Stance``. All quantities are in B, in the plane that the belts lie on: x forward, y left, origin
-mid-track.
+``chair, loading, slope, heading -> Stance``. All quantities are in B, in the plane of the belts' underside: x forward, y left,
+origin mid-track.
 """
 
 import math
@@ -17,40 +17,41 @@ from treadline.mechanics.stability import centre_of_mass
 from treadline.scenario import Chair
 
 PHASES = 200
-"""Nosing phases in an average. The yaw rate jumps where a nosing enters or leaves the belts: 1 % error with 200, 12 % with 20."""
+"""Number of nosing phases in an average. The yaw rate jumps when a nosing enters or leaves the belts: 1 % error with 200, 12 % with
+20."""
 HEADING_LIMIT_RAD = math.radians(80.0)
-"""Largest heading of a stance on nosings: beyond it a belt lies along a nosing or between two."""
+"""Largest heading of a stance on nosings [rad]: beyond it a belt lies along a nosing or between two."""
 LOAD_STEPS = 100
-"""Bound on the Newton steps for the loads; none is needed where all contacts carry."""
+"""Limit of the Newton steps for the loads; none is needed if all contacts carry."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stance:
-    """Contact points of both belts and their loads, one row per nosing phase; rows are filled up with points without load."""
+    """Contact points of both belts and their loads, one row per nosing phase, padded with points without load."""
 
     x_m: Float[np.ndarray, "p n"]
     y_m: Float[np.ndarray, "p n"]
     load: Float[np.ndarray, "p n"]
-    """Share of the normal force; each row adds up to 1."""
+    """Share of each contact in the normal force; each row sums to 1."""
     wrench: Float[np.ndarray, " 3"]
-    """Gravity along the plane over the normal force: forward, left [-] and the moment about B's origin [m]."""
+    """Gravity along the plane divided by the normal force: forward, left [-], and moment about B's origin [m]."""
     uphill: Float[np.ndarray, " 2"]
     """Unit vector up the slope."""
 
     @property
     def on_left(self) -> Bool[np.ndarray, "p n"]:
-        """Whether a contact belongs to the left belt."""
+        """Whether each contact belongs to the left belt."""
         return self.y_m > 0.0
 
 
 def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: float) -> Float[np.ndarray, "n 2"]:
-    """Return where the two edges of each belt cross the nosing lines within the flat run.
+    """Return the intersections of the two edges of each belt with the nosing lines within the flat run.
 
     Args:
         phase: Distance of a nosing ahead of B's origin, up the slope, in pitches.
 
     Raises:
-        MechanicsError: If the nosings have no pitch, or the belts lie along them.
+        MechanicsError: If the pitch is not positive, or the belts are parallel to the nosings.
     """
     if not pitch_m > 0.0:
         raise MechanicsError(f"nosings {pitch_m:g} m apart; their pitch √(rise² + run²) must be positive")
@@ -71,17 +72,17 @@ def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: f
 def floor_contacts(tracks: Tracks) -> Float[np.ndarray, "8 2"]:
     """Return the corners of both belts' flat runs.
 
-    A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a belt that
-    carried evenly along its edges would turn 1.6 times as fast at ±0.1 m/s (14.2 instead of 8.65 °/s).
+    A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a uniform load
+    along the edges would give 1.6 times the yaw rate at ±0.1 m/s (14.2 instead of 8.65 °/s).
     """
     half_m = 0.5 * tracks.flat_run_m
     return np.array([(x, y) for y in _edges(tracks) for x in (-half_m, half_m)])
 
 
 def contact_loads(points: Float[np.ndarray, "n 2"], centre_m: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " n"]:
-    """Return the normal force shares of equal springs under a rigid chair that may lift off any of them.
+    """Return the normal force shares of equal springs under a rigid chair with unilateral contacts.
 
-    The loads are max(0, c0 + c1 x + c2 y), add up to 1 and have their centre at ``centre_m``. They minimise Σ N_i²/2 under these
+    The loads are max(0, c0 + c1 x + c2 y), sum to 1 and have their centre at ``centre_m``. They minimise Σ N_i²/2 under these
     conditions; a Newton method on the convex dual in (c0, c1, c2) finds the carrying contacts.
 
     Raises:

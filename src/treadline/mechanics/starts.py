@@ -1,4 +1,4 @@
-"""Whether a chair can be put down where a scenario starts: ``Scenario, ChairDescription -> problems``, part of the verdict."""
+"""Feasibility of the start pose: ``Scenario, ChairDescription -> problems``, part of the verdict."""
 
 import math
 
@@ -14,18 +14,18 @@ from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.scenario import Scenario
 
 SUNK_M = 0.01
-"""How deep a part may start in the floor or the stair: the second before t = 0 lifts it out."""
+"""Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
 EDGE_ROUNDING_M = 1e-6
-"""Distance over an edge that is rounding."""
+"""Distance beyond an edge attributed to rounding [m]."""
 PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
-"""Shapes of the chair in words; the rest are belts."""
+"""Names of the chair's shapes in messages; all others are belts."""
 
 
 def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | None, ...]:
-    """Return what is wrong with the start, None for what is not."""
+    """Return the problems of the start pose, None for each passed test."""
     known = (
         _nowhere_to_go(scenario),
-        _beside_the_flight(scenario, chair.tracks),
+        _outside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
         _on_winders(scenario, chair.tracks),
         _over_the_landings_end(scenario, chair),
@@ -39,7 +39,7 @@ def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | N
 
 
 def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
-    """Say which part of the chair would start in a wall, a step or the floor, and how deep."""
+    """Return which part of the chair would start in a wall, a step or the floor, and how deep."""
     start = standing(staircase, chair.tracks, scenario.start)
     parts = placed_parts(vehicle(chair, scenario.chair.entered), start, chair.tracks.approach_angle_deg * DEG)
     found = deepest_overlap(parts, staircase)
@@ -51,7 +51,7 @@ def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Stairca
 
 
 def _part(found: Overlap) -> str:
-    """Return the part's name in words, with its side if it has one."""
+    """Return the name of the part, with its side if any."""
     side, _, name = found.part.rpartition("_")
     return PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
 
@@ -65,7 +65,7 @@ def _remedy(found: Overlap, scenario: Scenario) -> str:
 
 
 def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> str | None:
-    """Say how far a track would start beyond the front or a side of the landing: half of a belt's width may."""
+    """Return how far a track would start beyond the front or a side of the landing; half of a belt's width is allowed."""
     if scenario.start.place != "landing":
         return None
     start = standing(staircase, tracks, scenario.start)
@@ -88,20 +88,20 @@ def _nowhere_to_go(scenario: Scenario) -> str | None:
     return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
 
 
-def _beside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say how far a track lies beside the flight: its outermost corner on the flight, and half a belt that is yet to enter it."""
+def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Return how far a track lies next to the flight: its outermost corner on the flight, or half a belt before the flight."""
     start, width_m = scenario.start, scenario.stair.width_m
     on_it = start.place == "flight"
     reach_m = _reach_m(scenario, tracks)[1] if on_it else 0.5 * tracks.gauge_m
-    beside_m = abs(start.lateral_m) + reach_m - 0.5 * width_m
-    if beside_m <= 0.0:
+    outside_m = abs(start.lateral_m) + reach_m - 0.5 * width_m
+    if outside_m <= 0.0:
         return None
     verb = "starts" if on_it else "would enter"
-    return f"a track {verb} {beside_m:.2f} m beside the flight, which is {width_m:g} m wide; start nearer its middle"
+    return f"a track {verb} {outside_m:.2f} m outside the flight, which is {width_m:g} m wide; start nearer its middle"
 
 
 def _reach_m(scenario: Scenario, tracks: Tracks) -> tuple[float, float]:
-    """Return how far the flat run's corners lie from its middle, along and across the flight."""
+    """Return the extent of the flat run's corners from its middle, along and across the flight [m]."""
     heading = abs(scenario.start.heading_deg) * DEG
     half_width, half_run = 0.5 * (tracks.gauge_m + tracks.belt_width_m), 0.5 * tracks.flat_run_m
     c, s = math.cos(heading), math.sin(heading)
@@ -109,7 +109,7 @@ def _reach_m(scenario: Scenario, tracks: Tracks) -> tuple[float, float]:
 
 
 def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say how deep a corner of the flat run lies below the floor where the front pulley is put on a low nosing."""
+    """Return how deep a corner of the flat run lies below the floor with the front pulley on a low nosing."""
     start, stair = scenario.start, scenario.stair
     behind_m = 0.5 * tracks.flat_run_m * math.cos(start.heading_deg * DEG) + _reach_m(scenario, tracks)[0]
     # The rear pulley turns up behind the flat run: its lowest point lies below the end of that.
@@ -126,7 +126,7 @@ def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say which step to start from where the flat run would lie on winders: their nosings are in no common plane."""
+    """Return from which step to start where the flat run would lie on winders, whose nosings are in no common plane."""
     start, stair = scenario.start, scenario.stair
     if start.place != "flight" or not stair.winders:
         return None
@@ -141,7 +141,7 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
-    """Say how deep a landing must be for a chair that starts on it not to tip off its far end."""
+    """Return the depth of landing required so that a chair starting there does not tip off its far end."""
     depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
     x, _, z = centre_of_mass(chair, scenario.chair.entered, 0.0)
     from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)

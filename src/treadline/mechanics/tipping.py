@@ -1,8 +1,8 @@
-"""Tipping: how far gravity may still turn before a chair falls over an edge of what it stands on.
+"""Tip-over margins: the angle by which gravity can rotate before the chair tips over an edge of its support polygon.
 
-The chair stands on nosings, and which ones changes as it climbs. At the worst phase of that cycle the rearmost nosing
-lies nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is
-shorter than the track by a pitch on either side.
+The chair stands on nosings, and the set of nosings changes during a climb. At the worst phase of this cycle the rearmost nosing is
+nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is shorter than the
+track by a pitch at either end.
 """
 
 import math
@@ -12,12 +12,12 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Point
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
-"""The figure of ISO 7176-24; no claim to the standard is made."""
+"""Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
-    """Angles to tipping [rad]; negative has tipped."""
+    """Tip-over margins [rad]; negative after tipping."""
 
     uphill: float
     downhill: float
@@ -26,24 +26,24 @@ class Margins:
 
     @property
     def worst(self) -> float:
-        """The smallest of the four."""
+        """Smallest of the four margins [rad]."""
         return min(self.uphill, self.downhill, self.left, self.right)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Support:
-    """How far the ground that the chair stands on reaches from B's origin, in B."""
+    """Support polygon as distances from B's origin [m], in B."""
 
     front_m: float
     rear_m: float
-    """Positive to the rear."""
+    """Distance to the rear edge, positive to the rear [m]."""
     left_m: float
     right_m: float
-    """Positive to the right."""
+    """Distance to the right edge, positive to the right [m]."""
 
 
 def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
-    """Return the support that is there at every phase of the nosing cycle."""
+    """Return the support polygon available at every phase of the nosing cycle."""
     tracks = chair.tracks
     half_length_m = 0.5 * tracks.flat_run_m - pitch_m
     half_width_m = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
@@ -51,7 +51,7 @@ def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
 
 
 def tipping_margins(com_B: Point, up_B: Point, support: Support) -> Margins:
-    """Return the angles by which gravity may still turn before the chair tips over each edge of its support.
+    """Return the angles by which gravity can rotate before the chair tips over each edge of its support [rad].
 
     Args:
         com_B: Centre of mass in B [m].

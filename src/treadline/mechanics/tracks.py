@@ -1,4 +1,4 @@
-"""The track: its outline over three pulleys, and how long it must be.
+"""Geometry of the tracks: belt outline over three pulleys, and minimum track length.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
 """
@@ -13,19 +13,19 @@ from treadline.mechanics.chair import Tracks
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
-    """Return 2√(h² + w²), which the length L of track on the stair must exceed.
+    """Return 2√(h² + w²) [m], the lower bound of the track length L on the stair.
 
-    Paper: Section II.A, the inequality L > 2√(h² + w²). A length of one nosing pitch touches one nosing at least, of two
-    pitches two at least: the bound is for two nosings at every phase.
+    Paper: Section II.A, the inequality L > 2√(h² + w²). A track of one nosing pitch touches at least one nosing, a track of two
+    pitches at least two at every phase.
     """
     return 2.0 * math.hypot(rise_m, run_m)
 
 
 def nosings_touched(length_m: float, pitch_m: float, phase_m: float) -> int:
-    """Return how many nosings lie under a straight track.
+    """Return the number of nosings under a straight track.
 
     Args:
-        phase_m: From the track's rear end to the first nosing at or ahead of it.
+        phase_m: Distance from the track's rear end to the first nosing ahead.
     """
     if not 0.0 <= phase_m <= pitch_m:
         raise MechanicsError(f"a phase of {phase_m} m lies outside one pitch of {pitch_m} m")
@@ -41,9 +41,9 @@ def pulley_centres(tracks: Tracks) -> Float[np.ndarray, "3 2"]:
 
 
 def outline(tracks: Tracks, points_per_arc: int = 24) -> Float[np.ndarray, "n 2"]:
-    """Return the belt's closed outline (x, z) in B, anticlockwise from the flat run's rear end.
+    """Return the closed outline of the belt (x, z) in B, anticlockwise from the rear end of the flat run.
 
-    The belt wraps three equal pulleys: straight between tangent points, arcs around each pulley by its turning angle.
+    The belt wraps three equal pulleys: straight between tangent points, an arc around each pulley.
     """
     centres, radius = pulley_centres(tracks), tracks.pulley_radius_m
     points: list[tuple[float, float]] = []
@@ -60,7 +60,7 @@ def outline(tracks: Tracks, points_per_arc: int = 24) -> Float[np.ndarray, "n 2"
 
 
 def belt_length(tracks: Tracks) -> float:
-    """Return the belt's length [m]: the triangle of centres, and one whole turn around a pulley."""
+    """Return the belt length [m]: the triangle of the pulley centres plus one full turn around a pulley."""
     centres = pulley_centres(tracks)
     sides = np.linalg.norm(centres - np.roll(centres, -1, axis=0), axis=1)
     return float(sides.sum()) + 2.0 * math.pi * tracks.pulley_radius_m

@@ -1,8 +1,8 @@
-"""Traction on the nosing plane: what friction can hold, along the belt and across it.
+"""Traction on the nosing plane: friction available along and across the belts.
 
-Paper: Section II.A, Table I (μ = 0.62 along, μ₂ = 0.5 across). Weight pulls down the slope with tan β per unit of normal
-force; at a heading ψ its part cos ψ lies along the belts and sin ψ across them. The friction ellipse holds both while
-(cos ψ tan β / μ)² + (sin ψ tan β / μ₂)² < 1.
+Paper: Section II.A, Table I (μ = 0.62 along, μ₂ = 0.5 across). Gravity pulls down the slope with tan β per unit of normal force; at
+a heading ψ the components are cos ψ along the belts and sin ψ across. The chair holds inside the friction ellipse (cos ψ tan β /
+μ)² + (sin ψ tan β / μ₂)² < 1.
 """
 
 import math
@@ -12,27 +12,27 @@ from treadline.mechanics.chair import GRAVITY_M_S2
 
 
 def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, float]) -> float:
-    """Return the share of the friction ellipse that holding a heading takes; at 1 the chair slides."""
+    """Return the used fraction of the friction ellipse at a heading; the chair slides at 1."""
     along, across = friction
     pull = math.tan(slope_rad)
     return math.hypot(math.cos(heading_rad) * pull / along, math.sin(heading_rad) * pull / across)
 
 
 def steepest_slope_rad(friction: tuple[float, float]) -> float:
-    """Return the slope at which the chair slides straight down its belts."""
+    """Return the slope at which the chair starts to slide along its belts [rad]."""
     return math.atan(friction[0])
 
 
 def slide_acceleration_m_s2(slope_rad: float, friction: tuple[float, float]) -> float:
-    """Return the acceleration g (sin β - μ cos β) of a chair that slides straight down its belts; 0 where friction holds it."""
+    """Return the acceleration g (sin β - μ cos β) of a chair sliding along its belts [m/s²]; 0 if friction holds."""
     return max(0.0, GRAVITY_M_S2 * (math.sin(slope_rad) - friction[0] * math.cos(slope_rad)))
 
 
 def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> float:
-    """Return the heading up to which the chair stays put on a slope (π/2 where it always does).
+    """Return the largest heading at which friction holds the chair on a slope [rad]; π/2 without a limit.
 
     Raises:
-        MechanicsError: If it slides even when square.
+        MechanicsError: If the chair slides even at zero heading.
     """
     if friction_use(slope_rad, 0.0, friction) >= 1.0:
         raise MechanicsError(

@@ -1,6 +1,6 @@
-"""``treadline check``: may this chair climb this stair? Mechanics only, before anything moves.
+"""``treadline check``: whether a chair may climb a stair, judged by mechanics before any motion.
 
-Each refusal comes with its number and with what would help.
+Each refusal states its number and a remedy.
 """
 
 import math
@@ -21,37 +21,40 @@ from treadline.printing import Printable
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 
 TRACTION_RESERVE = 1.05
-"""Friction wanted over tan β: nosings jolt."""
+"""Required ratio of friction to tan β, a reserve for jolts at the nosings."""
 SEAT_RESERVE_RAD = 3.0 * DEG
-"""Range the seat keeps beyond the slope: the chair rocks over nosings."""
+"""Required range of the seat beyond the slope [rad]: the chair rocks over nosings."""
 BRAKE_RESERVE = 1.5
-"""Of a belt's brake over half of what pulls the chair down: a payload aside loads one belt by an eighth more, and a stop from
-cruise speed asks for a sixth."""
+"""Required ratio of a belt's brake force to half of the downhill force: an off-centre payload loads one belt by an eighth more, and
+a stop from cruise speed needs another sixth."""
 SIDES = ("uphill", "downhill", "left", "right")
+"""Directions of tipping."""
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
+"""Step and limit of the search for a seat shift [m]."""
 LANDING_SPARE_M = 0.60
-"""Depth of a landing between two flights beyond the chair's whole track: nearer than 0.45 m its edge is hidden below the camera."""
+"""Required depth of a landing between two flights beyond the length of the chair [m]: nearer than 0.45 m the next edge is hidden
+below the camera."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CheckReport(Printable):
-    """What mechanics say, under the contract's keys."""
+    """Result of the mechanical check, with the keys of the JSON output."""
 
     verdict: str
-    """``go`` or ``refuse``."""
+    """Verdict: ``go`` or ``refuse``."""
     reasons: list[str]
     track_length_margin_m: float
     friction_needed: float
-    """To stand: tan β."""
+    """Friction required to stand: tan β."""
     friction_needed_with_reserve: float
-    """To be let onto the stair."""
+    """Friction required by the check, with reserve."""
     friction_available: float
     friction_use_at_start: float
-    """Share of the friction ellipse at the start heading; 1 slides."""
+    """Used fraction of the friction ellipse at the start heading; the chair slides at 1."""
     stability_margin_deg: dict[str, float]
     seat_range_deg: tuple[float, float]
     proposed_seat_shift_m: float | None = field(default=None)
-    """What would reach the margin, where a shift of the seat can."""
+    """Seat shift that would reach the required margin [m]; None if there is none."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
@@ -171,7 +174,7 @@ def _shift_that_helps(
 
 
 def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
-    """Say what each belt's brake must hold of a chair that is held on the flight."""
+    """Return the missing brake force of a belt on the flight, or None."""
     holds_n = chair.drives.brake_hold_n
     upright_n = BRAKE_RESERVE * 0.5 * Loading(chair=chair, payload_kg=payload_kg).weight_n
     needed_n = upright_n * math.sin(slope_rad)
@@ -192,7 +195,7 @@ def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
 
 
 def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Say where missing or long steps leave a track on one nosing: it must span any three neighbouring ones to touch two."""
+    """Return where missing or long steps leave a track on one nosing: a track must span any three neighbouring nosings."""
     needed_m = _widest_spacing_m(scenario, 2)
     if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
         return None
@@ -204,10 +207,9 @@ def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
-    """Return the widest distance from a nosing to the next, or the next but one.
+    """Return the largest distance from a nosing to the next, or the next but one [m].
 
-    Floor and landing carry the track wherever it lies: they count as a nosing before the first and after the last, a pitch away.
-    Winders are left out, for ``_winders`` refuses them.
+    Floor and landing support the track anywhere: they count as a nosing before the first and after the last, one pitch away.
     """
     stair, widest_m = scenario.stair, 0.0
     for steps in as_designed(stair, scenario.step).straight_parts:
@@ -220,7 +222,7 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
 
 
 def _turning_flights(stair: Stair) -> str | None:
-    """Say where flights turn: the mission drives straight on over a landing, and would drive off its far end."""
+    """Return a refusal of turning flights: the mission drives straight over a landing, and would leave its far end."""
     if stair.turn == "none":
         return None
     where = f"{stair.flights} flights turn {stair.turn} at their landings"
@@ -241,7 +243,7 @@ def _winders(stair: Stair) -> str | None:
 
 
 def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
-    """Say how deep a landing must be on which the chair has left one flight whole, and sees the next, before it enters it."""
+    """Return the required depth of a landing between flights: room for the whole chair and a view of the next flight."""
     needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
     if stair.flights == 1 or stair.between_m >= needed_m:
         return None

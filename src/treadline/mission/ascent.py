@@ -11,7 +11,7 @@ from treadline.angles import DEG
 from treadline.control.allocate import inner_speed_ratio
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
-from treadline.mission.entry import refusal_of
+from treadline.mission.entry import reject_reason
 from treadline.mission.planner import Felt
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
@@ -135,7 +135,7 @@ class Ascent(Traversal):
         if self._level.is_square(estimate, t_s):
             where = self._where
             chair, payload_kg = self._config.chair, self._config.payload_kg
-            refusal = refusal_of(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
+            refusal = reject_reason(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
             if refusal is not None:
                 return self._begin(t_s, "refused", refusal)
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"

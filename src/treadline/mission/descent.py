@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.mission.entry import refusal_of
+from treadline.mission.entry import reject_reason
 from treadline.mission.flipper_planner import FLIPPER_RAD_S
 from treadline.mission.stair_tracker import NEAR_M
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
@@ -119,7 +119,7 @@ class Descent(Traversal):
             return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
         config, where = self._config, self._where
         chair = config.chair
-        refusal = refusal_of(chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+        refusal = reject_reason(chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
         if refusal is not None:
             return self._begin(t_s, "refused", refusal)
         edge = where.top_ahead_m()

@@ -1,4 +1,4 @@
-"""Who proposes belt speeds: the heading controller, a constant, or an experiment's own signal."""
+"""Belt controllers: the interface, and constant speed for open-loop runs."""
 
 from typing import Protocol, runtime_checkable
 
@@ -7,18 +7,18 @@ from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 @runtime_checkable
 class Driver(Protocol):
-    """Turns the heading estimate into a proposal once per ``period_s``."""
+    """Belt controller: computes a proposal from the heading estimate once per ``period_s``."""
 
     @property
     def period_s(self) -> float:
-        """Time between calls."""
+        """Control period [s]."""
 
     @property
     def follows_plan(self) -> bool:
         """Whether ``step`` applies the plan's speed and heading: the condition for a full traversal, and for the slip monitor."""
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
-        """Return the belt speeds to ask for at ``t_s``; the plan says how fast, and which heading."""
+        """Return the proposed belt speeds at ``t_s``; the plan gives speed and heading."""
 
 
 class ConstantSpeed:

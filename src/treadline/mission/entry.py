@@ -1,7 +1,7 @@
-"""May this chair, with this load, enter the stair that it sees? Mechanics by what was measured, before anything touches a nosing.
+"""Feasibility of entering the measured stair with the entered payload, checked before the chair touches a nosing.
 
-``treadline check`` judges a description; this judges the stair map. Measured slopes are known to some 0.3° (RMSE), so that a stair
-at a limit is let pass by a degree's reserve less than ``check`` wants: what ``check`` allows must not be refused by noise.
+``treadline check`` evaluates a description, this module the stair map. Slopes are measured to about 0.3° (RMSE). The limits are one
+degree wider than those of ``check``, so that noise does not reject what ``check`` accepts.
 """
 
 import math
@@ -14,16 +14,16 @@ from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, tipping_margins, worst
 from treadline.mechanics.tracks import minimum_track_length
 
 MEASURED_RAD = 1.0 * DEG
-"""Reserve for the slope's error: three of its standard deviations."""
+"""Reserve for the error of the measured slope [rad]: three standard deviations."""
 UNKNOWN_RAD = 5.0 * DEG
-"""Reserve for what is not measured: a passenger who sits 5 cm further back than believed costs four degrees. ``check`` is told
-where the passenger sits, and keeps the whole margin."""
+"""Reserve of the tip-over margin for quantities that are not measured [rad]: a passenger 5 cm further back than assumed costs four
+degrees. ``check`` knows the place of the passenger and requires the whole margin."""
 MEASURED_M = 0.01
-"""The same for the track's length."""
+"""Reserve for the error of the measured nosing distance [m]."""
 
 
-def refusal_of(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:
-    """Return why the chair must not enter, with the number and what would help, or None."""
+def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:
+    """Return the reason why the chair must not enter, with the number and the remedy; None if it may."""
     rating = chair.rating
     if rating is not None and slope_rad > rating.slope_deg * DEG + MEASURED_RAD:
         steep = f"the stair is {slope_rad / DEG:.1f}° steep"

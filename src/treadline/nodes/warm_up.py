@@ -23,7 +23,7 @@ DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class WarmUpPose:
     """Pose of the chair before, on, or at the end of a flight."""
 
     from_foot_m: float
@@ -35,7 +35,7 @@ class View:
 
 
 VIEWS = tuple(
-    View(from_foot_m=from_foot_m, pitched=pitched, heading_rad=heading_deg * DEG, steps=steps)
+    WarmUpPose(from_foot_m=from_foot_m, pitched=pitched, heading_rad=heading_deg * DEG, steps=steps)
     for (from_foot_m, pitched, steps), heading_deg in itertools.product(
         ((-1.6, False, STEPS), (-1.0, False, STEPS), (0.9, True, STEPS), (1.2, True, 6)), (0.0, 8.0)
     )
@@ -61,7 +61,7 @@ def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFr
 
 
 def _frame(
-    camera: PinholeCamera, view: View, rng: np.random.Generator, *, rises: bool
+    camera: PinholeCamera, view: WarmUpPose, rng: np.random.Generator, *, rises: bool
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
     towards = math.copysign(1.0, float(camera.R_BC[0, 2]))  # the rear camera looks back
     up = 1.0 if rises else -1.0

@@ -1,6 +1,6 @@
-"""From a depth camera's frame to the heading on the stair."""
+"""Stair detection: from a depth camera frame to the heading on the stair."""
 
-from treadline.perception.detector import DetectorConfig, Seen, StairDetector
-from treadline.perception.sight import Sight, Stages, StairShape
+from treadline.perception.detection import Stages, StairDetection, StairShape
+from treadline.perception.detector import DetectorConfig, FrameResult, StairDetector
 
-__all__ = ["DetectorConfig", "Seen", "Sight", "Stages", "StairDetector", "StairShape"]
+__all__ = ["DetectorConfig", "FrameResult", "Stages", "StairDetection", "StairDetector", "StairShape"]

@@ -1,7 +1,7 @@
-"""The block: a frame in, a heading out, or nothing.
+"""Stair detector: a frame in, a heading or nothing out.
 
-``RgbdFrame -> HeadingMeasurement | None``; ``see`` gives the map of the stair as well, ``look`` the whole answer, with the
-reason of a refusal.
+``RgbdFrame -> HeadingMeasurement | None``; ``see`` also returns the map of the stair, ``look`` the full result with the reason of a
+rejection.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,42 +13,42 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.arrays import shaped
 from treadline.errors import ImageError
+from treadline.perception.detection import SWEPT_HALF_M, StairDetection
 from treadline.perception.paper import PaperConfig, look_as_printed
-from treadline.perception.robust import look_robust
-from treadline.perception.sight import SWEPT_HALF_M, Sight
+from treadline.perception.robust import detect_stair
 from treadline.perception.stopwatch import Stopwatch
 from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap
 
 PAPER_SIGMA_RAD = 2.0 * DEG
-"""Declared uncertainty of Algorithm 1: the printed method has none, its RMSE on frames it does not fail on is 2.2°."""
+"""Declared standard deviation of Algorithm 1 [rad]: the printed method has none; its RMSE on accepted frames is 2.2°."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorConfig:
-    """Which way to look."""
+    """Settings of the stair detector."""
 
     method: Literal["paper", "robust"] = "robust"
     paper: PaperConfig = field(default_factory=PaperConfig)
     swept_half_m: float = SWEPT_HALF_M
-    """What the chair sweeps to either side: what stands there is in its way."""
+    """Half width of the volume swept by the chair [m]: objects inside are obstacles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seen:
-    """What one frame says to a mission."""
+class FrameResult:
+    """Result of one frame for a mission."""
 
     measurement: HeadingMeasurement | None
-    sight: Sight | None
-    """The whole answer; None for a frame that cannot be looked at."""
+    sight: StairDetection | None
+    """Full result; None for a frame that cannot be evaluated."""
 
     @property
     def stair_map(self) -> StairMap | None:
-        """The stair where the camera looks, made when it is first asked for; None without a heading."""
+        """Map of the stair in the viewing direction, computed on first access; None without a heading."""
         return None if self.sight is None else self.sight.stair_map
 
 
 class StairDetector:
-    """Looks at one frame at a time and remembers nothing but how long it took."""
+    """Detector for single frames; its only state is the measured processing time."""
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config or DetectorConfig()
@@ -56,34 +56,34 @@ class StairDetector:
         """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
     def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
-        """Return the heading seen in a frame, or None; ``look`` tells why there is none.
+        """Return the heading in a frame, or None; ``look`` gives the reason.
 
         Args:
-            gravity_C: Vector that points down, in the camera's frame; without it the robust method takes it from the treads.
+            gravity_C: Vector pointing down, in the camera frame; without it the robust method estimates gravity from the treads.
 
         Raises:
-            RecordError: If gravity is no three numbers.
+            RecordError: If gravity is not three numbers.
         """
         return self.see(frame, gravity_C).measurement
 
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Seen:
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> FrameResult:
         """Return heading and map of one frame.
 
         Raises:
-            RecordError: If gravity is no three numbers.
+            RecordError: If gravity is not three numbers.
         """
         try:
             sight = self.look(frame, gravity_C)
         except ImageError:
-            return Seen(measurement=None, sight=None)  # a frame that cannot be looked at says nothing; the guard sees that
-        return Seen(measurement=_measured(frame.t_s, sight), sight=sight)
+            return FrameResult(measurement=None, sight=None)  # the guard detects the missing measurements
+        return FrameResult(measurement=_measured(frame.t_s, sight), sight=sight)
 
-    def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> Sight:
-        """Return all that a frame says; ``stages`` asks the paper's method for its pictures.
+    def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> StairDetection:
+        """Return the full result of a frame; ``stages`` adds the intermediate images of the paper's method.
 
         Raises:
-            ImageError: If an image is not of the size that the frame's calibration is for.
-            RecordError: If gravity is no three numbers.
+            ImageError: If the image size differs from the frame's calibration.
+            RecordError: If gravity is not three numbers.
         """
         if gravity_C is not None:
             gravity_C = shaped("gravity_C", gravity_C, (3,), "three numbers x, y, z")
@@ -94,7 +94,7 @@ class StairDetector:
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
-            return replace(look_robust(frame, gravity_C, watch), swept_half_m=self._config.swept_half_m)
+            return replace(detect_stair(frame, gravity_C, watch), swept_half_m=self._config.swept_half_m)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
 
 
@@ -112,7 +112,7 @@ def _kind(image: object) -> str:
     return f"an array of shape {image.shape}" if isinstance(image, np.ndarray) else f"a {type(image).__name__}"
 
 
-def _measured(t_s: float, sight: Sight) -> HeadingMeasurement | None:
+def _measured(t_s: float, sight: StairDetection) -> HeadingMeasurement | None:
     if sight.heading_rad is None or sight.sigma_rad is None:
         return None
     return HeadingMeasurement(t_s=t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count)

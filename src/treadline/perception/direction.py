@@ -1,14 +1,14 @@
-"""One edge direction from all treads, risers and nosings in view, and how sure it is.
+"""Edge direction of the stair from all treads, risers and nosings in view, with its uncertainty.
 
-Every tread, every riser and every plane through a nosing and the camera's centre holds the edges' direction e, so each
-normal n says n·e = 0. Small numbers are sought around a first direction: α, by which the edges are turned about the vertical,
-ρ, by which they are off level, and the terms of the depth's warp (``unknowns.warp``). Risers tell α, treads and gravity ρ, nosings
-seen from above a mixture of the two. A warp tilts every plane that depth shows, the further the more, and no line in the image:
-lines and planes together, and planes at different places and distances, tell it.
+Every tread, every riser and every plane through a nosing and the camera centre contains the edge direction e, so each normal n
+satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical,
+ρ, their tilt from horizontal, and the coefficients of the depth warp (``nuisance.warp``). Risers determine α, treads and gravity ρ,
+nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but no line in the image:
+lines and planes together, and planes at different places and distances, determine the warp.
 
-What a surface says is off by the sensor's noise, which residuals show, and by the stair itself, whose steps are not quite parallel:
-riser and nosing of a step turn with it, tread and nosing tilt with it. How irregular a stair is and how warped the depth, is
-integrated out (``unknowns.kernels``).
+The error of a surface has two parts: sensor noise, visible in the residuals, and irregularity of the stair, whose steps are not
+exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp are
+nuisance parameters and are marginalised (``nuisance.kernels``).
 """
 
 from collections.abc import Sequence
@@ -19,55 +19,61 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.nosings import Nosing
+from treadline.perception.nosings import NosingObservation
+from treadline.perception.nuisance.kernels import marginal_posterior, reject_outliers, variances
+from treadline.perception.nuisance.prior import Prior, prior
+from treadline.perception.nuisance.warp import TERMS, turns_of
 from treadline.perception.planes import Surface
-from treadline.perception.unknowns.kernels import integrated_out, strays, variances
-from treadline.perception.unknowns.prior import Prior, prior
-from treadline.perception.unknowns.warp import TERMS, turns_of
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
 ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
-"""Irregularities thought possible of steps: about the vertical, and off level."""
+"""Grid of the standard deviations of step irregularity, about the vertical and from horizontal [rad]."""
 WARPS_PX = np.geomspace(0.0003, 0.1, 7)
-"""Warps thought possible, in pixels of a Kinect's disparity: what a good calibration leaves, and what leaves the factory."""
+"""Grid of warp sizes [px of Kinect disparity]: from a good calibration to factory calibration."""
 FINE = prior(ANGLES, ANGLES, WARPS_PX)
+"""Prior on the full grid."""
 ROUGH = prior(ANGLES[4:5], ANGLES[4:5], WARPS_PX, as_drawn=0.0)
-"""For a first turn."""
+"""Prior for the initial estimate of the rotation."""
 COARSE = prior(*(grid[::3].copy() for grid in (ANGLES, ANGLES, WARPS_PX)), as_drawn=0.0, usual_rad=np.inf)
-"""To tell strays by; copied, as compiled loops are compiled anew for each layout."""
+"""Prior for outlier rejection; copied, because a different memory layout would compile the kernels again."""
 STRAY, CORNER_STRAY = 0.003, 0.03
-"""How often a surface or a line is none of the stair's: what lies on a tread tilts it, and begins where a nosing might be."""
+"""Prior probability that a surface or a corner line does not belong to the stair: an object on a tread tilts it, or starts at a
+possible nosing."""
 SAME_STEP_M = 0.03
-"""Between a nosing and the plane of its tread."""
+"""Largest distance between a nosing and the plane of its tread [m]."""
 OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
-"""Surfaces further apart than this, and by so many of their deviations, are not of one straight flight."""
-GRAVITY_DOUBT, AGREED_SHARE = 2.0, 0.5
-"""Declared deviations off which treads have the IMU doubted, if they agree within such a share of that."""
-TILT_BELIEVED = 0.5 * DEG
-"""Of a single tread, where risers and nosings are compared."""
+"""Surfaces whose directions differ by more than this angle [rad], and by this number of standard deviations, do not belong to one
+straight flight."""
+GRAVITY_REJECTED, AGREED_SHARE = 2.0, 0.5
+"""Number of declared standard deviations between treads and IMU above which the IMU is rejected, and the agreement of the treads as
+a fraction of it."""
+ASSUMED_TILT = 0.5 * DEG
+"""Assumed standard deviation of a single tread's tilt in the comparison of risers and nosings [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EdgeFit:
-    """The edges' direction in C."""
+    """Estimated edge direction in C."""
 
     edge: Float[np.ndarray, " 3"]
-    """Unit vector."""
+    """Unit vector along the edges."""
     ahead: Float[np.ndarray, " 3"]
-    """Unit vector square to the edges, level: a turn of the edges about the vertical moves them along it."""
+    """Horizontal unit vector perpendicular to the edges: the direction in which a rotation about the vertical moves the edge
+    vector."""
     down: Float[np.ndarray, " 3"]
     covariance: Float[np.ndarray, "2 2"]
-    """Of the edges' angle about the vertical and of the one by which they are off level [rad²]."""
+    """Covariance of the edge angles about the vertical and from horizontal [rad²]."""
     agreeing: float
-    """Share of the nosings that agree on it."""
+    """Fraction of the nosings consistent with the estimate."""
     widest_rad: float
-    """Largest angle about the vertical between a nosing and the edges' direction."""
+    """Largest angle about the vertical between a nosing and the edge direction [rad]."""
     planes_against_lines_rad: tuple[float, float] | None
-    """Angle about the vertical by risers less that by lines, and its standard deviation; None unless there are both."""
+    """Angle about the vertical from risers minus that from lines, and its standard deviation [rad]; None unless both are
+    available."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
-        """Return the standard deviation of a quantity that changes by ``change · de`` with the direction."""
+        """Return the standard deviation of a quantity with the differential ``change · de``."""
         by = np.array([float(change @ self.ahead), float(change @ self.down)])
         return float(np.sqrt(by @ self.covariance @ by))
 
@@ -81,35 +87,35 @@ class _Axes:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Normals:
-    """All unit normals, of treads first and gravity last, whatever the edges' direction."""
+    """All unit normals, treads first and gravity last."""
 
     unit: Float[np.ndarray, "k 3"]
     covariance: Float[np.ndarray, "k 3 3"]
-    """Of the normals; none of gravity's, which depends on what the treads say."""
+    """Covariance of the normals; zero for gravity, whose variance depends on the treads."""
     warp: Float[np.ndarray, "k 3 t"]
-    """By how much each term of the warp changes a normal."""
+    """Derivative of each normal with respect to each warp coefficient."""
     tilts: Bool[np.ndarray, " k"]
-    """Whether it tilts with a tread."""
+    """Whether the normal tilts with a tread."""
     group: Int[np.ndarray, " k"]
-    """Number of the nosing it turns with; -1 for none."""
+    """Index of the nosing that rotates with the normal; -1 for none."""
     step: Int[np.ndarray, " k"]
-    """Number of the step it is of: a nosing's, or one of its own for a tread without one; -1 for gravity."""
+    """Index of the step: that of a nosing, or a separate one for a tread without nosing; -1 for gravity."""
     stray: Float[np.ndarray, " k"]
-    """How likely it is beforehand to be of something else."""
+    """Prior probability that the normal does not belong to the stair."""
     treads: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """Linear equations ``by · (α, ρ) + warp · terms = value``, one for each normal."""
+    """Linear equations ``by · (α, ρ) + warp · terms = value``, one per normal."""
 
     value: Float[np.ndarray, " k"]
     by: Float[np.ndarray, "k 2"]
     warp: Float[np.ndarray, "k t"]
     noise: Float[np.ndarray, " k"]
-    """Variance of the normal's angle across the edges."""
+    """Variance of the normal's angle across the edges [rad²]."""
     tilts: Bool[np.ndarray, " k"]
-    """As of the normals, as are the following."""
+    """Whether the normal tilts with a tread; this and the following fields as in ``_Normals``."""
     group: Int[np.ndarray, " k"]
     step: Int[np.ndarray, " k"]
     stray: Float[np.ndarray, " k"]
@@ -118,62 +124,61 @@ class _Rows:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solution:
     mean: Float[np.ndarray, " n"]
-    """The warp's terms, α and ρ."""
+    """Estimated warp coefficients, α and ρ."""
     covariance: Float[np.ndarray, "2 2"]
-    """Of α and ρ."""
+    """Covariance of α and ρ [rad²]."""
     likeliest: Float[np.ndarray, "n n"]
-    """Covariance of all under the irregularity and the size of the warp that fit best."""
+    """Covariance of all unknowns at the most likely irregularity and warp size."""
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
-    """Return the variance of the IMU's idea of level, given by how much treads are off it.
+    """Return the variance of the IMU's gravity direction, from the tilt of the treads [rad²].
 
-    Treads that agree with each other and not with the IMU tell of a mount that is not what the calibration says: degrees
-    where half of one is declared.
+    Treads that agree with each other but not with the IMU indicate a mount error: degrees where half a degree is declared.
 
     Args:
-        tilts: Angles of the treads about one axis against the IMU's level.
-        sigma_rad: Declared.
+        tilts: Angles of the treads about one axis relative to the IMU's horizontal.
+        sigma_rad: Declared standard deviation.
     """
     if len(tilts) >= 2:
         gap = abs(median(tilts.tolist()))
-        if gap > GRAVITY_DOUBT * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
+        if gap > GRAVITY_REJECTED * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
             return gap**2
     return sigma_rad**2
 
 
-def off_gravity(normals: Float[np.ndarray, "k 3"], told: Float[np.ndarray, " 3"]) -> float | None:
-    """Return how far treads are off the IMU's down if they agree with each other against it, both ways of tilting; else None.
+def off_gravity(normals: Float[np.ndarray, "k 3"], imu_down: Float[np.ndarray, " 3"]) -> float | None:
+    """Return the mean tilt of the treads from the IMU's gravity if they agree against the IMU about both axes; else None.
 
     Args:
-        normals: The treads' own, unit vectors that all point down.
-        told: Unit vector that the IMU calls down.
+        normals: Unit normals of the treads, all pointing down.
+        imu_down: Unit vector of gravity from the IMU.
     """
     if len(normals) < 2:
         return None
     mean = normals.mean(axis=0)
-    gap = float(np.arccos(np.clip(mean @ told / np.linalg.norm(mean), -1.0, 1.0)))
+    gap = float(np.arccos(np.clip(mean @ imu_down / np.linalg.norm(mean), -1.0, 1.0)))
     apart = float(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
     return gap if apart < AGREED_SHARE * gap else None
 
 
 def fit_edges(
-    nosings: Sequence[Nosing],
+    nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
     down: Float[np.ndarray, " 3"],
     down_sigma_rad: float,
     start: Float[np.ndarray, " 3"],
     camera: PinholeCamera,
 ) -> EdgeFit:
-    """Return the direction at right angles to all normals.
+    """Return the direction perpendicular to all normals.
 
     Args:
         nosings: At least one, with a riser or a line.
-        down: Unit vector in C. Edges are level: gravity is one more tread, as good as what tells it.
-        start: Edge direction to start from.
+        down: Unit vector in C. Edges are horizontal: gravity is equivalent to one more tread, with its own uncertainty.
+        start: Initial edge direction.
     """
     edge = start / np.linalg.norm(start)
-    nosings = [nosing for nosing in nosings if nosing.tells]
+    nosings = [nosing for nosing in nosings if nosing.has_direction]
     normals = _normals(nosings, treads, down, camera)
     for last in (False, True):
         axes = _axes(edge, down)
@@ -207,8 +212,8 @@ def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes
     return _Axes(edge=edge, ahead=cross(edge, d), down=d)
 
 
-def _warps(nosings: Sequence[Nosing], treads: Sequence[Surface], camera: PinholeCamera) -> Float[np.ndarray, "k 3 t"]:
-    """Return by how much each term of the warp changes each normal, in the order of the rows."""
+def _warps(nosings: Sequence[NosingObservation], treads: Sequence[Surface], camera: PinholeCamera) -> Float[np.ndarray, "k 3 t"]:
+    """Return the derivative of each normal with respect to each warp coefficient, in the order of the equations."""
     none = np.zeros((3, TERMS))
     found = [tread.distance_m * turns_of(tread, camera) for tread in treads]
     for nosing in nosings:
@@ -218,8 +223,8 @@ def _warps(nosings: Sequence[Nosing], treads: Sequence[Surface], camera: Pinhole
     return np.array([*found, none])
 
 
-def _steps(nosings: Sequence[Nosing], treads: Sequence[Surface]) -> list[int]:
-    """Return the number of each tread's step: that of its nosing, or a new one."""
+def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:
+    """Return the step index of each tread: that of its nosing, or a new one."""
     found: list[int] = []
     for tread in treads:
         off = [abs(float(tread.normal @ nosing.point) - 1.0) * tread.distance_m for nosing in nosings]
@@ -230,7 +235,7 @@ def _steps(nosings: Sequence[Nosing], treads: Sequence[Surface]) -> list[int]:
 
 
 def _normals(
-    nosings: Sequence[Nosing], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], camera: PinholeCamera
+    nosings: Sequence[NosingObservation], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], camera: PinholeCamera
 ) -> _Normals:
     units = [tread.unit for tread in treads]
     covariances = [tread.unit_covariance for tread in treads]
@@ -261,7 +266,7 @@ def _normals(
 
 
 def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes) -> _Rows:
-    """Return the equations of all normals, gravity the last."""
+    """Return the equations of all normals, gravity last."""
     value = -(normals.unit @ axes.edge)
     by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ axes.down])
     noise = variances(normals.covariance, axes.edge)
@@ -293,7 +298,7 @@ def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
 
 
 def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the angle about the vertical that each nosing asks for by itself, and its noise."""
+    """Return the angle about the vertical of each single nosing, and its variance."""
     of_nosing = rows.group >= 0
     weight = rows.by[of_nosing, 0] ** 2 / rows.noise[of_nosing]
     total = np.bincount(rows.group[of_nosing], weight, count)
@@ -302,7 +307,7 @@ def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.
 
 
 def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
-    """Return which values belong to the largest crowd."""
+    """Return the mask of values in the largest consistent subset."""
     if not len(values):
         return np.ones(0, dtype=bool)
     apart = np.abs(values[:, None] - values[None, :])
@@ -311,25 +316,25 @@ def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"
 
 
 def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
-    """Return which treads agree with each other, and gravity."""
+    """Return the mask of treads, and gravity, consistent with each other."""
     treads = (rows.group < 0) & rows.tilts
     level = rows.value[treads] / rows.by[treads, 1]
     return np.append(_agreeing(level, rows.noise[treads]), True)
 
 
 def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
-    """Return which rows the evidence keeps: the others fit better as anything between the outliers' limits."""
+    """Return the mask of equations accepted by the evidence; the others fit better as uniform outliers."""
     kept = np.ones(len(rows.value), dtype=np.bool_)
     with np.errstate(divide="ignore"):
         penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
-    strays(*_equations(rows), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, penalty, kept)
+    reject_outliers(*_equations(rows), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, penalty, kept)
     return kept
 
 
 def _solved(rows: _Rows, tried: Prior) -> _Solution:
-    """Return the warp's terms, α and ρ with what is not known of stair and camera integrated out."""
+    """Return warp coefficients, α and ρ with irregularity and warp size marginalised."""
     covariance = np.empty((TERMS + 2, TERMS + 2))
-    mean, spread = integrated_out(*_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, covariance)
+    mean, spread = marginal_posterior(*_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, covariance)
     return _Solution(mean=mean, covariance=np.array([[spread[0], spread[2]], [spread[2], spread[1]]]), likeliest=covariance)
 
 
@@ -344,21 +349,21 @@ def _equations(
     Int[np.ndarray, " k"],
     int,
 ]:
-    """Return what the compiled part takes: coefficients, values, noise, and how each row turns and tilts with which step."""
+    """Return coefficients, values, noise and the dependence on the step rotations and tilts, for the compiled kernels."""
     turn_by = np.where(rows.group >= 0, rows.by[:, 0], 0.0)
     tilt_by = np.where(rows.tilts, rows.by[:, 1], 0.0)
     return np.column_stack([rows.warp, rows.by]), rows.value, rows.noise, turn_by, tilt_by, rows.step, int(rows.step.max()) + 1
 
 
 def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
-    """Return by how much risers and nosings differ in α once level and warp are taken out, and the deviation of that."""
+    """Return the angle about the vertical between risers and nosings after removal of tilt and warp, and its standard deviation."""
     of_line = (rows.group >= 0) & rows.tilts
     of_riser = (rows.group >= 0) & ~rows.tilts
     if not of_line.any() or not of_riser.any():
         return None
     others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])
     left = rows.value - others @ solution.mean
-    tilting = np.where(rows.tilts, rows.by[:, 1] * TILT_BELIEVED, 0.0)
+    tilting = np.where(rows.tilts, rows.by[:, 1] * ASSUMED_TILT, 0.0)
     variance = rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others) + tilting**2
     means, variances = [], []
     for chosen in (of_riser, of_line):

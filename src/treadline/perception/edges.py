@@ -1,8 +1,7 @@
-"""Stage (b) and (c) of Algorithm 1: adaptive Canny on colour and depth, then the removal of abrupt depths.
+"""Stages (b) and (c) of Algorithm 1: adaptive Canny on colour and depth, then removal of depth discontinuities.
 
-Paper: Algorithm 1, steps 2 and 3, Fig. 5(b), (c). The paper's rule for the thresholds ([13]) is not in its text; the
-median rule is the usual one and stands for it. The others are there to be tried: in dim light a rule on grey values
-collapses, one on gradients does not.
+Paper: Algorithm 1, steps 2 and 3, Fig. 5(b), (c). The paper does not print its rule for the thresholds ([13]); the usual median
+rule is used. The other rules are for comparison: in dim light a rule on grey values fails, a rule on gradients does not.
 """
 
 from typing import Literal
@@ -13,33 +12,34 @@ from jaxtyping import Bool, Float, Float32, UInt8
 
 ThresholdRule = Literal["median", "otsu", "rosin", "mad"]
 MEDIAN_SPREAD = 0.33
-"""Thresholds at ± a third of the median grey value."""
+"""Relative distance of the thresholds from the median grey value."""
 GRADIENT_BINS = 128
+"""Number of bins of the gradient histogram."""
 DEVIATIONS = 5.0
-"""Median deviations above the median at which the ``mad`` rule takes a gradient for an edge."""
+"""Number of median deviations above the median gradient at which the ``mad`` rule sets its threshold."""
 DEPTH_SPAN_M = 4.0
-"""Depth that maps to white: the Kinect's useful range on a stair."""
+"""Depth mapped to white [m]: the useful range of the Kinect on a stair."""
 
 
 def grey_of(rgb: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w"]:
-    """Return the luminance of a colour image, lightly blurred against sensor noise."""
+    """Return the luminance of a colour image, slightly blurred against sensor noise."""
     return np.asarray(cv2.GaussianBlur(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (5, 5), 1.2))
 
 
 def depth_image(depth_m: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """Return depth as an 8-bit picture, holes black (Fig. 5a)."""
+    """Return depth as an 8-bit image, holes black (Fig. 5a)."""
     return np.asarray(np.clip(np.nan_to_num(depth_m, nan=0.0) / DEPTH_SPAN_M, 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
 def thresholds(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> tuple[float, float]:
-    """Return Canny's lower and upper threshold on the gradient of a picture.
+    """Return Canny's lower and upper threshold on the gradient of an image.
 
     Paper: Algorithm 1, step 2.
 
     Args:
-        rule: ``median``: a third below and above the median grey value. ``otsu``: Otsu's threshold of the grey values, and
-            half of it. ``rosin``: the corner of the gradient's histogram (Rosin, Pattern Recognition 34, 2001), and half of
-            it. ``mad``: the gradient's median and five times its median deviation, and half of that.
+        rule: ``median``: a third below and above the median grey value. ``otsu``: Otsu's threshold of the grey values, and half of
+            it. ``rosin``: the corner of the gradient's histogram (Rosin, Pattern Recognition 34, 2001), and half of it. ``mad``:
+            the gradient's median plus five times its median deviation, and half of that.
     """
     if rule == "otsu":
         upper = float(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)[0])
@@ -53,15 +53,15 @@ def thresholds(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> tuple[flo
 
 
 def _gradient(grey: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-    """Return |∂u| + |∂v| by Sobel's masks: the measure that Canny's thresholds are compared with."""
+    """Return |∂u| + |∂v| by Sobel's masks, the measure compared with Canny's thresholds."""
     du, dv = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
     return np.asarray(np.abs(du) + np.abs(dv), dtype=np.float32)
 
 
 def _rosin(gradient: Float32[np.ndarray, "h w"]) -> float:
-    """Return the gradient furthest below the line from the histogram's peak to its last entry."""
+    """Return the gradient farthest below the line from the histogram's peak to its last entry."""
     top = max(float(gradient.max()), 1.0)
-    # Gradients of whole grey values are whole numbers: narrower bins would stand empty.
+    # Gradients of integer grey values are integers: narrower bins would be empty.
     counts, edges = np.histogram(gradient, bins=max(1, min(GRADIENT_BINS, int(0.25 * top))), range=(0.0, top))
     peak, last = int(np.argmax(counts)), int(np.flatnonzero(counts)[-1])
     if last <= peak + 1:
@@ -78,7 +78,7 @@ def _far_from_the_median(gradient: Float32[np.ndarray, "h w"]) -> float:
 
 
 def canny(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> Bool[np.ndarray, "h w"]:
-    """Return the edge pixels of a picture.
+    """Return the edge pixels of an image.
 
     Paper: Algorithm 1, step 2.
     """
@@ -89,7 +89,7 @@ def canny(grey: UInt8[np.ndarray, "h w"], rule: ThresholdRule) -> Bool[np.ndarra
 def without_abrupt_depth(
     edges: Bool[np.ndarray, "h w"], depth_m: Float[np.ndarray, "h w"], abrupt_m: float
 ) -> Bool[np.ndarray, "h w"]:
-    """Return the edge pixels whose neighbourhood has a depth and no jump.
+    """Return the edge pixels with valid depth and no depth discontinuity in their neighbourhood.
 
     Paper: Algorithm 1, step 3.
     """

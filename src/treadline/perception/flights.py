@@ -1,4 +1,4 @@
-"""The flight in a frame: treads by gravity, its azimuth by vote, risers by azimuth, nosings in a row."""
+"""Flight in a frame: treads from gravity, azimuth by vote, risers from the azimuth, nosings as a sequence."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -7,59 +7,60 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.perception.geometry import way_of
+from treadline.perception.geometry import viewing_direction
 from treadline.perception.lines import nosing_line
-from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, Nosing, direction_of, nosings_of
-from treadline.perception.planes import Blocks, Surface, joined
-from treadline.perception.rows import flight_of
+from treadline.perception.nosings import STEP_RISE_M, Axes, Direction, NosingObservation, direction_of, nosings_of
+from treadline.perception.planes import PlanarBlocks, Surface, joined
+from treadline.perception.step_sequence import flight_of
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.perception.votes import line_votes, votes_of
 from treadline.signals import PinholeCamera, RgbdFrame
 
 UPRIGHT = 18.0 * DEG
-"""How far a block's normal may lie from vertical (tread) or horizontal (riser)."""
+"""Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
 RISER_SPREAD = 14.0 * DEG
-"""How far a riser block's azimuth may lie from the vote."""
+"""Largest azimuth difference between a riser block and the vote [rad]."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
-"""Levels further apart are different surfaces: less than half of the smallest run and rise."""
+"""Separation of different surfaces along their normal [m]: less than half of the smallest run and rise."""
 LEAST_BLOCKS = 8
+"""Least number of blocks of a surface."""
 LOW_SHARE = 0.6
-"""Of a surface's columns that must be no taller than a step for the rest to be the end of a wall beside it."""
+"""Fraction of a surface's columns no higher than a step, above which the remaining columns count as the end of an adjacent wall."""
 CONCLUSIVE = 3
-"""Nosings in a row after which no other azimuth is tried."""
+"""Number of consecutive nosings after which no other azimuth is tried."""
 ENDS: tuple[Literal["lower", "upper"], ...] = ("lower", "upper")
 LEVEL_LEAST = 0.2
-"""Of the chair's long axis that must be level to tell where ahead is."""
+"""Least horizontal component of the chair's longitudinal axis for the definition of the forward direction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Flight:
-    """A flight as far as one frame shows it."""
+    """Visible part of a flight."""
 
     direction: Direction
     risers: list[Surface]
     treads: list[Surface]
-    nosings: list[Nosing]
-    """The nearest first."""
+    nosings: list[NosingObservation]
+    """Nosings, nearest first."""
     facing: Float[np.ndarray, " 3"]
-    """Level, roughly square to the edges, in C."""
+    """Horizontal unit vector, approximately perpendicular to the edges, in C."""
 
 
 def flight_under(
     frame: RgbdFrame,
-    blocks: Blocks,
+    blocks: PlanarBlocks,
     unit: Float[np.ndarray, "b 3"],
     down: Float[np.ndarray, " 3"],
     directions: tuple[Direction, ...],
     watch: Stopwatch,
 ) -> Flight | str:
-    """Return the flight nearest to the camera under the first azimuth that shows one for certain, or why there is none.
+    """Return the nearest flight for the first azimuth with a certain one, or the reason of its absence.
 
     Args:
         unit: Unit normals of the blocks.
         down: Unit vector in C.
-        directions: Which way the flight may go.
+        directions: Possible directions of the flight.
     """
     level = _level_axes(down, frame.camera.R_BC)
     if level is None:
@@ -74,7 +75,7 @@ def flight_under(
         gap_m=TREAD_GAP_M,
         least=LEAST_BLOCKS,
     )
-    # A level surface above the eye is the underside of something.
+    # A horizontal surface above the camera is the underside of an object.
     treads = [tread for tread in treads if _turned_from(tread, level.up) < UPRIGHT and float(tread.centre @ level.up) < 0.0]
     lower, upper = ([nosing_line(tread, end, frame.camera) for tread in treads] for end in ENDS)
     lines = [line for pair in zip(lower, upper, strict=True) for line in pair if line is not None]
@@ -91,8 +92,8 @@ def flight_under(
         risers = joined(frame.camera, blocks, members, facing, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
         risers = [riser for surface in risers if (riser := _riser_of(surface, blocks, frame.camera, axes)) is not None]
         most_risers = max(most_risers, len(risers))
-        told = ("up" if len(risers) >= 2 else None, direction_of(treads, axes))
-        for direction in (way for way in directions if way in told):
+        possible = ("up" if len(risers) >= 2 else None, direction_of(treads, axes))
+        for direction in (candidate for candidate in directions if candidate in possible):
             ends = lower if direction == "up" else upper
             found = nosings_of(risers if direction == "up" else [], treads, ends, blocks, frame.camera, axes, direction)
             nosings = flight_of(found, treads, axes, direction)
@@ -110,7 +111,7 @@ def flight_under(
             break
     watch.lap("flight")
     if seen:
-        # The way on from here: a flight beyond a landing is another one.
+        # Only the nearest flight: a flight beyond a landing is a separate one.
         return min(seen, key=_reach)
     if not voted:
         return "no riser and no nosing faces the camera"
@@ -121,17 +122,17 @@ def _reach(flight: Flight) -> tuple[bool, float]:
     return len(flight.nosings) < CONCLUSIVE, flight.nosings[0].ahead_m
 
 
-def _riser_of(surface: Surface, blocks: Blocks, camera: PinholeCamera, axes: Axes) -> Surface | None:
-    """Return the part of a surface that is a riser: it faces the way the vote says and is no taller than a step, as walls are.
+def _riser_of(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> Surface | None:
+    """Return the part of a surface that is a riser: it faces the voted azimuth and is no higher than a step, unlike walls.
 
-    The end of a wall beside the flight may stand in one plane with the first riser.
+    The end of a wall next to the flight can be coplanar with the first riser.
     """
     if _turned_from(surface, axes.ahead) >= RISER_SPREAD:
         return None
     if _is_low(surface, blocks, axes):
         return surface
     tall = surface.heights_m(camera, axes.up) >= STEP_RISE_M[1]
-    # From one tall column to the next.
+    # Gaps between adjacent tall columns.
     runs = np.cumsum(tall)
     low = ~tall & (runs == np.argmax(np.bincount(runs[~tall], minlength=1)))
     if np.count_nonzero(low) < LOW_SHARE * low.size:
@@ -140,7 +141,7 @@ def _riser_of(surface: Surface, blocks: Blocks, camera: PinholeCamera, axes: Axe
     return part if part.blocks.size >= LEAST_BLOCKS and _is_low(part, blocks, axes) else None
 
 
-def _is_low(surface: Surface, blocks: Blocks, axes: Axes) -> bool:
+def _is_low(surface: Surface, blocks: PlanarBlocks, axes: Axes) -> bool:
     bottom_m, top_m = surface.span_m(blocks, axes.up)
     return top_m - bottom_m < STEP_RISE_M[1]
 
@@ -150,8 +151,8 @@ def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
 
 
 def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
-    """Return level axes with ahead to the end of the chair that the camera looks to, or up the image where that is not level."""
-    for towards in (way_of(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
+    """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
+    for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
         ahead = towards - float(towards @ down) * down
         length = float(np.linalg.norm(ahead))
         if length > LEVEL_LEAST:

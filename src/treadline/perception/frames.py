@@ -1,4 +1,4 @@
-"""What ``treadline see`` does: one frame or a folder of frames in, JSON values out."""
+"""Evaluation of one frame or a folder of frames for ``treadline see``: frames in, JSON values out."""
 
 import csv
 import time
@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.camera_file import read_camera
 from treadline.errors import ImageError
-from treadline.perception.camera_file import read_camera
+from treadline.perception.detection import StairDetection, StairShape, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.edges import ThresholdRule
 from treadline.perception.heading import heading_about
@@ -20,32 +21,33 @@ from treadline.perception.images import read_frame
 from treadline.perception.overlay import overlay
 from treadline.perception.paper import PaperConfig
 from treadline.perception.pictures import write_picture, write_stages
-from treadline.perception.sight import Sight, StairShape, refused
 from treadline.signals import RgbdFrame, StairMap
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
+"""File name endings of colour images."""
 DEPTH_ENDING = "_depth.png"
+"""File name ending of depth images."""
 NO_MOUNT = (
     "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "
     "own axis; the chair's heading is heading_on_flight_deg where it stands on the flight, heading_on_level_deg on floor or "
     "landing, if the camera is not turned sideways; learn the mount with treadline mount, or give mount_pitch_deg (0 if it does "
     "look level)"
 )
-"""What is said where no mount is given. Gravity cannot stand in for it: on a flight, z of the chair is not up."""
+"""Message for a missing mount calibration. Gravity cannot replace the mount: on a flight, z of the chair is not vertical."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NamedFrame:
-    """A frame, its name and the direction of gravity if known."""
+    """Frame, its name and the direction of gravity if known."""
 
     name: str
     frame: RgbdFrame | None
-    """None where its images cannot be read."""
+    """Frame; None if the images cannot be read."""
     mount_known: bool
-    """Whether the calibration says how the camera is turned on the chair."""
+    """Whether the calibration includes the orientation of the mount."""
     gravity_C: Float[np.ndarray, " 3"] | None
     reason: str | None = None
-    """Why they cannot."""
+    """Reason for an unreadable frame."""
 
 
 def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> NamedFrame:
@@ -60,18 +62,18 @@ def single_frame(rgb: Path, depth: Path, camera: Path, gravity: str | None) -> N
 
 
 class FolderOfFrames:
-    """The pairs of a folder in the order of their names; each is read when its turn comes, and one that cannot be is told of.
+    """Image pairs of a folder in the order of their names, read lazily; unreadable pairs are reported.
 
     Raises:
-        ImageError: If the folder holds no pair, none that can be read, or its gravity.csv is broken.
+        ImageError: If the folder has no pair, no readable one, or an invalid gravity.csv.
     """
 
     def __init__(self, folder: Path, camera: Path | None = None, gravity: str | None = None) -> None:
-        """Look what is there.
+        """List the frames of a folder.
 
         Args:
-            camera: The calibration, if not the folder's own camera.toml.
-            gravity: Down, as x,y,z, for frames that gravity.csv does not name.
+            camera: Calibration, if not the folder's own camera.toml.
+            gravity: Gravity direction, as x,y,z, for frames missing in gravity.csv.
         """
         self._calibration = read_camera(camera or folder / "camera.toml")
         self._down = _given(gravity)
@@ -110,12 +112,12 @@ def see_frames(
     out: Path | None,
     threshold: ThresholdRule = "median",
 ) -> Iterator[dict[str, Any]]:
-    """Yield what each frame shows, under the contract's keys.
+    """Yield the result of each frame, with the keys of the JSON output.
 
     Args:
         threshold: Rule for Canny's thresholds in Algorithm 1.
-        out: Folder for the pictures of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and what the robust
-            method saw (``NAME-seen.png``).
+        out: Folder for the images of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and the detections of the
+            robust method (``NAME-seen.png``).
     """
     paper = PaperConfig(threshold=threshold)
     detector = StairDetector(DetectorConfig(method=method, paper=paper))
@@ -125,7 +127,7 @@ def see_frames(
             yield _answer(named, refused(named.reason or "no image"), 0.0)
             continue
         if not loaded:
-            # Loads what is compiled, as far as this frame goes, so that the time told is that of a frame.
+            # A first run loads the compiled kernels, so that the reported time is the processing time of a frame.
             loaded = detector.look(named.frame, named.gravity_C).accepted
         started = time.perf_counter()
         sight = detector.look(named.frame, named.gravity_C)
@@ -140,7 +142,7 @@ def see_frames(
         yield _answer(named, sight, spent_ms)
 
 
-def _answer(named: NamedFrame, sight: Sight, spent_ms: float) -> dict[str, Any]:
+def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float) -> dict[str, Any]:
     shape = sight.shape
     return {
         "name": named.name,
@@ -160,8 +162,8 @@ def _answer(named: NamedFrame, sight: Sight, spent_ms: float) -> dict[str, Any]:
     }
 
 
-def _without_mount(sight: Sight) -> dict[str, float | None]:
-    """Return what the heading is if the camera's yaw is 0, for a chair on the flight and for one on the level."""
+def _without_mount(sight: StairDetection) -> dict[str, float | None]:
+    """Return the heading at camera yaw 0, for a chair on the flight and for one on horizontal ground."""
     if sight.axes is None:
         return {"heading_on_flight_deg": None, "heading_on_level_deg": None}
     on_flight = heading_about(sight.axes.normal_C, sight.axes.edge_C)
@@ -173,7 +175,7 @@ def _without_mount(sight: Sight) -> dict[str, float | None]:
 
 
 def _stair(shape: StairShape, seen: StairMap | None) -> dict[str, Any]:
-    """Return the stair's measures and, in the chair's frame, what lies ahead."""
+    """Return the dimensions of the stair and, in the chair frame, the map."""
     measures: dict[str, Any] = {
         "direction": shape.direction,
         "rise_m": shape.rise_m,
@@ -201,7 +203,7 @@ def _pairs(folder: Path) -> list[tuple[str, Path, Path]]:
                 found.append((name, folder / (name + ending), depth))
                 break
         else:
-            raise ImageError(f"{depth}: no colour image {name}{COLOUR_ENDINGS[0]} beside it")
+            raise ImageError(f"{depth}: no colour image {name}{COLOUR_ENDINGS[0]} next to it")
     return found
 
 
@@ -220,7 +222,7 @@ def _gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
         if name is None or None in cells:
             raise ImageError(f"{where}: needs the columns name,x,y,z")
         if name in table:
-            raise ImageError(f"{where}: '{name}' stands twice; leave one")
+            raise ImageError(f"{where}: '{name}' occurs twice; remove one")
         table[name] = _direction(where, [str(cell) for cell in cells])
     return table
 

@@ -1,4 +1,4 @@
-"""The stair's axes and measures, from the nosings of one frame."""
+"""Axes and dimensions of the stair from the nosings of one frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ from statistics import median
 import numpy as np
 from jaxtyping import Float
 
+from treadline.perception.detection import StairShape
 from treadline.perception.direction import gravity_variance
-from treadline.perception.irregular import pooled
-from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, Nosing
+from treadline.perception.nosings import STEP_RISE_M, STEP_RUN_M, Axes, Direction, NosingObservation
 from treadline.perception.planes import Surface
-from treadline.perception.sight import StairShape
+from treadline.perception.random_effects import pooled_mean
 from treadline.perception.vectors import cross
 from treadline.signals import StairAxes
 
 EVEN = 0.25
-"""Share by which one step of a flight may differ from another: furniture differs by more."""
+"""Largest relative deviation of a single step: furniture deviates more."""
 SAME_LEVEL_M = 0.03
-"""Heights closer than this are one level."""
+"""Largest height difference within one level [m]."""
 ALIKE = 0.75
-"""Share of the nosings seen that must be evenly apart."""
+"""Least fraction of the visible nosings with even spacing."""
 SHAPE_SIGMA_M = 0.0055
-"""Of a nosing's place: noise of the sensor and the stair's own irregularity."""
+"""Standard deviation of a nosing position [m]: sensor noise and irregularity of the stair."""
 
 
 def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> list[float]:
-    """Return the smallest place with enough others close behind it, and these, in order; an empty list if there is none."""
+    """Return the nearest cluster of at least ``least`` places, in order, and its start; an empty list without one."""
     places = np.sort(places)
     together = np.searchsorted(places, places + within) - np.arange(places.size)
     first = np.flatnonzero(together >= least)
@@ -36,16 +36,17 @@ def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> l
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Levelled:
-    """The stair's axes with what level is taken from."""
+    """Axes of the stair and the uncertainty of the vertical."""
 
     axes: Axes
     down_sigma_rad: float
+    """Standard deviation of the vertical [rad]."""
 
 
-def way_of(R_BC: Float[np.ndarray, "3 3"]) -> float:
-    """Return 1 for a camera that looks where the chair's front points, and -1 for one that looks back over it.
+def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
+    """Return 1 for a front camera, and -1 for a camera looking back over the chair.
 
-    A camera that looks straight down has its image's upper edge there.
+    For a camera looking straight down, the upper edge of its image gives the direction.
     """
     look, image_up = R_BC[0, 2], -R_BC[0, 1]
     return 1.0 if look + image_up > 0.0 else -1.0
@@ -54,12 +55,12 @@ def way_of(R_BC: Float[np.ndarray, "3 3"]) -> float:
 def axes_of(
     edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"], down_sigma_rad: float, treads: Sequence[Surface]
 ) -> Levelled:
-    """Return the axes of the stair: level as treads and gravity, weighed, have it.
+    """Return the axes of the stair, with the vertical as weighted mean of treads and gravity.
 
     Args:
-        edge: Unit vector along the edges, pointing right as the camera looks at them.
-        down: Down as the IMU or, without one, the bundle of treads tells it.
-        treads: Surfaces that are taken for level.
+        edge: Unit vector along the edges, pointing right in the camera's view.
+        down: Gravity direction from the IMU or from the treads.
+        treads: Surfaces assumed to be horizontal.
     """
     d = down - float(down @ edge) * edge
     d /= np.linalg.norm(d)
@@ -72,13 +73,13 @@ def axes_of(
     variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
     regular = np.zeros(len(tilts), dtype=bool)
     regular[0] = True
-    tilt = pooled(np.array(tilts), np.array(variances), regular)
+    tilt = pooled_mean(np.array(tilts), np.array(variances), regular)
     d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
     return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 
 
-def shape_of(flight: Sequence[Nosing], axes: Axes, direction: Direction) -> StairShape | None:
-    """Return rise, run and slope, or None where no rise is seen or the steps are not alike."""
+def shape_of(flight: Sequence[NosingObservation], axes: Axes, direction: Direction) -> StairShape | None:
+    """Return rise, run and slope, or None without a visible rise or with uneven steps."""
     places = _plain(flight) if len(_plain(flight)) >= 2 else flight
     ahead = np.array([float(nosing.point @ axes.ahead) for nosing in places])
     run = _spacing(ahead, STEP_RUN_M)
@@ -94,8 +95,8 @@ def shape_of(flight: Sequence[Nosing], axes: Axes, direction: Direction) -> Stai
     )
 
 
-def _rise(flight: Sequence[Nosing], axes: Axes, run_m: float) -> float | None:
-    """Return the rise from the heights that are known, of which some may be missing in between."""
+def _rise(flight: Sequence[NosingObservation], axes: Axes, run_m: float) -> float | None:
+    """Return the rise from the known heights, some of which may be missing."""
     known = [nosing for nosing in flight if nosing.up_m is not None]
     number = np.array([float(round((nosing.ahead_m - flight[0].ahead_m) / run_m)) for nosing in known])
     heights = np.array([float(nosing.point @ axes.up) for nosing in known])
@@ -107,19 +108,19 @@ def _rise(flight: Sequence[Nosing], axes: Axes, run_m: float) -> float | None:
     return rise if STEP_RISE_M[0] <= rise <= STEP_RISE_M[1] and alike.mean() >= ALIKE else None
 
 
-def _plain(flight: Sequence[Nosing]) -> list[Nosing]:
-    """Return the nosings whose place is known: a corner's is off by how far its tread is followed around it."""
+def _plain(flight: Sequence[NosingObservation]) -> list[NosingObservation]:
+    """Return the nosings with a known position: that of a corner depends on how far its tread is followed."""
     return [nosing for nosing in flight if nosing.is_plain]
 
 
 def levels_of(treads: Sequence[Surface], axes: Axes) -> int:
-    """Return how many levels of treads are evenly apart."""
+    """Return the number of evenly spaced tread levels."""
     row = _row(_levels([float(tread.centre @ axes.up) for tread in treads]), STEP_RISE_M)
     return 0 if row is None else len(row[0])
 
 
 def _levels(heights: Sequence[float]) -> list[float]:
-    """Return the means of heights that are one level."""
+    """Return the mean height of each level."""
     levels: list[list[float]] = []
     for height in sorted(heights):
         if levels and height - levels[-1][-1] <= SAME_LEVEL_M:
@@ -130,7 +131,7 @@ def _levels(heights: Sequence[float]) -> list[float]:
 
 
 def _spacing(places: Float[np.ndarray, " k"], limits: tuple[float, float]) -> float | None:
-    """Return the distance of places that are equally far apart, some of them missing; None where too few are."""
+    """Return the spacing of evenly spaced places, some of them missing; None with too few places."""
     row = _row(places.tolist(), limits)
     if row is None or len(row[0]) < ALIKE * len(places):
         return None
@@ -138,14 +139,14 @@ def _spacing(places: Float[np.ndarray, " k"], limits: tuple[float, float]) -> fl
 
 
 def _straight(x: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"]) -> tuple[float, float]:
-    """Return slope and level at zero of the straight line through some points."""
+    """Return slope and intercept of the least-squares line."""
     mx, my = float(x.mean()), float(y.mean())
     slope = float((x - mx) @ (y - my)) / float((x - mx) @ (x - mx))
     return slope, my - slope * mx
 
 
 def _row(places: Sequence[float], limits: tuple[float, float]) -> tuple[Float[np.ndarray, " j"], Float[np.ndarray, " j"]] | None:
-    """Return the longest row of places that are equally far apart, and the number of each."""
+    """Return the longest sequence of evenly spaced places, and the index of each."""
     places = sorted(places)
     gaps = [far - near for near, far in pairwise(places)]
     steps = [gap for gap in gaps if limits[0] <= gap <= limits[1]]
@@ -154,7 +155,7 @@ def _row(places: Sequence[float], limits: tuple[float, float]) -> tuple[Float[np
     first = median(steps)
     rows = [[(places[0], 0)]]
     for place, gap in zip(places[1:], gaps, strict=True):
-        # Whole numbers of steps between neighbours; a gap that is none ends the row.
+        # Integer numbers of steps between neighbours; any other gap ends the sequence.
         count = round(gap / first)
         if count >= 1 and abs(gap - count * first) < EVEN * first:
             rows[-1].append((place, rows[-1][-1][1] + count))
@@ -168,13 +169,13 @@ def _row(places: Sequence[float], limits: tuple[float, float]) -> tuple[Float[np
 
 def directions_of(
     t_s: float,
-    flight: Sequence[Nosing],
+    flight: Sequence[NosingObservation],
     levelled: Levelled,
     shape: StairShape,
     edge: Float[np.ndarray, " 3"],
     edge_sigma_rad: float,
 ) -> StairAxes:
-    """Return the stair's directions in C, for whoever wants to know how the camera is mounted.
+    """Return the stair's directions in C, for the calibration of the camera mount.
 
     Args:
         edge: Unit vector along the edges, to the chair's right.
@@ -193,13 +194,13 @@ def directions_of(
 
 
 def normal_of(axes: Axes, shape: StairShape) -> Float[np.ndarray, " 3"]:
-    """Return the unit normal of the nosing plane, away from the stair."""
+    """Return the unit normal of the nosing plane, pointing away from the stair."""
     tilt = shape.slope_rad if shape.direction == "up" else -shape.slope_rad
     return np.asarray(np.cos(tilt) * axes.up - np.sin(tilt) * axes.ahead)
 
 
-def points_of(flight: Sequence[Nosing], axes: Axes, shape: StairShape) -> list[Float[np.ndarray, " 3"]]:
-    """Return a point on each nosing; heights that are not seen, and places of corners, follow from those that are known."""
+def points_of(flight: Sequence[NosingObservation], axes: Axes, shape: StairShape) -> list[Float[np.ndarray, " 3"]]:
+    """Return a point on each nosing; unknown heights, and positions of corners, follow from the known ones."""
     sign = 1.0 if shape.direction == "up" else -1.0
     high = [nosing for nosing in flight if nosing.up_m is not None]
     plain = _plain(flight)
@@ -218,7 +219,7 @@ def points_of(flight: Sequence[Nosing], axes: Axes, shape: StairShape) -> list[F
     return points
 
 
-def _neighbour(nosing: Nosing, others: Sequence[Nosing], run_m: float) -> tuple[Nosing, int]:
-    """Return the nearest of some nosings and how many steps ahead of it a nosing is."""
+def _neighbour(nosing: NosingObservation, others: Sequence[NosingObservation], run_m: float) -> tuple[NosingObservation, int]:
+    """Return the nearest of some nosings, and the number of steps to it."""
     nearest = min(others, key=lambda other: abs(other.ahead_m - nosing.ahead_m))
     return nearest, round((nosing.ahead_m - nearest.ahead_m) / run_m)

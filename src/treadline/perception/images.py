@@ -8,22 +8,23 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from treadline.camera_file import CameraFile
 from treadline.errors import ImageError
-from treadline.perception.camera_file import CameraFile
 from treadline.signals import RgbdFrame
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 NO_RETURN = (0, 65535)
+"""Depth counts without a return."""
 PLAUSIBLE_M = (0.2, 30.0)
-"""Median depth of an indoor frame: outside it, the unit is wrong."""
+"""Range of the median depth of an indoor frame [m]; outside it the unit is wrong."""
 
 
 def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
     """Return the frame in two image files.
 
     Raises:
-        ImageError: If a file is missing or no image, sizes differ, or the depth cannot be one.
+        ImageError: If a file is missing or not an image, the sizes differ, or the depth is implausible.
     """
     if not calibration.registered and calibration.X_depth_colour is None:
         raise ImageError(
@@ -38,7 +39,7 @@ def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
 def _on_depth(
     colour: UInt8[np.ndarray, "h w 3"], depth_m: Float32[np.ndarray, "h w"], calibration: CameraFile
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """Return the colour that each depth pixel's point has; where nothing returned, that at the median depth."""
+    """Return the colour of each depth pixel's point; pixels without a return use the median depth."""
     camera = calibration.camera
     X_DC = np.array(calibration.X_depth_colour).reshape(-1, 4)
     z = np.where(np.isfinite(depth_m), depth_m, np.nanmedian(depth_m)).astype(float)
@@ -52,7 +53,7 @@ def _on_depth(
 
 
 def alone(path: Path) -> ImageError:
-    """Return what is wrong with one image where two are needed: which of them is missing."""
+    """Return the error for one image without its partner."""
     try:
         image = _decoded(path, cv2.IMREAD_UNCHANGED)
     except ImageError as error:
@@ -66,7 +67,7 @@ def alone(path: Path) -> ImageError:
 
 
 def _colour(path: Path, calibration: CameraFile) -> UInt8[np.ndarray, "h w 3"]:
-    # A photo that is stored turned would no longer lie on its depth.
+    # Applying a stored image rotation would misalign colour and depth.
     image = _decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
     if image.dtype == np.uint16:
         if np.ptp(image, axis=2).max() == 0:
@@ -107,12 +108,12 @@ def _decoded(path: Path, flags: int) -> np.ndarray:
         raise ImageError(
             f"{path}: not an image that can be read; give colour as PNG or JPEG, depth as 16-bit PNG in units of depth_unit_m"
         )
-    # A decoder fills up what is cut off with grey and says so to a terminal at best.
+    # The decoder fills the missing part of a truncated image with grey, without an error.
     if not (_is_whole_png(data) if data.startswith(PNG_START) else JPEG_END in data[-64:]):
-        raise ImageError(f"{path}: not a whole image, cut off or damaged; copy or record it again")
+        raise ImageError(f"{path}: truncated or damaged image; copy or record it again")
     try:
         image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-    except cv2.error:  # more pixels than OpenCV allows, announced by a few bytes
+    except cv2.error:  # a small file can declare more pixels than OpenCV allows
         image = None
     if image is None:
         raise ImageError(f"{path}: not an image that can be read; save it again as PNG")
@@ -120,7 +121,7 @@ def _decoded(path: Path, flags: int) -> np.ndarray:
 
 
 def _is_whole_png(data: bytes) -> bool:
-    """Return whether every chunk up to the last, IEND, is there and fits its checksum."""
+    """Return whether all chunks up to IEND are present with correct checksums."""
     place = len(PNG_START)
     while place + 12 <= len(data):
         (length,) = struct.unpack_from(">I", data, place)

@@ -1,6 +1,6 @@
-"""Loops over the pixels of a depth image, compiled.
+"""Pixel loops over a depth image, compiled.
 
-With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and a disparity sensor's noise is the same everywhere.
+With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and the noise of a disparity sensor is uniform.
 """
 
 import math
@@ -14,19 +14,19 @@ from treadline.fma import dot, fused
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10
 GAP_PX = 2
-"""Pixels off a surface that do not end it: a hole, a speck."""
+"""Number of pixels off a surface that do not end it: a hole, a speck."""
 ROUNDING = 1e-11
-"""Of a sum of squares that is left about the mean: pixels in one row or column. Two rows at the image's border leave 1e-6."""
+"""Relative threshold of a centred sum of squares: pixels in a single row or column. Two rows at the image border give 1e-6."""
 WIDENED = 3.7
-"""Median deviations of a line's points that are kept: 2.5 sigma of a normal error."""
+"""Number of median deviations within which points of a line are kept: 2.5 sigma of a normal error."""
 CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
-"""What follows a surface's end: a surface that starts there, one that lies behind, one that stands before, nothing known."""
+"""Codes for the surroundings of a surface's end: an adjacent surface, a surface behind, an object in front, unknown."""
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def nearness_of(depth):
-    """Return w = 1/Z of each pixel, NaN where there is no depth, a row for each column of the image: surfaces are read so."""
+    """Return w = 1/Z of each pixel, NaN without depth, transposed: one row per image column, as surfaces are read by columns."""
     rows, columns = depth.shape
     near, row = np.empty((columns, rows)), np.empty(columns)
     for v in range(rows):
@@ -41,7 +41,7 @@ def nearness_of(depth):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
-    """Return sums over each ``size × size`` cell of the pixels with a depth, cell by cell of the grid."""
+    """Return sums over the valid pixels of each ``size × size`` cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     least, most = 1.0 / far, 1.0 / near
     sums, ys = np.zeros((rows, columns, SUMS)), np.empty(nearness.shape[1])
@@ -77,7 +77,7 @@ def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def fit_plane(s, plane):
-    """Fill ``plane`` with n; return the RMS residual of w and the deviation of n over its length; NaN where none fits."""
+    """Fill ``plane`` with n; return the RMS residual of w and the relative standard deviation of n; NaN without a fit."""
     n = s[COUNT]
     if n < 6:
         return np.nan, np.nan
@@ -99,19 +99,19 @@ def fit_plane(s, plane):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_residual):
-    """Return the blocks of two cells by two that lie on one plane, and of one cell by two where no larger one does.
+    """Return the blocks of 2×2 cells on one plane, and blocks of 1×2 cells where no larger one fits.
 
-    A step far away is one cell high. Blocks overlap, so that an edge costs the least; a pixel may count four times.
+    A distant step is one cell high. PlanarBlocks overlap, which minimises the loss at edges; a pixel can count four times.
 
     Args:
-        full: Share of a block's pixels that must have a depth, times the pixels of a cell.
-        residual_limit: RMS residual in 1/m that a block may have, or ``depth_limit`` in m of depth, whichever is wider.
-        turn_limit: How well its normal must be known [rad].
-        least_residual: Taken for the noise where a block shows less: a quantised depth may show none.
+        full: Least fraction of a block's pixels with depth, times the pixels of a cell.
+        residual_limit: Largest RMS residual of a block in 1/m, or ``depth_limit`` in m of depth, whichever is larger.
+        turn_limit: Largest standard deviation of its normal [rad].
+        least_residual: Lower limit of the assumed noise of a block: a quantised depth can have none.
 
     Returns:
-        Of each block its sums, n and its unit vector, the point in its middle, and its place: its first row and column of cells,
-        and how many rows it has.
+        For each block its sums, n and its unit vector, its centre, and its place: first row and column of cells, and number of
+        rows.
     """
     rows, columns = cells.shape[0], cells.shape[1]
     sums = np.empty((2 * rows * columns, SUMS))
@@ -152,15 +152,15 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def common_plane(sums, run, limits, start, stop, least, plane, inside):
-    """Fit one plane to the blocks of a run that lie on it, starting with those from ``start`` to ``stop``; return how many do.
+    """Fit one plane to the blocks of a run, starting with those from ``start`` to ``stop``; return the number of blocks on it.
 
     Args:
-        sums: Of all blocks.
-        run: Numbers of the blocks in question.
-        limits: RMS residual that each block may have.
-        least: Blocks that a plane needs.
+        sums: Sums of all blocks.
+        run: Indices of the blocks in question.
+        limits: Largest RMS residual of each block.
+        least: Least number of blocks of a plane.
         plane: Filled with n.
-        inside: Filled with which blocks lie on it.
+        inside: Filled with the mask of blocks on the plane.
     """
     total = np.empty(SUMS)
     for i in range(run.shape[0]):
@@ -191,21 +191,21 @@ def common_plane(sums, run, limits, start, stop, least, plane, inside):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def planes_along(sums, centres, chosen, levels, gap, least, residual_limit, depth_limit, sample, fragment):
-    """Return the planes among blocks, told apart by their level, of each run of blocks the fullest first.
+    """Return the planes among blocks, separated by their level, the largest first in each run of blocks.
 
-    Things between two treads may join them to one run.
+    Objects between two treads can join them to one run.
 
     Args:
-        sums: Of all blocks, ``centres`` their middles.
-        chosen: Numbers of the blocks in question, ordered by ``levels``.
-        gap: Levels further apart than this are different surfaces.
-        least: Blocks that a plane needs.
-        residual_limit: RMS residual in 1/m that a block may have, or ``depth_limit`` in m of depth, whichever is wider.
-        sample: Blocks that tell a plane's noise.
-        fragment: Planes that many times smaller than one before them in their run are none.
+        sums: Sums of all blocks, ``centres`` their centres.
+        chosen: Indices of the blocks in question, ordered by ``levels``.
+        gap: Separation of different surfaces.
+        least: Least number of blocks of a plane.
+        residual_limit: Largest RMS residual of a block in 1/m, or ``depth_limit`` in m of depth, whichever is larger.
+        sample: Number of blocks used to estimate a plane's noise.
+        fragment: Ratio of block counts above which a smaller plane of the same run is rejected.
 
     Returns:
-        Blocks of all planes one after the other, where those of each plane end, their n and mean squared residuals.
+        PlanarBlocks of all planes, concatenated, the end index of each plane, their n and mean squared residuals.
     """
     members, stops = np.empty(chosen.shape[0], dtype=np.int64), np.empty(chosen.shape[0] // least, dtype=np.int64)
     normals, squares = np.empty((stops.shape[0], 3)), np.empty(stops.shape[0])
@@ -246,7 +246,7 @@ def planes_along(sums, centres, chosen, levels, gap, least, residual_limit, dept
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _fullest(levels, gap):
-    """Return start and end of the most of some growing levels that are less than a gap apart."""
+    """Return start and end of the largest group of increasing levels within a gap."""
     start = end = stop = 0
     for i in range(levels.shape[0]):
         while stop < levels.shape[0] and levels[stop] < levels[i] + gap:
@@ -269,7 +269,7 @@ def mean_square(s, plane):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def mean_square_of(sums, members, step, plane):
-    """Return the mean squared residual of w of every ``step``-th of some blocks about a plane."""
+    """Return the mean squared residual of w of every ``step``-th block about a plane."""
     square, count = 0.0, 0
     for i in range(0, members.shape[0], step):
         square += mean_square(sums[members[i]], plane)
@@ -280,9 +280,9 @@ def mean_square_of(sums, members, step, plane):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def solved_plane(s, plane, inverse):
-    """Fill ``plane`` with n and ``inverse`` with that of its normal equations; return the mean square of what is left.
+    """Fill ``plane`` with n and ``inverse`` with the inverse of its normal equations; return the mean squared residual.
 
-    NaN where the pixels have no plane.
+    NaN if the pixels do not determine a plane.
     """
     if not fit_plane(s, plane)[0] >= 0.0:
         return np.nan
@@ -299,7 +299,7 @@ def solved_plane(s, plane, inverse):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def box_of(places, members, size, margin, rows, columns, box):
-    """Fill ``box`` with first column and row and last column and row of the pixels of some blocks, widened by a margin."""
+    """Fill ``box`` with first column and row and last column and row of the pixels of some blocks, extended by a margin."""
     box[0], box[1], box[2], box[3] = columns, rows, 0, 0
     for k in members:
         i, j, height = places[k]
@@ -314,7 +314,7 @@ def box_of(places, members, size, margin, rows, columns, box):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _ending(near, v, way, start, slope, jump):
-    """Return what follows a surface that ends at row ``v`` on the way up (-1) or down (1).
+    """Return the code for the surroundings of a surface's end at row ``v``, upwards (-1) or downwards (1).
 
     Args:
         near: w along a column of the image; the surface has ``start + slope * v`` there.
@@ -333,7 +333,7 @@ def _ending(near, v, way, start, slope, jump):
                 break
     if first != first or second != second:
         return UNKNOWN
-    # Extrapolated back to the surface's end: what starts there is off by nothing, what lies behind by a jump.
+    # Extrapolated back to the surface's end: an adjacent surface has no offset there, the background has a jump.
     there = 2.0 * first - second
     if there < -jump and first < -jump:
         return BEYOND
@@ -345,20 +345,20 @@ def _ending(near, v, way, start, slope, jump):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, fx, fy, cx, cy):
-    """Return the surfaces that some planes are of, each fitted to all of its pixels, with its ends in each column of the image.
+    """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
-        nearness: w, a row for each column of the image.
-        members: Blocks of all planes one after the other; ``stops`` tells where those of each plane end.
-        places: Of all blocks, in cells of ``size`` pixels.
+        nearness: w, one row per column of the image.
+        members: PlanarBlocks of all planes, concatenated; ``stops`` the end index of each plane.
+        places: Places of all blocks, in cells of ``size`` pixels.
         planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
-        tolerance: How far off its plane a pixel may be in 1/m at least, and ``sigmas`` RMS residuals.
-        jump: From which difference in 1/m two surfaces are apart.
-        least_square: Taken for a surface's mean squared residual where it shows less.
+        tolerance: Least distance from the plane for a pixel to be rejected [1/m], and ``sigmas`` the same in RMS residuals.
+        jump: Difference separating two surfaces [1/m].
+        least_square: Lower limit of a surface's mean squared residual.
 
     Returns:
-        n of each surface, its covariance, a point in its middle, and in how many columns it is seen; none where its pixels have
-        no plane. Then a row for each surface: these columns, half a pixel beyond its first and last row there, and what follows.
+        n of each surface, its covariance, its centre, and its number of columns; none if its pixels do not determine a plane. Then
+        one row per surface: these columns, half a pixel beyond its first and last row there, and the codes of its surroundings.
     """
     width, height, count = nearness.shape[0], nearness.shape[1], stops.shape[0]
     normals, covariances, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
@@ -390,7 +390,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
             _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
         n = sums[COUNT]
         square = solved_plane(sums, normals[s], covariances[s])
-        # Pixels in one row or column have no plane.
+        # Pixels in a single row or column do not determine a plane.
         if n < size * size or square != square:
             continue
         held[s] = k
@@ -406,7 +406,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _longest(near, rows, level, slope, off):
-    """Return where the longest run of a column's pixels on a plane starts and ends, and how many they are; gaps do not end it."""
+    """Return start, end and number of pixels of the longest run on a plane in a column; short gaps do not end a run."""
     begin, end, best = -1, -1, 0
     first, missed, found = -1, GAP_PX + 1, 0
     for i in range(near.size):
@@ -425,7 +425,7 @@ def _longest(near, rows, level, slope, off):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _add_column(near, rows, ys, x, level, slope, off, sums):
-    """Add the pixels on a plane in a part of a column to a surface's sums; along a column x is one number."""
+    """Add the pixels on a plane in a part of a column to a surface's sums; x is constant along a column."""
     n = 0
     a = b = c = d = e = 0.0
     for i in range(near.size):
@@ -453,14 +453,14 @@ def _add_column(near, rows, ys, x, level, slope, off, sums):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def fit_line(u, v, near, line):
-    """Fill ``line`` with the line v = v₀ + a (u - u₀) that most points lie on; return how many.
+    """Fill ``line`` with the line v = v₀ + a (u - u₀) through most points; return the number of points on it.
 
     Args:
-        u: Columns, growing.
+        u: Columns, increasing.
         v: Rows of the points.
-        near: Distance in rows within which a point counts as on the line.
-        line: a, v₀, u₀ and the variances of a and v₀. Neighbouring points err together (a row is a whole number): the
-            variances come from the means of eighths of the line.
+        near: Largest distance of a point from the line [rows].
+        line: a, v₀, u₀ and the variances of a and v₀. Errors of adjacent points are correlated (rows are integers): the variances
+            are estimated from the means of eighths of the line.
     """
     n = len(u)
     line[:] = np.nan
@@ -478,7 +478,7 @@ def fit_line(u, v, near, line):
                 count += 1
         if count > best:
             best, a, b = count, slope, level
-    # Ragged edges scatter by more than a first look allows; cutting them would call them smooth.
+    # Ragged edges scatter by more than the first tolerance; truncation would underestimate the scatter.
     far = np.empty(n)
     for k in range(n):
         far[k] = abs(v[k] - b - a * u[k])
@@ -518,7 +518,7 @@ def fit_line(u, v, near, line):
         if held[part] > 0.0:
             spread += held[part] * (parts[part] / held[part]) ** 2
             filled += 1
-    # As many square errors as points where neighbours err on their own; more where they err together. Two are used up.
+    # Sum of squares for independent errors of adjacent points; correlated errors give more. Two degrees of freedom are used.
     square = max(square / max(within - 2, 1), spread / max(filled - 2, 1))
     line[0], line[1], line[2], line[3], line[4] = a, mv, mu, square / uu, square / count
     return count
@@ -527,19 +527,19 @@ def fit_line(u, v, near, line):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx, fy, cx, cy):
-    """Return the line at which a surface ends before something further away, or at a corner, and the plane through it and the eye.
+    """Return the line at a surface's end before a larger depth or at a corner, and the plane through line and camera centre.
 
     Args:
-        rows: Where the surface ends in each of its columns, and ``follows`` what lies there.
+        rows: End row of the surface in each of its columns, and ``follows`` the codes of its surroundings.
         plane: n of the surface.
-        near: Distance in rows within which a point counts as on the line.
-        least: Columns that a line must have.
-        beyond: Share of the end at which what follows must lie further away: else it is a corner.
-        aliasing: By how many rows a line's ends may be off against each other however many points it has.
+        near: Largest distance of a point from the line [rows].
+        least: Least number of columns of a line.
+        beyond: Least fraction of the end with a larger depth behind; otherwise the line is a corner.
+        aliasing: Lower limit of the relative error of a line's ends [rows], for any number of points.
 
     Returns:
-        In how many columns it is seen, 0 where there is none; whether it is a corner; the plane's unit normal and its covariance;
-        the line's middle and ends on the surface; u1, v1, u2, v2 of its ends, the left one first.
+        Number of columns, 0 without a line; whether it is a corner; the plane's unit normal and its covariance; the line's middle
+        and ends on the surface; u1, v1, u2, v2 of its ends, the left one first.
     """
     normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
     held = np.zeros(UNKNOWN + 1, dtype=np.int64)
@@ -559,7 +559,7 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
     if count < least:
         return 0, is_corner, normal, covariance, points, ends
     a, v0, u0 = line[0], line[1], line[2]
-    # What else ends at the surface's level, across a wall beside the flight, is no part of the line.
+    # Other ends at the surface's level, beyond a wall next to the flight, do not belong to the line.
     left, right = u[-1], u[0]
     for k in range(u.size):
         if abs(v[k] - v0 - a * (u[k] - u0)) < near:
@@ -581,14 +581,14 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def along(point, direction):
-    """Return how far a point lies along a direction, as BLAS rounds it for a row of points."""
+    """Return the coordinate of a point along a direction, rounded as by BLAS for a row of points."""
     return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def span(points, members, direction):
-    """Return from where to where some of many points lie along a direction."""
+    """Return the range of some of many points along a direction."""
     low, high = np.inf, -np.inf
     for k in members:
         place = along(points[k], direction)
@@ -599,7 +599,7 @@ def span(points, members, direction):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def height_of_end(columns, rows, follows, plane, up, fx, fy, cx, cy):
-    """Return the median height at which a surface ends, NaN where most of its end is cut off."""
+    """Return the median height of a surface's end, NaN if most of its end is occluded or unknown."""
     heights, count, ray = np.empty(columns.size), 0, np.ones(3)
     for k in range(columns.size):
         if follows[k] != UNKNOWN:
@@ -611,17 +611,17 @@ def height_of_end(columns, rows, follows, plane, up, fx, fy, cx, cy):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def middle_of(units, told, spread, bundle, least, mean):
+def middle_of(units, start, spread, bundle, least, mean):
     """Fill ``mean`` with the mean of unit vectors in a bundle about a direction; return whether there are enough.
 
     Args:
-        units: Each stands for its opposite as well.
-        spread: Cosine from which one is near enough to ``told`` for the bundle's middle to be sought there.
-        bundle: Cosine to that middle from which one is of the bundle.
+        units: Unit vectors; the sign is irrelevant.
+        spread: Cosine of the largest angle from ``start`` in the search for the centre of the bundle.
+        bundle: Cosine of the largest angle of a member from that centre.
     """
     near, count = np.empty((3, units.shape[0])), 0
     for k in range(units.shape[0]):
-        cosine = along(units[k], told)
+        cosine = along(units[k], start)
         if abs(cosine) > spread:
             for i in range(3):
                 near[i, count] = -units[k, i] if cosine < 0.0 else units[k, i]
@@ -652,8 +652,8 @@ def middle_of(units, told, spread, bundle, least, mean):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
-    """Fill ``m`` with the unit normal of the plane through the eye and the line v = v₀ + a (u - u₀), and its covariance."""
-    # y = A x + B in the coordinates of rays.
+    """Fill ``m`` with the unit normal of the plane through camera centre and line v = v₀ + a (u - u₀), and its covariance."""
+    # Line y = A x + B in normalised image coordinates.
     A = a * fx / fy
     B = (v0 + a * (cx - u0) - cy) / fy
     length = math.sqrt(A * A + 1.0 + B * B)
@@ -671,13 +671,13 @@ def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, blur, high, begin, start, end):
-    """Return the points of every ``stride``-th pixel that stand above a flight.
+    """Return the points of every ``stride``-th pixel above a flight.
 
     Args:
-        axes: Rows: ahead, the nosing plane's normal, up.
-        level: Height of the nosing plane along its normal; ``foot``: height of what lies before it along up.
-        low: Height above these from which a point counts, ``blur`` times its depth where that is more, and up to which, ``high``.
-        begin: Places ahead that count: the foot from ``begin`` to ``start``, the nosing plane from there to ``end``.
+        axes: Rows: ahead, normal of the nosing plane, up.
+        level: Height of the nosing plane along its normal; ``foot``: height of the ground before it along up.
+        low: Least height above these for a point, ``blur`` times its depth if larger, and largest height ``high``.
+        begin: Range along ahead: the foot from ``begin`` to ``start``, the nosing plane from there to ``end``.
     """
     rows, columns = depth.shape
     found = np.empty((((rows + stride - 1) // stride) * ((columns + stride - 1) // stride), 3))
@@ -706,10 +706,10 @@ def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, blur, hi
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def depths_at(depth, aheads, asides, heights, axes, fx, fy, cx, cy):
-    """Return the depth seen at the points of a grid and the depth they would have, where both exist.
+    """Return the measured depth at the points of a grid and their geometric depth, where both exist.
 
     Args:
-        axes: Rows: the directions in C that ``aheads``, ``asides`` and ``heights`` are along.
+        axes: Rows: the directions in C of ``aheads``, ``asides`` and ``heights``.
     """
     seen, expected = np.empty(aheads.size * asides.size * heights.size), np.empty(aheads.size * asides.size * heights.size)
     count, point = 0, np.empty(3)
@@ -733,12 +733,12 @@ def depths_at(depth, aheads, asides, heights, axes, fx, fy, cx, cy):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def places_of(depth, stride, fx, fy, cx, cy, origin, axes):
-    """Return pixels as points of C, NaN where there is no depth, and their places along some directions.
+    """Return pixels as points in C, NaN without depth, and their coordinates along some directions.
 
     Args:
-        depth: Of every ``stride``-th pixel of every ``stride``-th row.
+        depth: Depth of every ``stride``-th pixel of every ``stride``-th row.
         origin: Added to each point.
-        axes: Rows: the directions along which the places are told.
+        axes: Rows: the directions of the coordinates.
     """
     rows, columns = depth.shape
     points, places = np.empty((rows, columns, 3)), np.empty((axes.shape[0], rows, columns))
@@ -756,11 +756,11 @@ def places_of(depth, stride, fx, fy, cx, cy, origin, axes):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def level_patches(points, up, level):
-    """Return which points of a grid lie in level patches, five points wide.
+    """Return the mask of grid points in horizontal patches of five points.
 
     Args:
-        points: Rows and columns of points, NaN where there is none.
-        level: Cosine between a patch's normal and ``up`` from which it is level.
+        points: Rows and columns of points, NaN without depth.
+        level: Cosine of the largest angle between a patch's normal and ``up``.
     """
     rows, columns = points.shape[0], points.shape[1]
     found = np.zeros((rows, columns), dtype=np.bool_)
@@ -778,17 +778,17 @@ def level_patches(points, up, level):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def ground_level(points, up, level, far, aside, height, furthest, bin_size, least, width, highest):
-    """Return the height of the highest or lowest level of a grid of points that is wide enough to drive on; NaN without one.
+    """Return the height of the highest or lowest level in a grid of points wide enough to drive on; NaN without one.
 
     Args:
-        points: Rows and columns of points, NaN where there is none.
-        level: Cosine between a patch's normal and ``up`` from which it is level.
-        far: Place of each point ahead, ``aside`` and ``height`` likewise.
-        furthest: Patches beyond this do not count.
-        bin_size: Difference in height within which patches are of one level.
-        least: Patches that a level needs in its own and the next bin.
-        width: Extent across that a level must exceed.
-        highest: Whether the highest such level is wanted, else the lowest.
+        points: Rows and columns of points, NaN without depth.
+        level: Cosine of the largest angle between a patch's normal and ``up``.
+        far: Coordinate of each point ahead, ``aside`` and ``height`` likewise.
+        furthest: Largest distance of a patch.
+        bin_size: Height range of patches on one level.
+        least: Least number of patches of a level in its own and the next bin.
+        width: Lateral extent exceeded by a level.
+        highest: Whether to return the highest level, else the lowest.
     """
     patches = level_patches(points, up, level)
     heights, sides, bins = np.empty(patches.size), np.empty(patches.size), np.empty(patches.size, dtype=np.int64)

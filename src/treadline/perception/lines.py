@@ -1,7 +1,7 @@
-"""Nosings as lines: where a tread or riser ends in the image and what lies behind is further away.
+"""Nosings as lines: image lines at the end of a tread or riser with a larger depth behind.
 
-A line in the image and the camera's centre span a plane that holds the edge itself, so its normal m says m·e = 0, as the
-normal of a tread does. No depth along the edge is needed, where depth is at its worst.
+A line in the image and the camera centre span a plane that contains the edge, so its normal m satisfies m·e = 0, like the normal of
+a tread. Depth along the edge, where it is least accurate, is not needed.
 """
 
 from dataclasses import dataclass
@@ -15,40 +15,40 @@ from treadline.perception.planes import Ends, Surface
 from treadline.signals import PinholeCamera
 
 NEAR_AT_240 = 1.5
-"""Rows within which a point lies on a line, for an image of 240 rows: depth is ragged at its edges."""
+"""Largest distance of a point from a line at 240 rows [rows]: depth is ragged at edges."""
 ALIASING_PX = 0.15
-"""By which a line's ends may be off against each other in the same sense however many points it has: rows are whole numbers."""
+"""Lower limit of the relative error of a line's ends, for any number of points [px]: rows are integers."""
 LEAST_SHARE = 0.08
-"""Of the image's width that a line must have."""
+"""Least length of a line as a fraction of the image width."""
 BEYOND_SHARE = 0.5
-"""Of a surface's end at which what follows must lie further away: else it is a corner, or something stands before it."""
+"""Least fraction of a surface's end with a larger depth behind; otherwise it is a corner, or occluded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
-    """One nosing in the image."""
+    """Image line of one nosing."""
 
     normal: Float[np.ndarray, " 3"]
-    """Unit normal m of the plane through the line and the camera's centre, in C."""
+    """Unit normal m of the plane through the line and the camera centre, in C."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of m, from the scatter of the points about the line."""
+    """Covariance of m, from the scatter of the points about the line."""
     middle: Float[np.ndarray, " 3"]
-    """The line's middle on its surface, in C [m]."""
+    """Middle of the line on its surface, in C [m]."""
     ends_m: Float[np.ndarray, "2 3"]
-    """Its ends on its surface, in C, left end first."""
+    """Ends of the line on its surface, left end first, in C [m]."""
     ends_px: Float[np.ndarray, " 4"]
-    """u1, v1, u2, v2, left end first."""
+    """Ends of the line u1, v1, u2, v2, left end first [px]."""
     is_corner: bool
-    """Whether a riser starts there, and not something further away."""
+    """Whether a riser starts at the line, instead of a larger depth."""
     count: int
-    """Columns in which it was seen."""
+    """Number of columns."""
 
 
 def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: PinholeCamera) -> Line | None:
-    """Return the line at which a surface ends before something further away, or at a corner, or None.
+    """Return the line at the end of a surface before a larger depth or at a corner, or None.
 
-    A corner is a riser too low in the image to be a surface of its own. Where a surface is left is off by the same everywhere
-    along a corner, so that the line's direction is not.
+    A corner belongs to a riser too low in the image to be a separate surface. The end of the surface has a constant offset along a
+    corner, so that the direction of the line is correct.
     """
     ends: Ends = surface.upper if end == "upper" else surface.lower
     count, is_corner, normal, covariance, points, ends_px = kernels.nosing_line(

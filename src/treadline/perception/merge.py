@@ -1,7 +1,7 @@
-"""Stages (e) and (f) of Algorithm 1: merging of collinear segments, the most frequent slope, the bounding box.
+"""Stages (e) and (f) of Algorithm 1: merging of collinear segments, most frequent slope, bounding box.
 
-Paper: Algorithm 1, steps 5 and 6, Fig. 5(e), (f). The printed rule compares slopes in pixels; it is read as the rise
-over the image's width.
+Paper: Algorithm 1, steps 5 and 6, Fig. 5(e), (f). The printed rule compares slopes in pixels, interpreted as the rise over the
+image width.
 """
 
 import numpy as np
@@ -10,15 +10,15 @@ from jaxtyping import Float
 from treadline.perception.segments import slopes
 
 SLOPE_PX = 2.0
-"""Largest difference of slope between merged segments, in rows over the image's width … of one hundred columns."""
+"""Largest slope difference of merged segments, in rows per hundred columns."""
 OFFSET_PX = 10.0
-"""Largest difference of the rows at which two merged segments cross the image's middle."""
+"""Largest difference between the rows of two merged segments at the middle of the image [px]."""
 SLOPE_BIN = 0.05
-"""Width of a bin when slopes are counted: 2.9°."""
+"""Width of a slope bin: 2.9°."""
 
 
 def merged(lines: Float[np.ndarray, "n 4"], width_px: int) -> Float[np.ndarray, "k 4"]:
-    """Return segments with collinear ones made one.
+    """Return segments with collinear ones merged.
 
     Paper: Algorithm 1, step 5.
     """
@@ -46,7 +46,7 @@ def _joined(lines: Float[np.ndarray, "k 4"]) -> Float[np.ndarray, " 4"]:
 
 
 def most_frequent_slope(lines: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "k 4"]:
-    """Return the segments whose slope falls into the fullest bin, or beside it.
+    """Return the segments with slopes in the fullest bin or the adjacent ones.
 
     Paper: Algorithm 1, step 5.
     """

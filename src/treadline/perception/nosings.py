@@ -1,7 +1,7 @@
-"""From surfaces and lines to the stair's edges: which riser, tread and line belong to one nosing.
+"""Nosings from surfaces and lines: assignment of risers, treads and lines to one nosing.
 
-A flight that rises shows its risers and, above the eye, their upper ends; with open risers, the front ends of its treads.
-A flight that falls shows treads alone: each ends, further up in the image, at the nosing that hides the riser below it.
+An ascending flight shows its risers and, above the camera height, their upper ends; with open risers, the front ends of its treads.
+A descending flight shows treads only: each ends, upwards in the image, at the nosing that hides the riser below.
 """
 
 import math
@@ -15,25 +15,27 @@ from jaxtyping import Float
 
 from treadline.perception import kernels
 from treadline.perception.lines import Line, nosing_line
-from treadline.perception.planes import Blocks, Surface
+from treadline.perception.planes import PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
 
 STEP_RUN_M, STEP_RISE_M = (0.15, 0.52), (0.08, 0.25)
+"""Ranges of run and rise of a step [m]."""
 SAME_RUN_M, SAME_RISE_M = 0.08, 0.07
-"""Less than half of the smallest run and rise: within them, two findings are of one nosing."""
+"""Largest differences within one nosing [m]: less than half of the smallest run and rise."""
 LEAST_LEVER = 0.17
-"""Of a line's normal along ahead: a nosing within 10° of the eye's height tells a height and no direction."""
+"""Least component of a line's normal along ahead: a nosing within 10° of the camera height determines a height but no direction."""
 PLAIN_ENDS = 3
-"""Ends of treads with something further away behind them: where so many are seen, depth is not smoothed over its edges."""
+"""Number of tread ends with a larger depth behind, above which depth is considered not smoothed over edges."""
 TREAD_ABOVE_M, TREAD_BEHIND_M = (-0.04, 0.10), (-0.10, 0.20)
-"""Where the tread of a riser starts, against the riser's highest block and its plane: blocks end short of edges."""
+"""Range of the tread's position relative to the highest block and the plane of its riser [m]: blocks end short of edges."""
 
 Direction = Literal["up", "down"]
+"""Direction of the flight ahead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Axes:
-    """Directions in C: level and square to the edges, up, and along the edges to the right."""
+    """Orthonormal axes in C: horizontal and perpendicular to the edges, up, and along the edges to the right."""
 
     ahead: Float[np.ndarray, " 3"]
     up: Float[np.ndarray, " 3"]
@@ -41,38 +43,38 @@ class Axes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Nosing:
-    """What is seen of one edge of the stair: its riser, its line, or both."""
+class NosingObservation:
+    """Observation of one edge of the stair: its riser, its line, or both."""
 
     ahead_m: float
-    """Along the horizontal across the edges, from the camera."""
+    """Horizontal distance from the camera, perpendicular to the edges [m]."""
     up_m: float | None
-    """Height against the camera; None where neither a tread nor a line shows it."""
+    """Height relative to the camera [m]; None without a tread or line."""
     point: Float[np.ndarray, " 3"]
-    """On the edge, in C; as high as the riser is seen where the height is not known."""
+    """Point on the edge in C [m]; at unknown height, the highest visible point of the riser."""
     sides_m: tuple[float, float]
-    """From where to where it is seen across the flight, to the right."""
+    """Lateral range of visibility across the flight, to the right [m]."""
     riser: Surface | None
     lines: tuple[Line, ...]
-    """Those that tell the edge's direction: near the eye's height they do not."""
+    """Lines that determine the edge direction; lines near the camera height do not."""
     weight: float
-    """Pixels' worth of evidence."""
+    """Evidence [px]."""
     top_m: float | None = None
-    """Where the riser ends in the image, under the nosing or at it; None where what follows is not known."""
+    """Height of the riser's end in the image, at or under the nosing [m]; None if the surroundings are unknown."""
 
     @property
     def is_plain(self) -> bool:
-        """Whether a riser or something further away is seen behind it: a corner alone may be a board's."""
+        """Whether a riser or a larger depth is visible behind the nosing: a corner alone can belong to a board."""
         return self.riser is not None or any(not line.is_corner for line in self.lines)
 
     @property
-    def tells(self) -> bool:
-        """Whether it says anything of the edges' direction."""
+    def has_direction(self) -> bool:
+        """Whether the nosing determines the edge direction."""
         return self.riser is not None or bool(self.lines)
 
 
 def direction_of(treads: Sequence[Surface], axes: Axes) -> Direction | None:
-    """Return whether treads rise or fall ahead, or None where they do not tell."""
+    """Return whether treads rise or fall ahead, or None if undetermined."""
     if len(treads) < 2:
         return None
     centres = np.array([tread.centre for tread in treads])
@@ -89,22 +91,22 @@ def nosings_of(
     risers: Sequence[Surface],
     treads: Sequence[Surface],
     ends: Sequence[Line | None],
-    blocks: Blocks,
+    blocks: PlanarBlocks,
     camera: PinholeCamera,
     axes: Axes,
     direction: Direction,
-) -> list[Nosing]:
-    """Return the edges in view, the nearest first.
+) -> list[NosingObservation]:
+    """Return the visible edges, nearest first.
 
     Args:
-        ends: The line at the end of each tread that the flight's direction makes its nosing.
+        ends: Line at the end of each tread that is its nosing for the flight's direction.
     """
     fronts = np.array([tread.span_m(blocks, axes.ahead)[0] for tread in treads])
     found = [_of_riser(riser, treads, fronts, blocks, camera, axes) for riser in risers]
     smoothed = direction == "down" and sum(line is not None and not line.is_corner for line in ends) < PLAIN_ENDS
     for line in ends:
-        # Where a tread's far end meets what rises behind it, there is no nosing; depth that is smoothed over an edge shows a
-        # corner, too, but with a step down behind it.
+        # The far end of a tread at a riser is not a nosing; depth smoothed over an edge shows a corner as well, but with a step
+        # down behind it.
         if line is None or (line.is_corner and direction == "down" and not (smoothed and _falls_behind(line, treads, axes))):
             continue
         of_line = _of_line(line, axes)
@@ -117,7 +119,7 @@ def nosings_of(
 
 
 def _falls_behind(line: Line, treads: Sequence[Surface], axes: Axes) -> bool:
-    """Return whether a tread follows a step below and behind a line."""
+    """Return whether a tread follows one step below and behind a line."""
     ahead, up = float(line.middle @ axes.ahead), float(line.middle @ axes.up)
     left, right = sorted((line.ends_m @ axes.right).tolist())
     return any(
@@ -128,26 +130,26 @@ def _falls_behind(line: Line, treads: Sequence[Surface], axes: Axes) -> bool:
     )
 
 
-def _of_line(line: Line, axes: Axes) -> Nosing:
+def _of_line(line: Line, axes: Axes) -> NosingObservation:
     aside = line.ends_m @ axes.right
-    return Nosing(
+    return NosingObservation(
         ahead_m=float(line.middle @ axes.ahead),
         up_m=float(line.middle @ axes.up),
         point=line.middle,
         sides_m=(float(aside.min()), float(aside.max())),
         riser=None,
-        lines=_telling(line, axes),
+        lines=_with_direction(line, axes),
         weight=float(line.count),
     )
 
 
-def _both(owner: Nosing, line: Nosing, axes: Axes) -> Nosing:
-    """Return a nosing with one more line of its tread, which may tell its height."""
+def _both(owner: NosingObservation, line: NosingObservation, axes: Axes) -> NosingObservation:
+    """Return a nosing with an additional line of its tread, which can determine its height."""
     point, up_m = owner.point, owner.up_m
     if up_m is None and line.up_m is not None:
         up_m = line.up_m
         point = point + (up_m - float(point @ axes.up)) * axes.up
-    return Nosing(
+    return NosingObservation(
         ahead_m=owner.ahead_m,
         up_m=up_m,
         point=point,
@@ -159,11 +161,11 @@ def _both(owner: Nosing, line: Nosing, axes: Axes) -> Nosing:
     )
 
 
-def _telling(line: Line, axes: Axes) -> tuple[Line, ...]:
+def _with_direction(line: Line, axes: Axes) -> tuple[Line, ...]:
     return (line,) if abs(float(line.normal @ axes.ahead)) > LEAST_LEVER else ()
 
 
-def _same(owner: Nosing, other: Nosing) -> bool:
+def _same(owner: NosingObservation, other: NosingObservation) -> bool:
     if abs(owner.ahead_m - other.ahead_m) > SAME_RUN_M:
         return False
     return owner.up_m is None or other.up_m is None or abs(owner.up_m - other.up_m) < SAME_RISE_M
@@ -173,10 +175,10 @@ def _of_riser(
     riser: Surface,
     treads: Sequence[Surface],
     fronts_m: Float[np.ndarray, " t"],
-    blocks: Blocks,
+    blocks: PlanarBlocks,
     camera: PinholeCamera,
     axes: Axes,
-) -> Nosing:
+) -> NosingObservation:
     ahead_m, top_m = float(riser.centre @ axes.ahead), riser.span_m(blocks, axes.up)[1]
     line = nosing_line(riser, "upper", camera)
     line = None if line is None or line.is_corner else line
@@ -190,26 +192,26 @@ def _of_riser(
     if on_top:
         up_m = min(on_top)[1]
     height_m = top_m if up_m is None else up_m
-    return Nosing(
+    return NosingObservation(
         ahead_m=ahead_m,
         up_m=up_m,
         point=riser.centre + (height_m - float(riser.centre @ axes.up)) * axes.up,
         sides_m=riser.span_m(blocks, axes.right),
         riser=riser,
-        lines=() if line is None else _telling(line, axes),
+        lines=() if line is None else _with_direction(line, axes),
         weight=float(riser.blocks.size * blocks.cell_px) + (0.0 if line is None else line.count),
         top_m=_top_of(riser, camera, axes),
     )
 
 
 def _top_of(riser: Surface, camera: PinholeCamera, axes: Axes) -> float | None:
-    """Return the height at which a riser ends, or None where most of its end is cut off."""
+    """Return the height of a riser's end, or None if most of its end is occluded or unknown."""
     ends, pinhole = riser.upper, (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     top_m = kernels.height_of_end(ends.columns, ends.rows, ends.follows, riser.normal, axes.up, *pinhole)
     return None if math.isnan(top_m) else top_m
 
 
-def _height_at(tread: Surface, beside: Float[np.ndarray, " 3"], axes: Axes) -> float:
-    """Return the height of a tread's plane straight above or below a point."""
-    foot = beside - float(beside @ axes.up) * axes.up
+def _height_at(tread: Surface, point: Float[np.ndarray, " 3"], axes: Axes) -> float:
+    """Return the height of a tread's plane above or below a point."""
+    foot = point - float(point @ axes.up) * axes.up
     return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))

@@ -1,4 +1,4 @@
-"""One picture of what the robust estimator saw: treads, risers, nosings, and the heading with its interval."""
+"""Image of the robust detector's result: treads, risers, nosings, and the heading with its interval."""
 
 import math
 
@@ -7,28 +7,31 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.nosings import Nosing
+from treadline.perception.detection import StairDetection
+from treadline.perception.nosings import NosingObservation
 from treadline.perception.planes import Surface
-from treadline.perception.sight import Sight
 from treadline.signals import PinholeCamera, RgbdFrame
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
 TREAD, RISER, NOSING, NEEDLE, OBSTACLE = (70, 150, 255), (255, 150, 50), (255, 235, 60), (255, 255, 255), (255, 60, 60)
+"""Colours of the drawn objects."""
 TINT = 0.45
+"""Opacity of the surface colours."""
 WIDTH_PX = 960
-"""Of the picture; text is laid out for it."""
+"""Width of the image [px], for the text layout."""
 BAND_PX, LINE_PX = 66, 26
+"""Height of the text band and of a line of text [px]."""
 DIAL_PX, DIAL_SPAN = 96, 60.0 * DEG
-"""Radius of the dial, and the heading at its ends."""
+"""Radius of the dial [px], and the heading at its ends [rad]."""
 LABEL_PX, LETTER_PX, DIAL_HALF_PX = 12, 7.5, 130
-"""From the dial's arc to its labels, a letter's width, and half the width of dial and labels."""
+"""Distance from the dial's arc to its labels, width of a letter, and half width of dial and labels [px]."""
 LEAST_WEDGE = 0.6 * DEG
-"""A narrower interval would not be seen."""
+"""Least drawn width of the interval [rad]."""
 
 
-def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
-    """Return the frame with all that was found in it; a refused frame with the reason."""
+def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
+    """Return the frame with all detected objects; a rejected frame with the reason."""
     scale = WIDTH_PX / frame.camera.width_px
     picture = np.ascontiguousarray(frame.rgb.copy())
     if sight.parts is not None:
@@ -48,18 +51,18 @@ def overlay(frame: RgbdFrame, sight: Sight) -> Picture:
     return canvas
 
 
-def ends_of(nosing: Nosing, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
-    """Return where an edge, as its direction was found, is first and last seen.
+def ends_of(nosing: NosingObservation, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
+    """Return the first and last visible point of an edge along the estimated direction.
 
     Args:
-        aside: Unit vector along which the nosing's sides were measured.
+        aside: Unit vector of the nosing's lateral range.
     """
     along = (np.array(nosing.sides_m) - float(nosing.point @ aside)) / float(edge @ aside)
     return np.asarray(nosing.point + along[:, None] * edge)
 
 
-def _words(sight: Sight) -> list[tuple[str, tuple[int, int, int]]]:
-    """Return the lines under the picture and their colours."""
+def _words(sight: StairDetection) -> list[tuple[str, tuple[int, int, int]]]:
+    """Return the lines of text under the image and their colours."""
     if sight.heading_rad is None or sight.sigma_rad is None:
         return [("no heading", OBSTACLE), (sight.reason or "", NEEDLE)]
     heading = f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)"
@@ -94,7 +97,7 @@ def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"
 
 
 def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad: float) -> None:
-    """Draw the heading as a needle from above, the flight straight up, with its interval as a wedge; anticlockwise is left."""
+    """Draw the heading as a needle seen from above, the flight straight up, with its interval as a wedge; left is anticlockwise."""
     box = canvas[centre[1] - DIAL_PX - 40 : centre[1] + 16, centre[0] - DIAL_HALF_PX : centre[0] + DIAL_HALF_PX]
     box[:] = (0.35 * box).astype(np.uint8)
     cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -DIAL_SPAN / DEG, DIAL_SPAN / DEG, NEEDLE, 1, cv2.LINE_AA)
@@ -116,7 +119,7 @@ def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad
 
 
 def _label(canvas: Picture, centre: tuple[int, int], tick_deg: int) -> None:
-    """Write a tick's heading beyond the arc: one at the left ends there, one at the right begins there."""
+    """Write the label of a tick beyond the arc, right-aligned on the left and left-aligned on the right."""
     text = (f"{tick_deg:+d}" if tick_deg else "0") + ("°" if hasattr(cv2, "FontFace") else "")
     u, v = _at(centre, float(DIAL_PX + LABEL_PX), tick_deg * DEG)
     before = 0.5 * (1.0 + math.sin(tick_deg * DEG))
@@ -128,7 +131,7 @@ def _at(centre: tuple[int, int], radius: float, angle_rad: float) -> tuple[int, 
 
 
 def _write(canvas: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], *, size: int = 18) -> None:
-    """Write a line of text; OpenCV before 5 knows no degree sign."""
+    """Write a line of text; OpenCV before 5 has no degree sign."""
     if hasattr(cv2, "FontFace"):
         cv2.putText(canvas, text, place, colour, cv2.FontFace("sans"), size)
         return

@@ -1,6 +1,6 @@
 """Algorithm 1 as printed, stage by stage, and Eq. (1) to (4) on its result.
 
-Paper: Section III, Algorithm 1, Fig. 5, Eq. (1)-(4). It is here to be seen: nothing drives by it unless a scenario asks.
+Paper: Section III, Algorithm 1, Fig. 5, Eq. (1)-(4). For comparison; a mission uses it only if the scenario requests it.
 """
 
 from dataclasses import dataclass
@@ -9,30 +9,31 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from treadline.perception.detection import Stages, StairDetection, refused
 from treadline.perception.edges import ThresholdRule, canny, depth_image, grey_of, without_abrupt_depth
 from treadline.perception.heading import delta_d, delta_x, heading_as_printed
 from treadline.perception.merge import bounding_box, merged, most_frequent_slope
 from treadline.perception.segments import near_level, segments
-from treadline.perception.sight import Sight, Stages, refused
 from treadline.signals import RgbdFrame
 
 EDGE_COLOUR, LINE_COLOUR, BOX_COLOUR = (255, 255, 255), (255, 196, 0), (0, 200, 255)
+"""Colours of edges, lines and the bounding box."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperConfig:
-    """What the printed algorithm leaves open."""
+    """Parameters left open by the printed algorithm."""
 
     threshold: ThresholdRule = "median"
     abrupt_m: float = 0.25
-    """Jump of depth within 3×3 pixels that removes an edge."""
+    """Depth discontinuity within 3×3 pixels that removes an edge [m]."""
     largest_slope: float = 0.35
-    """"Near zero": 19°."""
+    """Largest slope "near zero": 19°."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Steps:
-    """What each stage hands to the next."""
+    """Intermediate results of the stages."""
 
     colour_edges: Bool[np.ndarray, "h w"]
     depth_edges: Bool[np.ndarray, "h w"]
@@ -61,8 +62,8 @@ def run_steps(frame: RgbdFrame, config: PaperConfig) -> Steps:
     )
 
 
-def look_as_printed(frame: RgbdFrame, config: PaperConfig, sigma_rad: float, *, stages: bool) -> Sight:
-    """Return what Algorithm 1 and Eq. (2) say of a frame."""
+def look_as_printed(frame: RgbdFrame, config: PaperConfig, sigma_rad: float, *, stages: bool) -> StairDetection:
+    """Return the result of Algorithm 1 and Eq. (2) for a frame."""
     steps = run_steps(frame, config)
     shown = Stages(pictures=pictures(frame, steps), nosings_px=steps.nosings) if stages else None
     if len(steps.nosings) == 0:
@@ -79,7 +80,7 @@ def look_as_printed(frame: RgbdFrame, config: PaperConfig, sigma_rad: float, *, 
     heading = heading_as_printed(delta_d(ends[:, 0], ends[:, 1]), width)
     if not np.isfinite(heading):
         return refused("Eq. (2) has no answer: |ΔD| > |ΔX|", edge_count=len(steps.nosings), stages=shown)
-    return Sight(
+    return StairDetection(
         accepted=True,
         reason=None,
         heading_rad=heading,
@@ -101,7 +102,7 @@ def _end_depths(frame: RgbdFrame, lines: Float[np.ndarray, "n 4"]) -> Float[np.n
 
 
 def pictures(frame: RgbdFrame, steps: Steps) -> tuple[UInt8[np.ndarray, "h w 3"], ...]:
-    """Return the six stages (a) to (f) of Fig. 5 as pictures."""
+    """Return the six stages (a) to (f) of Fig. 5 as images."""
     grey = cv2.cvtColor(grey_of(frame.rgb) // 2, cv2.COLOR_GRAY2RGB)
     boxed = _drawn(frame.rgb.copy(), steps.nosings)
     if len(steps.nosings):

@@ -1,4 +1,4 @@
-"""Pictures of what was seen, as PNG files."""
+"""Result images as PNG files."""
 
 from pathlib import Path
 
@@ -8,16 +8,16 @@ from jaxtyping import UInt8
 
 from treadline.errors import ImageError
 from treadline.models import write_whole
-from treadline.perception.sight import Stages
+from treadline.perception.detection import Stages
 
 
 def write_stages(stages: Stages, folder: Path, prefix: str = "fig05") -> list[Path]:
-    """Write the six stages of Fig. 5 as ``PREFIX-1.png … -6.png``, each whole or not at all."""
+    """Write the six stages of Fig. 5 as ``PREFIX-1.png … -6.png``, each atomically."""
     return [write_picture(picture, folder / f"{prefix}-{number}.png") for number, picture in enumerate(stages.pictures, start=1)]
 
 
 def write_picture(picture: UInt8[np.ndarray, "h w 3"], path: Path) -> Path:
-    """Write a picture (RGB) as a PNG file, whole or not at all."""
+    """Write an image (RGB) as a PNG file, atomically."""
     done, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
     if not done:
         raise ImageError(f"{path}: could not be written as PNG")

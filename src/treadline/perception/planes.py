@@ -1,8 +1,8 @@
-"""Treads and risers as planes: blocks of pixels, sorted by gravity, joined where they lie on one surface.
+"""Treads and risers as planes: blocks of pixels, sorted by gravity and joined to surfaces.
 
-A plane n·p = 1 appears in the image as w = n·(x, y, 1) with w = 1/Z, so the three coefficients of a block's fit are its
-normal. Blocks find the surfaces; each surface is then fitted to all of its pixels, column by column, which also tells
-where it ends and what lies beyond.
+A plane n·p = 1 appears in the image as w = n·(x, y, 1) with w = 1/Z, so the three coefficients of a block's fit are its normal. The
+blocks find the surfaces; each surface is then fitted to all of its pixels, column by column, which also gives its ends and their
+surroundings.
 """
 
 import math
@@ -18,80 +18,82 @@ from treadline.perception import kernels
 from treadline.signals import PinholeCamera
 
 CELL_AT_240 = 4
-"""Cell edge in pixels for an image of 240 rows; a block is two cells wide."""
+"""Edge of a cell at 240 rows [px]; a block is two cells wide."""
 NEAR_M, FAR_M = 0.4, 4.5
+"""Depth range in use [m]."""
 DISPARITY_PX_M = 575.0 * 0.075
-"""f·B of the Kinect 1: residuals are judged in pixels of its disparity."""
+"""Product f·B of the Kinect 1 [px m]: residuals are expressed in pixels of its disparity."""
 BLOCK_RESIDUAL = 0.16 / DISPARITY_PX_M
 """Largest RMS residual of a block on one surface [1/m]; Kinect frames have 0.055 to 0.075 px."""
 DEPTH_RESIDUAL_M = 0.003
-"""The same for sensors whose noise is one of depth and not of disparity: a Kinect 2 on carpet close by."""
+"""Largest RMS residual for sensors with depth noise instead of disparity noise [m]: a Kinect 2 on carpet nearby."""
 LEAST_RESIDUAL = 0.02 / DISPARITY_PX_M
+"""Lower limit of the assumed residual of a block [1/m]."""
 TURN_LIMIT = 8.0 * DEG
-"""A block whose normal is known no better says nothing of where it faces."""
+"""Largest standard deviation of a block's normal for use [rad]."""
 FRAGMENT = 8
-"""Planes that many times smaller than the largest of their level are wrinkles of it."""
+"""Ratio of block counts above which a smaller plane on the same level counts as a wrinkle."""
 SAMPLE = 16
-"""Blocks of a surface that tell its noise."""
+"""Number of blocks used to estimate a surface's noise."""
 FULL = 0.6
-"""Share of a block's pixels that must have a depth."""
+"""Least fraction of a block's pixels with depth."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
-"""How far off its surface a pixel may be: at least so much, and so many RMS residuals."""
+"""Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
 JUMP = 0.45 / DISPARITY_PX_M
-"""Between a surface and what lies behind its end: 9 cm at 3 m."""
+"""Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Blocks:
-    """Blocks that lie on one plane each, and the pixels that they are of."""
+class PlanarBlocks:
+    """Planar blocks of a depth image with their pixels."""
 
     nearness: Float[np.ndarray, "w h"]
-    """1/Z, a row for each column of the image; NaN without a depth."""
+    """Inverse depth 1/Z, one row per image column; NaN without depth."""
 
     sums: Float[np.ndarray, "b 10"]
     normals: Float[np.ndarray, "b 3"]
-    """n with n·p = 1; its length is the inverse distance."""
+    """Normals n with n·p = 1; the length is the inverse distance."""
     unit: Float[np.ndarray, "b 3"]
-    """Unit normals that point away from the camera."""
+    """Unit normals pointing away from the camera."""
     centres: Float[np.ndarray, "b 3"]
-    """Points of the blocks' middles in C [m]."""
+    """Centres of the blocks in C [m]."""
     places: Int[np.ndarray, "b 3"]
-    """First row and column of cells, and how many rows of cells the block has."""
+    """First row and column of cells, and number of rows of cells of each block."""
     cell_px: int
 
 
-def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> Blocks:
-    """Return the blocks of a depth image on which one plane fits."""
+def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of a depth image."""
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
     sums, normals, unit, centres, places = kernels.plane_blocks(
         cells, FULL * size * size, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, TURN_LIMIT, LEAST_RESIDUAL
     )
-    return Blocks(nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size)
+    return PlanarBlocks(nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ends:
-    """The upper or lower end of a surface in the image, column by column."""
+    """Upper or lower end of a surface in the image, column by column."""
 
     columns: Int[np.ndarray, " k"]
     rows: Float[np.ndarray, " k"]
-    """Half a pixel beyond the last one on the surface."""
+    """Row half a pixel beyond the last one on the surface."""
     follows: Int[np.ndarray, " k"]
-    """What lies there: ``kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
+    """Surroundings of the end: ``kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surface:
-    """One tread or riser."""
+    """Tread or riser."""
 
     normal: Float[np.ndarray, " 3"]
-    """n with n·p = 1."""
+    """Normal n with n·p = 1."""
     covariance: Float[np.ndarray, "3 3"]
-    """Of the normal, from the residuals about the plane."""
+    """Covariance of the normal, from the residuals about the plane."""
     centre: Float[np.ndarray, " 3"]
-    """On the plane, in the middle of its pixels, in C [m]."""
+    """Point on the plane in the middle of its pixels, in C [m]."""
     blocks: Int[np.ndarray, " k"]
     upper: Ends
     lower: Ends
@@ -103,20 +105,20 @@ class Surface:
 
     @cached_property
     def unit_covariance(self) -> Float[np.ndarray, "3 3"]:
-        """Covariance of the unit normal, as far as it is across it."""
+        """Covariance of the unit normal, perpendicular to it."""
         return np.asarray(self.covariance * self.distance_m**2)
 
     @cached_property
     def distance_m(self) -> float:
-        """From the camera to the plane."""
+        """Distance from the camera to the plane [m]."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
 
-    def span_m(self, blocks: Blocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
-        """Return from where to where its blocks' middles lie along a direction."""
+    def span_m(self, blocks: PlanarBlocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
+        """Return the range of the blocks' centres along a direction [m]."""
         return kernels.span(blocks.centres, self.blocks, direction)
 
     def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
-        """Return how far it goes up in each of its columns."""
+        """Return the height of the surface in each of its columns [m]."""
         x = (self.upper.columns - camera.cx_px) / camera.fx_px
         ends = [
             np.column_stack([x, (rows - camera.cy_px) / camera.fy_px, np.ones(x.size)])
@@ -125,8 +127,8 @@ class Surface:
         top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
         return np.asarray(top - bottom)
 
-    def within(self, kept: Bool[np.ndarray, " k"], blocks: Blocks) -> "Surface":
-        """Return the part of it in some of its columns; its plane stays."""
+    def within(self, kept: Bool[np.ndarray, " k"], blocks: PlanarBlocks) -> "Surface":
+        """Return the part of the surface in some of its columns, with the same plane."""
         columns = self.upper.columns[kept]
         left = blocks.places[self.blocks, 1] * blocks.cell_px
         width = 2 * blocks.cell_px
@@ -137,7 +139,7 @@ class Surface:
 
 def joined(
     camera: PinholeCamera,
-    blocks: Blocks,
+    blocks: PlanarBlocks,
     members: Int[np.ndarray, " m"],
     direction: Float[np.ndarray, " 3"],
     *,
@@ -147,10 +149,10 @@ def joined(
     """Return the surfaces among some blocks: runs of blocks at one level along a direction.
 
     Args:
-        members: Their numbers.
-        direction: Unit vector in C along which surfaces are told apart.
-        gap_m: Levels further apart than this are different surfaces.
-        least: Blocks that a surface needs.
+        members: Indices of the blocks.
+        direction: Unit vector in C along which surfaces are separated.
+        gap_m: Separation of different surfaces.
+        least: Least number of blocks of a surface.
     """
     if members.size < least:
         return []
@@ -192,7 +194,7 @@ def _surfaces(
     above: Int[np.ndarray, "s w"],
     below: Int[np.ndarray, "s w"],
 ) -> Iterator[Surface]:
-    """Yield the surfaces that have a plane, as ``kernels.surfaces`` tells them."""
+    """Yield the surfaces with a plane, from the result of ``kernels.surfaces``."""
     begin = 0
     for s, (stop, count) in enumerate(zip(stops.tolist(), held.tolist(), strict=True)):
         group, begin = members[begin:stop], stop

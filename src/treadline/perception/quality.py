@@ -1,7 +1,7 @@
-"""Whether a frame is worth looking at: how bright, how sharp, how much of it has a depth, and whether it is a new one.
+"""Frame quality: brightness, contrast, valid depth fraction and fingerprint.
 
-``RgbdFrame -> FrameQuality``. It runs before anything else looks, on each frame: numbers come from every n-th pixel, the
-fingerprint from the whole depth image. The heading comes from depth; colours are asked only where depth is scarce, for they cost.
+``RgbdFrame -> FrameQuality``. It precedes all other processing of a frame: statistics use every n-th pixel, the fingerprint the
+whole depth image. The heading uses depth; colours are evaluated only if depth is scarce, because rendering them is expensive.
 """
 
 import zlib
@@ -9,29 +9,30 @@ import zlib
 import numpy as np
 from jaxtyping import Float
 
-from treadline.perception.level import obstacle_on_the_level
-from treadline.perception.sight import SWEPT_HALF_M
+from treadline.perception.detection import SWEPT_HALF_M
+from treadline.perception.flat_ground import obstacle_on_flat_ground
 from treadline.signals import FrameQuality, RgbdFrame
 
 STRIDE_AT_240 = 8
-"""Rows and columns from one pixel of the numbers to the next: 1200 pixels, so shares are good to a hundredth."""
+"""Subsampling for the statistics at 240 rows [px]: 1200 pixels, so fractions are accurate to a hundredth."""
 WHITE = 255.0
+"""Largest colour value."""
 ENOUGH = 0.4
-"""Share of a depth image from which on nobody asks what the colours are like."""
+"""Valid depth fraction above which colours are not evaluated."""
 UNASKED = (0.5, 0.25)
-"""Brightness and contrast of colours that were not looked at."""
+"""Brightness and contrast reported without evaluation."""
 
 
 def quality_of(
     frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, swept_half_m: float = SWEPT_HALF_M
 ) -> FrameQuality:
-    """Return what tells a frame worth looking at from one that is dark, frozen or empty, and whether something is in the way.
+    """Return the quality measures of a frame, and the distance of an obstacle on the ground.
 
-    Two depth images of a living camera never agree to the last bit, so a checksum tells one that is frozen.
+    Two depth images of a working camera never agree in all bits, so a checksum detects a frozen one.
 
     Args:
-        gravity_C: Unit vector that points down, in the camera's frame; without it nobody looks for what stands on the ground.
-        swept_half_m: What the chair sweeps to either side.
+        gravity_C: Unit vector pointing down, in the camera frame; without it obstacles are not evaluated.
+        swept_half_m: Half width of the volume swept by the chair.
     """
     stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
     depths = frame.depth_m[::stride, ::stride]
@@ -40,7 +41,7 @@ def quality_of(
     brightness, contrast = UNASKED
     if share < ENOUGH:
         brightness, contrast = _light_of(frame, stride)
-        # Depth images without a depth are all alike; the colours still tell a living camera.
+        # Depth images without any return are identical; the colours still show a working camera.
         fingerprint = zlib.crc32(np.ascontiguousarray(frame.rgb).data, fingerprint)
     return FrameQuality(
         t_s=frame.t_s,
@@ -48,11 +49,11 @@ def quality_of(
         brightness=brightness,
         contrast=contrast,
         valid_share=share,
-        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_the_level(frame, gravity_C, swept_half_m),
+        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_flat_ground(frame, gravity_C, swept_half_m),
     )
 
 
 def _light_of(frame: RgbdFrame, stride: int) -> tuple[float, float]:
-    """Return mean and standard deviation of the colours, of white."""
+    """Return mean and standard deviation of the colours, relative to white."""
     colours = frame.rgb[::stride, ::stride].astype(np.float32)
     return (float(colours.mean()) / WHITE, float(colours.std()) / WHITE) if colours.size else (0.0, 0.0)

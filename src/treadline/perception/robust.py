@@ -1,9 +1,9 @@
-"""The estimator that drives: one edge direction from all treads, risers and nosings in view.
+"""Default stair detector: edge direction from all treads, risers and nosings in view.
 
-Gravity sorts surfaces into treads and risers; risers and lines vote for the azimuth; surfaces are joined across the image
-(their baseline is the stair's width); the edges' direction is the one at right angles to all normals; the heading follows
-from it in the chair's frame. A frame is refused, with the reason, unless two nosings follow each other as on a stair: walls,
-shelves and tables do not. Without gravity the treads tell down, and more of a stair must be seen.
+Gravity sorts surfaces into treads and risers; risers and lines vote for the azimuth; surfaces are joined across the image (their
+baseline is the stair's width); the edge direction is perpendicular to all normals; the heading follows in the chair frame. A frame
+is rejected, with the reason, unless two nosings follow each other as on a stair, unlike on walls, shelves and tables. Without an
+IMU, gravity is estimated from the treads, and more of a stair must be visible.
 """
 
 from dataclasses import dataclass, replace
@@ -13,55 +13,59 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from treadline.angles import DEG
-from treadline.perception.ahead import map_of
+from treadline.perception.detection import Parts, StairDetection, StairShape, refused
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
-from treadline.perception.down import down_of_treads, levelled
 from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
-from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, way_of
+from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, viewing_direction
+from treadline.perception.gravity_from_treads import down_of_treads, levelled
 from treadline.perception.nosings import SAME_RISE_M, Axes, Direction
-from treadline.perception.planes import Blocks, Surface, surface_blocks
-from treadline.perception.sight import Parts, Sight, StairShape, refused
+from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
+from treadline.perception.stair_map import map_of
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame, StairMap
 
 HALF = 0.5
-"""Share of the image: with less depth a refusal blames missing depth, not missing planes."""
+"""Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
 HEADING_LIMIT = 45.0 * DEG
+"""Largest accepted heading [rad]."""
 SLOPE_LIMIT = 45.0 * DEG
+"""Largest accepted slope [rad]."""
 AGREEING = 0.7
-"""Of the nosings that must agree: winders do not."""
+"""Least fraction of consistent nosings: winders are not parallel."""
 SIGMA_LIMIT = 1.0 * DEG
+"""Largest accepted standard deviation of the heading [rad]."""
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
-"""How far down the camera may look where treads must tell: closer to level, treads vanish; closer to straight down, a wall
-seen from the front and a floor seen from above are alike."""
+"""Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
+from the front and a floor seen from above are indistinguishable."""
 GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
-"""Trust in the IMU's idea of down, and in one taken from the treads."""
+"""Standard deviation of gravity from the IMU, and from treads [rad]."""
 TREADS_LEAST = 2
-"""That gravity must leave level for nobody to look for others that are not."""
+"""Least number of treads horizontal by gravity, above which no tilted ones are considered."""
 DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
-"""Between risers and nosings, from which on one of them is something else."""
+"""Angle between risers and nosings [rad], and number of standard deviations, above which one of them does not belong to the
+stair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Down:
-    """One idea of which way is down."""
+    """Hypothesis for the direction of gravity."""
 
     direction: Float[np.ndarray, " 3"]
-    """In which surfaces are sorted."""
+    """Direction used to sort surfaces."""
     reference: Float[np.ndarray, " 3"]
-    """From which the edges' and treads' tilt is counted, with its standard deviation."""
+    """Reference for the tilt of edges and treads, with its standard deviation."""
     sigma_rad: float
     least_levels: int = 0
-    """Treads, evenly spaced, that must be seen: more where down is but a guess."""
+    """Least number of evenly spaced tread levels: higher for an uncertain direction."""
     directions: tuple[Direction, ...] = ("up", "down")
-    """Which way the flight may go."""
+    """Possible directions of the flight."""
 
 
-def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> Sight:
-    """Return what a frame says of the stair."""
+def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> StairDetection:
+    """Return the detection result of a frame."""
     watch = watch or Stopwatch()
-    # One layout: compiled loops are compiled anew for each.
+    # A contiguous copy: each memory layout would compile the kernels again.
     frame = replace(frame, depth_m=np.require(frame.depth_m, np.float32, ["C", "W"])) if _is_odd(frame.depth_m) else frame
     blocks = surface_blocks(frame.depth_m, frame.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
@@ -74,13 +78,13 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
     unit = blocks.unit
     watch.lap("blocks")
     if gravity_C is not None:
-        told = _unit(gravity_C)
-        if told is None:
+        imu_down = _unit(gravity_C)
+        if imu_down is None:
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
-        down = _Down(direction=levelled(told, unit, UPRIGHT), reference=told, sigma_rad=GRAVITY_SIGMA)
+        down = _Down(direction=levelled(imu_down, unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
         sight = _look_under(down, frame, blocks, unit, watch)
-        return _unless_treads_differ(sight, told, frame, blocks, unit, watch)
-    sight = refused("no gravity, and no treads to tell it from")
+        return _unless_treads_differ(sight, imu_down, frame, blocks, unit, watch)
+    sight = refused("no gravity, and no treads to estimate it from")
     guess = down_of_treads(unit, LOOKING_AHEAD)
     if guess is not None:
         sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
@@ -88,7 +92,7 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
             return sight
     guess = down_of_treads(unit, LOOKING_DOWN)
     if guess is not None:
-        # Seen from the front, furniture steps back from the camera further up: a flight that falls, were it level.
+        # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
         ladder = _Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",))
         tried = _look_under(ladder, frame, blocks, unit, watch)
         sight = tried if tried.accepted else sight
@@ -96,32 +100,39 @@ def look_robust(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wat
 
 
 def _unless_treads_differ(
-    sight: Sight, told: Float[np.ndarray, " 3"], frame: RgbdFrame, blocks: Blocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
-) -> Sight:
-    """Return what was seen, or a refusal where it shows hardly a tread because gravity is told so wrong that none looks level.
+    sight: StairDetection,
+    imu_down: Float[np.ndarray, " 3"],
+    frame: RgbdFrame,
+    blocks: PlanarBlocks,
+    unit: Float[np.ndarray, "b 3"],
+    watch: Stopwatch,
+) -> StairDetection:
+    """Return the result, or a rejection if it has hardly a tread because the gravity error makes all treads appear tilted.
 
-    Risers alone tell nothing of how the edges tilt: gravity does, and its error becomes the heading's.
+    Risers alone do not determine the tilt of the edges: gravity does, and its error enters the heading.
     """
     if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
         return sight
     guess = down_of_treads(unit, LOOKING_AHEAD)
-    if guess is None or float(guess @ told) > np.cos(UPRIGHT):
+    if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
         return sight
     other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
     treads = () if other.parts is None else other.parts.treads
     normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
-    off = off_gravity(normals, told)
+    off = off_gravity(normals, imu_down)
     if off is None:
         return sight
-    return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the gravity told", edge_count=sight.edge_count)
+    return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the IMU's gravity", edge_count=sight.edge_count)
 
 
 def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
     return depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable)
 
 
-def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch) -> Sight:
-    """Return what a frame says if down is where one idea has it."""
+def _look_under(
+    down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
+) -> StairDetection:
+    """Return the detection result of a frame under one hypothesis of gravity."""
     seen = flight_under(frame, blocks, unit, down.direction, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
@@ -132,26 +143,26 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: Blocks, unit: Float[np.nd
     return sight
 
 
-def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: _Down, watch: Stopwatch) -> Sight:
+def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, down: _Down, watch: Stopwatch) -> StairDetection:
     R_BC = frame.camera.R_BC
-    # To the chair's right, which is the image's left where the camera looks back.
+    # The chair's right is the image's left for a rear camera.
     edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
     heading = _heading(edge, R_BC)
-    # How the heading turns with the edge, in C.
+    # Derivative of the heading with respect to the edge vector, in C.
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
     sigma = fit.sigma_of(change)
-    tilted = axes_of(way_of(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
+    tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = shape_of(seen.nosings, axes, seen.direction)
     if shape is None:
-        return refused("edges a step apart, but no telling how high the step is", edge_count=len(seen.nosings))
-    doubt = _doubt(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
-    if doubt is not None:
-        return refused(doubt, edge_count=len(seen.nosings))
+        return refused("edges one step apart, but the height of the step is unknown", edge_count=len(seen.nosings))
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
+    if rejection_reason is not None:
+        return refused(rejection_reason, edge_count=len(seen.nosings))
     apart = fit.planes_against_lines_rad
-    return Sight(
+    return StairDetection(
         accepted=True,
         reason=None,
         heading_rad=heading,
@@ -175,7 +186,7 @@ def _answer(frame: RgbdFrame, blocks: Blocks, seen: Flight, fit: EdgeFit, down: 
 
 
 def _drawn_map(
-    frame: RgbdFrame, blocks: Blocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch, swept_half_m: float
+    frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch, swept_half_m: float
 ) -> StairMap:
     watch.resume()
     stair_map = map_of(frame, blocks, seen.nosings, axes, shape, swept_half_m)
@@ -183,14 +194,14 @@ def _drawn_map(
     return stair_map
 
 
-def _doubt(
+def _rejection_reason(
     heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, levels: int
 ) -> str | None:
-    """Return why this is no stair to steer by, or None."""
+    """Return the reason for rejection as a stair, or None."""
     if shape.slope_rad > SLOPE_LIMIT:
-        return f"a slope of {shape.slope_rad / DEG:.0f}° is no stair to drive on"
+        return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
     if levels < down.least_levels:
-        return f"no gravity, and {levels} level(s) evenly apart to make up for it, {down.least_levels} needed"
+        return f"no gravity, and {levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
@@ -209,20 +220,20 @@ def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
 
 
 def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> float:
-    """Return ψ = atan2(-e·forward, e·right) of an edge that points right."""
+    """Return ψ = atan2(-e·forward, e·right) of an edge pointing right."""
     e_B = R_BC @ edge
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
 def _steps(seen: Flight, axes: Axes) -> list[Surface]:
-    """Return the treads that start at a nosing seen: floors and landings are no part of the stair."""
+    """Return the treads starting at a detected nosing: floors and landings do not belong to the stair."""
     heights = [float(nosing.point @ axes.up) for nosing in seen.nosings]
     levels = [float(tread.centre @ axes.up) for tread in seen.treads]
     nearest = [min(abs(level - height) for height in heights) for level in levels]
     return [tread for tread, off_m in zip(seen.treads, nearest, strict=True) if off_m < SAME_RISE_M]
 
 
-def _box(frame: RgbdFrame, blocks: Blocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:
+def _box(frame: RgbdFrame, blocks: PlanarBlocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:
     if not surfaces:
         return None
     camera = frame.camera

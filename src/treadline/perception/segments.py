@@ -1,4 +1,4 @@
-"""Stage (d) of Algorithm 1: line segments by the progressive probabilistic Hough transform, the near-level ones kept.
+"""Stage (d) of Algorithm 1: line segments by the progressive probabilistic Hough transform, near-horizontal ones kept.
 
 Paper: Algorithm 1, step 4, Fig. 5(d), [14].
 """
@@ -8,9 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 VOTES = 30
+"""Accumulator threshold of the Hough transform."""
 LENGTH_SHARE = 0.12
-"""Shortest segment, as a share of the image's width."""
+"""Least length of a segment as a fraction of the image width."""
 GAP_PX = 6
+"""Largest gap within a segment [px]."""
 
 
 def segments(edges: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "n 4"]:

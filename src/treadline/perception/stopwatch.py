@@ -1,10 +1,10 @@
-"""How long each stage of a look took."""
+"""Processing time of each stage of a detection."""
 
 import time
 
 
 class Stopwatch:
-    """Adds up wall time by stage."""
+    """Accumulated wall time by stage."""
 
     def __init__(self) -> None:
         self.laps_ms: dict[str, float] = {}
@@ -12,7 +12,7 @@ class Stopwatch:
         self._last_s = time.perf_counter()
 
     def resume(self) -> None:
-        """Start the next stage now: what went before it belongs to none."""
+        """Start the next stage now; the time before is not assigned."""
         self._last_s = time.perf_counter()
 
     def lap(self, stage: str) -> None:

@@ -1,4 +1,4 @@
-"""Algebra of single vectors, without the overhead that numpy has for stacks of them."""
+"""Algebra of single vectors, without the overhead of numpy for stacks of vectors."""
 
 import numpy as np
 from jaxtyping import Float

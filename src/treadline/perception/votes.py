@@ -1,4 +1,4 @@
-"""Which way the stair faces: vertical blocks and the ends of treads vote for an azimuth."""
+"""Azimuth of the stair by votes of vertical blocks and ends of treads."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,19 +12,21 @@ from treadline.perception.nosings import Axes
 from treadline.perception.vectors import cross
 
 VOTE_LIMIT = 50.0 * DEG
-"""Azimuth beyond which a vertical surface is a side wall."""
+"""Azimuth beyond which a vertical surface is a side wall [rad]."""
 VOTE_BIN = 2.0 * DEG
+"""Width of a bin of the vote [rad]."""
 VOTES = 3
-"""Peaks of the vote that are tried: a wall at the landing may outvote the last risers."""
+"""Number of peaks tried: a wall at the landing can outvote the last risers."""
 APART = 14.0 * DEG
-"""Between two peaks."""
+"""Least angle between two peaks [rad]."""
 LEAST_VOTES = 16
+"""Least number of votes of a peak."""
 WIDTH_PX = 320
-"""Of the image in which a line's columns weigh as much as blocks."""
+"""Image width at which a line's columns have the same weight as blocks [px]."""
 
 
 def line_votes(lines: Sequence[Line], width_px: int, level: Axes) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the azimuths that lines vote for, and the weight of each."""
+    """Return the azimuths of lines, and their weights."""
     azimuths, weights = [], []
     for line in lines:
         across = cross(cross(line.normal, level.up), level.up)
@@ -37,7 +39,7 @@ def line_votes(lines: Sequence[Line], width_px: int, level: Axes) -> tuple[Float
 def votes_of(
     blocks: Float[np.ndarray, " b"], lines: Float[np.ndarray, " k"], line_weights: Float[np.ndarray, " k"]
 ) -> Iterator[float]:
-    """Yield the azimuths most vertical blocks and lines agree on, the strongest first."""
+    """Yield the azimuths with most vertical blocks and lines, the strongest first."""
     seen = np.concatenate([blocks, lines])
     weights = np.concatenate([np.ones(len(blocks)), line_weights])
     inside = np.abs(seen) < VOTE_LIMIT

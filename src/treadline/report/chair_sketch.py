@@ -25,7 +25,7 @@ def draw_chair(pen: Pen, machine: ChairDescription, seat_angle_rad: float, pitch
     hull = _rectangle((x, z), length, height)
     pen.area(turned(hull, pitch_rad), "#c9d3dc99", INK, 1.0)
     hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
-    pin = hinge + parts.arm_m * np.array([math.cos(seat_angle_rad), -math.sin(seat_angle_rad)])
+    pin = hinge + parts.lever_arm_m * np.array([math.cos(seat_angle_rad), -math.sin(seat_angle_rad)])
     slider = hinge - np.array([SeatLinkage(parts).stroke(seat_angle_rad), parts.slider_drop_m])
     margin = np.array([0.05, 0.0])
     rail = [hinge - np.array([stroke, parts.slider_drop_m]) for stroke in parts.stroke_m]
@@ -68,7 +68,7 @@ def name_linkage(pen: Pen, machine: ChairDescription, slope_rad: float) -> None:
     parts = machine.seat
     hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
     slider = hinge - np.array([SeatLinkage(parts).stroke(slope_rad), parts.slider_drop_m])
-    pin = hinge + parts.arm_m * np.array([math.cos(slope_rad), -math.sin(slope_rad)])
+    pin = hinge + parts.lever_arm_m * np.array([math.cos(slope_rad), -math.sin(slope_rad)])
     named = (
         (hinge, (-0.40, 0.52), "hinge", "right"),
         (0.5 * (slider + pin), (0.46, -0.03), "bar", "left"),

@@ -4,14 +4,13 @@
 truth, seat and flipper in its log. The stair is the designed one; the chair is drawn in side view, without its heading.
 """
 
+import io
 import math
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 from treadline.angles import DEG
@@ -42,9 +41,9 @@ def write_climb_picture(run: Path, path: Path) -> Path:
         SettingsError: If the run kept no log, or its log has no ground truth.
     """
     manifest, result = read_part(run / "manifest.json", Manifest), read_part(run / "result.json", RunResult)
-    chair = read_chair(manifest.settings["chair"]["model"])
     if not (run / LOG).is_file():
         raise SettingsError(f"{run}: no {LOG}; make the run again with treadline climb, which keeps a log")
+    chair = read_chair(manifest.settings["chair"]["model"])
     samples = list(read_log(run / LOG))
     truth = [sample for sample in samples if isinstance(sample, Truth)]
     flipper = [sample for sample in samples if isinstance(sample, FlipperReading)]
@@ -80,7 +79,6 @@ def chair_origin(chair: ChairDescription, truth: Truth) -> Point:
 def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tuple[float, float, int], caption: str) -> Image.Image:
     rise_m, run_m, steps = stair
     figure, (pen,) = sheet(WIDTH_IN, HEIGHT_IN)
-    figure.set_dpi(DPI)
     length_m = (steps - 1) * run_m
     height_m = (length_m + BEFORE_M + BEYOND_M) * HEIGHT_IN / WIDTH_IN
     pen.frame((-BEFORE_M, length_m + BEYOND_M), (-0.5, height_m - 0.5))
@@ -92,9 +90,9 @@ def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tup
     moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
     draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, truth.pitch_rad - truth.seat_pitch_rad, truth.pitch_rad)
     pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
-    canvas: Any = FigureCanvasAgg(figure)  # matplotlib has no type hints here
-    canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI)
+    return Image.open(buffer).convert("RGB")
 
 
 if __name__ == "__main__":

@@ -146,7 +146,7 @@ def dead_zone(rows: Sequence[Steered]) -> Figure:
     ax.set_yscale("symlog", linthresh=0.1)
     ax.set_xlabel("belt difference [m/s]")
     ax.set_ylabel("yaw rate towards straight [°/s]")
-    ax.legend(title="heading", fontsize=7)
+    ax.legend(title="heading", fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 
@@ -266,5 +266,5 @@ def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     axes[1].set_ylabel("tip-over margin [°]")
     for ax in axes:
         ax.set_xlabel("time [s]")
-        ax.legend()
+    axes[0].legend()
     return figure

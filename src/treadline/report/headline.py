@@ -9,9 +9,15 @@ FLAGS = {"--json", "--quick", "--log-images", "--debug"}
 """Options that no value follows."""
 
 
-def headline(result: RunResult, manifest: Manifest) -> str:
-    """Return the heading of a run's page, as in ``climb up-28: arrived after 48.8 s``."""
+def headline(result: RunResult, manifest: Manifest, name: str) -> str:
+    """Return the heading of a run's page, as in ``climb up-28: arrived after 48.8 s``.
+
+    Args:
+        name: Name of the run folder, which identifies a run of a reproduction.
+    """
     verb, subject = _asked(manifest.command)
+    if verb == "reproduce":
+        subject = name
     cause = f" ({result.cause})" if result.cause else ""
     return f"{' '.join(word for word in (verb, subject) if word) or 'One run'}: {_ending(verb, result)}{cause}"
 

@@ -124,7 +124,7 @@ def _single(folder: Path) -> Path:
         {"run": single_run(series, result, motion)},
         result=result,
         manifest=manifest,
-        headline=headline(result, manifest),
+        headline=headline(result, manifest, folder.name),
         groups=score_groups(result),
         moved=motion is not None,
         unread=unread,

@@ -1,4 +1,4 @@
-"""The stair and the chair as MuJoCo reads them (MJCF): ``mechanics.bodies``, written down.
+"""Scene description for MuJoCo (MJCF): stair and chair of ``mechanics.bodies`` as XML.
 
 Belts are boxes and cylinders with native surface motion (``surfacevel``; Pecka et al., IROS 2017, gave Gazebo the same):
 ``v + ω × (x - p)`` in the geom's frame, projected on each contact's tangent plane. Box ends hide in the pulleys, whose
@@ -22,7 +22,7 @@ SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
 
 FLIPPER_ROTOR_KG_M2 = 0.3
-"""The motor's inertia seen through its gear."""
+"""Inertia of the flipper's motor at the flipper's axis."""
 
 HEADER = """\
 <mujoco model="treadline">
@@ -57,7 +57,7 @@ def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, phy
 def model_xml(
     staircase: Staircase | None, chair: ChairDescription, loading: Chair, *, friction: float, start: Standing | None = None
 ) -> str:
-    """Return a scene to hand over: the chair stands where it starts.
+    """Return a scene for export: the chair stands where the scenario starts.
 
     Args:
         staircase: None leaves the chair alone.
@@ -93,7 +93,7 @@ def _scene(
 
 
 def stair_names(number: int) -> tuple[str, str]:
-    """Return the names of the geoms that make up a staircase's solid: its box, and the bar that rounds it off."""
+    """Return the names of the two geoms of a staircase's solid: its box, and the bar of its rounded nosing."""
     return f"stair_{number}", f"nosing_{number}"
 
 

@@ -1,4 +1,4 @@
-"""The chair and the stair written for others: URDF for ROS, SDF for Gazebo. MJCF is the simulator's own (``sim.scene``)."""
+"""Export of chair and stair: URDF for ROS, SDF for Gazebo. MJCF is written by the simulator (``sim.scene``)."""
 
 from treadline.mechanics.formats.sdf import sdf_model, sdf_world
 from treadline.mechanics.formats.urdf import urdf

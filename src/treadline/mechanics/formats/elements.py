@@ -1,4 +1,4 @@
-"""What URDF and SDF have in common: numbers as text, elements of one line, and a mass divided among links."""
+"""Common parts of URDF and SDF: numbers as text, one-line elements, and the distribution of a mass over links."""
 
 import math
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from treadline.mechanics.bodies import Body
 from treadline.mechanics.chair import Point
 
 SHARE = 0.02
-"""Of a body's mass that the link on either side of it takes: simulators want a mass in each link, and the sum must not change."""
+"""Fraction of a body's mass in the link on either side: simulators need a mass in each link, with an unchanged sum."""
 SIDE_SIZE_M = 0.05
-"""Edge of the thin level plate whose inertia such a link has: what is left of a flipper, as thin, can still be."""
+"""Edge length of the thin horizontal plate with the inertia of a side link [m], small enough for a thin flipper."""
 Inertia = tuple[float, float, float]
 
 
@@ -27,9 +27,9 @@ class Mass:
 
 
 def divided(body: Body, aside_m: float) -> tuple[Mass, Mass, Mass]:
-    """Return a body's mass as that of the middle, the left and the right link, in the body's frame.
+    """Return a body's mass as masses of the middle, left and right link, in the body's frame.
 
-    The two sides lie level with the centre of mass, ``aside_m`` to either side of it: sum, centre and moments are the body's own.
+    The two sides are level with the centre of mass, ``aside_m`` to either side: sum, centre and moments are those of the body.
     """
     x, y, z = body.com_m
     side_kg = SHARE * body.mass_kg
@@ -46,7 +46,7 @@ def divided(body: Body, aside_m: float) -> tuple[Mass, Mass, Mass]:
 
 
 def text(*values: float) -> str:
-    """Return numbers in a row, all their digits kept."""
+    """Return numbers separated by blanks, with all digits."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
@@ -58,13 +58,13 @@ def child(parent: Element, tag: str, content: str | None = None, **attributes: s
 
 
 def document(root: Element) -> str:
-    """Return a whole file."""
+    """Return a complete file."""
     indent(root)
     return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
 def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Point:
-    """Return the angles about fixed x, y, z, in that order, that turn a frame by R."""
+    """Return the angles about fixed x, y, z, in that order, of a rotation matrix."""
     pitch = math.asin(max(-1.0, min(1.0, -float(R[2, 0]))))
     if abs(float(R[2, 0])) > 1.0 - 1e-12:
         return 0.0, pitch, math.atan2(-float(R[0, 1]), float(R[1, 1]))

@@ -1,8 +1,8 @@
-"""The chair, and the stair around it, as SDF 1.6 for Gazebo 11.
+"""Export of a chair, and of the stair around it, as SDF 1.6 for Gazebo 11.
 
-Each belt is a link of its own, as Gazebo's tracked-vehicle plugins want them (Pecka et al., IROS 2017): ``left_track`` and
-``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the flipper. The plugin that moves contact surfaces is
-handed over as ``plugins``; without it the belts stand.
+Each belt is a separate link, as required by Gazebo's tracked-vehicle plugins (Pecka et al., IROS 2017): ``left_track`` and
+``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the flipper. The plugin for moving contact surfaces is
+passed in ``plugins``; without a plugin the belts are at rest.
 """
 
 import math
@@ -31,12 +31,13 @@ from treadline.scenario import Chair
 
 VERSION = "1.6"
 STEP_S = 0.001
-"""Gazebo's own; contacts of belts on nosings are stiff."""
+"""Time step [s]: Gazebo's default; contacts of belts on nosings are stiff."""
 ITERATIONS = 1000
-"""Of ODE's solver in a step: with its own 50 a chair turns right three times as fast as left, with 400 still half as fast from 30°
-askew (docs/gazebo.md)."""
+"""Iterations of ODE's solver per step: with the default of 50 a chair turns right three times as fast as left, with 400 half as
+fast from a heading of 30° (docs/gazebo.md)."""
 LIGHT = """<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose><diffuse>0.8 0.8 0.8 1</diffuse>
 <specular>0.1 0.1 0.1 1</specular><direction>0.4 0.2 -0.9</direction><cast_shadows>false</cast_shadows></light>"""
+"""Light of the world as SDF."""
 
 
 def sdf_model(
@@ -47,11 +48,11 @@ def sdf_model(
     start: Standing | None = None,
     plugins: Sequence[str] = (),
 ) -> str:
-    """Return a chair alone as SDF.
+    """Return a chair without a world as SDF.
 
     Args:
-        friction: Along the belts and across them.
-        plugins: ``<plugin>`` elements, as text, for the model's end.
+        friction: Coefficients along and across the belts.
+        plugins: ``<plugin>`` elements, as text, appended to the model.
     """
     root = Element("sdf", version=VERSION)
     _model(root, chair, vehicle(chair, loading), friction, start, plugins)
@@ -65,14 +66,14 @@ def sdf_world(
     *,
     start: Standing | None = None,
     plugins: Sequence[str] = (),
-    is_whole: bool = False,
+    belts_on_bodies: bool = False,
 ) -> str:
-    """Return a world with the stair and, where it starts, the chair; light and floor are in it, nothing is fetched.
+    """Return a world with the stair and, with ``start``, the chair; light and floor are included, nothing is downloaded.
 
     Args:
-        start: Where the chair stands.
-        plugins: ``<plugin>`` elements, as text, for the model's end.
-        is_whole: Leave the belts on chassis and flipper instead of on links of their own.
+        start: Start pose of the chair.
+        plugins: ``<plugin>`` elements, as text, appended to the model.
+        belts_on_bodies: Keep the belts on chassis and flipper instead of on separate links.
     """
     root = Element("sdf", version=VERSION)
     world = child(root, "world", name="treadline")
@@ -85,7 +86,7 @@ def sdf_world(
     child(world, "gravity", f"0 0 {-GRAVITY_M_S2:g}")
     world.append(fromstring(LIGHT))  # noqa: S314 - a constant of ours
     _stair(world, solids(staircase))
-    _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins, is_whole=is_whole)
+    _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins, belts_on_bodies=belts_on_bodies)
     return document(root)
 
 
@@ -97,20 +98,20 @@ def _model(
     start: Standing | None,
     plugins: Sequence[str],
     *,
-    is_whole: bool = False,
+    belts_on_bodies: bool = False,
 ) -> None:
     model = child(parent, "model", name=whole.name)
     if start is not None:
         child(model, "pose", text(*start.p_WB, *roll_pitch_yaw(start.R_WB)))
     child(model, "allow_auto_disable", "0")  # a chair that rests would sleep through its belts' start
-    words = {} if is_whole else {"chair": "track", "flipper": "flipper"}
+    words = {} if belts_on_bodies else {"chair": "track", "flipper": "flipper"}
     for body in whole.bodies:
         if body.name in words:
             _three_links(model, body, chair.tracks, words[body.name], friction)
         else:
             mass = Mass(mass_kg=body.mass_kg, com_m=body.com_m, inertia=body.inertia)
             # Our plugin takes each collision of a whole body for a belt's: there hull and payload are only drawn.
-            _link(model, body.name, body, mass, body.shapes, friction, hull_collides=not is_whole)
+            _link(model, body.name, body, mass, body.shapes, friction, hull_collides=not belts_on_bodies)
         if body.hinge is not None:
             _hinge(model, body, body.hinge)
     # Here the surfaces are brought to move: the plugin sets the contacts' motion on left_track, right_track and the flippers.
@@ -119,7 +120,7 @@ def _model(
 
 
 def _three_links(model: Element, body: Body, tracks: Tracks, word: str, friction: tuple[float, float]) -> None:
-    """Write a body that carries both belts: itself, and one link for each belt."""
+    """Write a body with both belts: the body itself, and one link per belt."""
     middle, *aside = divided(body, 0.5 * tracks.gauge_m)
     _link(model, body.name, body, middle, tuple(shape for shape in body.shapes if shape.belt is None), friction)
     for (side, _), mass in zip(sides(tracks), aside, strict=True):
@@ -181,7 +182,7 @@ def _cylinder(geometry: Element, radius_m: float, length_m: float) -> None:
 
 
 def _surface(collision: Element, friction: tuple[float, float]) -> None:
-    """Write a belt's friction; its first direction is the plugin's to set, contact by contact."""
+    """Write the friction of a belt; the plugin sets the first direction for each contact."""
     ode = child(child(child(collision, "surface"), "friction"), "ode")
     child(ode, "mu", text(friction[0]))
     child(ode, "mu2", text(friction[1]))

@@ -1,4 +1,4 @@
-"""The chair as URDF: links, joints, cameras' frames, for robot_state_publisher, RViz and whoever reads URDF.
+"""Export of the chair as URDF: links, joints and camera frames, for robot_state_publisher, RViz and other URDF readers.
 
 ``ChairDescription, Chair -> str``. The root ``base_link`` is the frame B. A link without mass is part of its parent.
 """
@@ -13,7 +13,7 @@ from treadline.scenario import Chair
 from treadline.signals import CAMERA_AXES_IN_CHAIR
 
 STIFF_N_M = 1000.0
-"""Written as the effort of a joint whose actuator is as stiff as need be: URDF wants a number."""
+"""Effort limit of a joint without torque limit [N m]: URDF requires a number."""
 COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
 
 
@@ -38,7 +38,7 @@ def urdf(chair: ChairDescription, loading: Chair) -> str:
 
 
 def _link(robot: Element, body: Body) -> None:
-    """Write a body with its boxes; its pulleys are links of their own."""
+    """Write a body with its boxes; its pulleys are separate links."""
     link = child(robot, "link", name=body.name)
     inertial = child(link, "inertial")
     child(inertial, "origin", xyz=text(*body.com_m), rpy="0 0 0")
@@ -84,14 +84,14 @@ def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
 
 
 def _pulley(robot: Element, body: Body, shape: Shape) -> None:
-    """Write a pulley as a link fixed to the chassis or the flipper, whose mass holds its own."""
+    """Write a pulley as a massless link fixed to chassis or flipper; its mass is part of the body's."""
     name = f"{shape.name}_pulley"
     _shape(child(robot, "link", name=name), shape)
     _joint(robot, body.name, name, xyz=text(*shape.centre_m))
 
 
 def _camera(robot: Element, parent: str, name: str, mount: CameraMount) -> None:
-    """Write a camera's frame as ROS has it: ``_link`` looks along x, ``_optical_frame`` along z."""
+    """Write a camera's frames in ROS convention: ``_link`` looks along x, ``_optical_frame`` along z."""
     angles = (math.radians(angle) for angle in (mount.roll_deg, mount.pitch_deg, mount.yaw_deg))
     child(robot, "link", name=f"{name}_link")
     _joint(robot, parent, f"{name}_link", xyz=text(*mount.position_m), rpy=text(*angles))

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.mission.gravity import GravityAtExposure
+from treadline.perception.detection import SWEPT_HALF_M
 from treadline.perception.quality import quality_of
-from treadline.perception.sight import SWEPT_HALF_M
 from treadline.signals import FrameQuality, HeadingMeasurement, ImuSample, RgbdFrame, StairMap
 
 

@@ -10,9 +10,16 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import HeadingEstimate, MotionPlan
 
-FLIGHT_RAD_M, OVER_RAD_M, LEVEL_RAD_M, GAUGE_M = 0.38, 0.24, 0.8, 0.65
-"""Turn of a chair of this gauge per metre that one belt runs further: on nosings, over one, and on the level. Measured with the
-wheelchair; another chair's are taken to be the same share, a quarter on nosings, of what belts that do not skid would turn it."""
+GAUGE_M = 0.65
+"""Gauge of the wheelchair, to which the three turns below belong; a chair of another gauge turns by more in the inverse ratio."""
+FLIGHT_RAD_M = 1.0 / GAUGE_M
+"""Largest turn on nosings per metre of belt difference: that of belts that do not skid. Quasi-static Coulomb friction gives from 0
+(28°, friction 0.62/0.5: dead zone) to 0.94 of it (20°, 0.9/0.5), and the guard does not know the friction."""
+OVER_RAD_M = 0.4
+"""Turn over one nosing per metre of belt difference, measured with a drifting gyro on 0.62/0.5 at 22°; 0.05 to 0.72 at 22 to 28°
+and with 0.9/0.5."""
+LEVEL_RAD_M = 0.755
+"""Turn on a level floor per metre of belt difference, by quasi-static friction of 0.62/0.5."""
 LEVEL_RAD = 2.0 * DEG
 SWINGS_RAD_S = 4.5 * DEG
 """Pitch rate above which a chair swings over a nosing, which turns it by a degree or two: belts that answer are right."""
@@ -54,7 +61,9 @@ class GyroOnlyTurn:
             self._window.clear()
         if not self._window:
             dt_s = 0.0
-        self._turned_rad += self._turns * self._per_metre(plan.phase) * apart_m_s * dt_s
+        # A faster turn would show in the gyro, whose drift alone is in doubt.
+        most = self._config.gyro_drift_rad_s
+        self._turned_rad += min(max(self._turns * self._per_metre(plan.phase) * apart_m_s, -most), most) * dt_s
         self._window.append((t_s, self._turned_rad))
         while t_s - self._window[0][0] > self._config.blind_turn_s:
             self._window.popleft()

@@ -1,4 +1,4 @@
-"""An RGB-D camera without GL: exact depth by casting rays on boxes, colour and the sensor's errors on top."""
+"""RGB-D camera without OpenGL: exact depth by ray casting on boxes, then colour and sensor errors."""
 
 import copy
 from collections.abc import Callable, Sequence
@@ -23,11 +23,12 @@ from treadline.sim.camera.sensors import (
     alike,
     warp,
 )
-from treadline.sim.camera.solids import Puddle, Shadow, Solid, solids_of
+from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, solids_of
 
 VIEW_M = 7.0
-"""Boxes further away than this are not drawn: the sensor ends at 6 m."""
+"""Distance beyond which boxes are not rendered [m]; the sensor range is 6 m."""
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
+"""Names of the surface patterns."""
 COLOURS = {
     "wood": (150.0, 105.0, 62.0),
     "concrete": (140.0, 140.0, 136.0),
@@ -35,29 +36,32 @@ COLOURS = {
     "terrazzo": (165.0, 160.0, 150.0),
     "dark": (45.0, 43.0, 42.0),
 }
+"""Colour of each surface pattern (red, green, blue)."""
 WALL_COLOUR = (185.0, 182.0, 175.0)
+"""Colour of walls (red, green, blue)."""
 FLOOR_COLOUR = (120.0, 118.0, 115.0)
+"""Colour of floors (red, green, blue)."""
 POOL = 1_000_000
-"""Places in the held random numbers at which a frame's streams may start."""
+"""Number of start positions in the stored random numbers of a camera."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
-"""Light falls from above: risers are darker than treads. Of the sides -x, +x, -y, +y, -z, +z."""
+"""Brightness of the sides -x, +x, -y, +y, -z, +z with light from above: risers are darker than treads."""
 SQUARE = 0.99
-"""Cosine up to which a box counts as square to the world's axes: it has the six shades as they are."""
+"""Cosine above which a box counts as aligned with the world axes and has the six brightness values unchanged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExactView:
-    """What a perfect sensor would see."""
+    """Depth and visible faces without sensor errors."""
 
     depth_m: Float[np.ndarray, "h w"]
     face: Int[np.ndarray, "h w"]
-    """6 · solid + side with the place of the solid in the scene; -1 where nothing is hit."""
+    """Visible face: 6 · solid + side, with the index of the solid in the scene; -1 without a hit."""
 
 
 class RenderedFrame(RgbdFrame):
-    """A frame whose colours are painted at the first look: the estimator that drives reads depth alone.
+    """Frame whose colours are rendered on first access, because the default detector uses depth only.
 
-    Every random number it needs is drawn when the frame is taken, so that looking or not changes no other frame.
+    All random numbers of the colours are drawn with the frame, so that access to the colours does not affect other frames.
     """
 
     __slots__ = ("_painter", "_rgb")
@@ -80,7 +84,7 @@ class RenderedFrame(RgbdFrame):
 
     @property
     def rgb(self) -> UInt8[np.ndarray, "h w 3"]:
-        """Colour image, painted once."""
+        """Colour image, rendered once."""
         if self._rgb is None:
             if self._painter is None:
                 raise ImageError("a rendered frame has neither colours nor a painter")
@@ -90,22 +94,22 @@ class RenderedFrame(RgbdFrame):
 
 
 class Camera:
-    """One camera in front of one staircase, or of any solids.
+    """Camera in front of a staircase or of any list of solids.
 
     Args:
-        told: The calibration its frames carry, where that is not quite true.
-        grain_px: Over how many of the sensor's pixels depth noise is alike; zero is white noise.
-        warp_px: Smooth error of depth across the image, the camera's own, in pixels of a Kinect 1's disparity.
-        holes: Share of the depth image that is lost in blotches.
-        blur_px: How far the colour image moves to the right and down while it is exposed.
+        declared: Calibration stored in the frames, if different from the true calibration.
+        grain_px: Correlation length of the depth noise [sensor pixels]; zero is white noise.
+        warp_px: Smooth, constant depth error across the image [px of Kinect 1 disparity].
+        holes: Fraction of the depth image lost in blotches.
+        blur_px: Motion of the colour image to the right and down during the exposure [px].
     """
 
     def __init__(
         self,
-        scene: Staircase | Sequence[Solid],
+        scene: Staircase | Sequence[SceneBox],
         calibration: PinholeCamera,
         *,
-        told: PinholeCamera | None = None,
+        declared: PinholeCamera | None = None,
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
@@ -119,7 +123,7 @@ class Camera:
     ) -> None:
         solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
-        self._told = told or calibration
+        self._declared = declared or calibration
         self._sensor = SENSORS.get(kind)
         self._texture = texture
         self._light = light
@@ -139,15 +143,15 @@ class Camera:
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._face(solids)
 
-    def facing(self, things: Sequence[Solid], shadows: Sequence[Shadow] = ()) -> "Camera":
-        """Return this camera in front of more things; both take their random numbers from the same stream."""
+    def facing(self, solids: Sequence[SceneBox], shadows: Sequence[Shadow] = ()) -> "Camera":
+        """Return a copy of this camera with additional solids; both use the same stream of random numbers."""
         other = copy.copy(self)
-        other._face((*self._solids, *things))  # noqa: SLF001 - its own copy
+        other._face((*self._solids, *solids))  # noqa: SLF001 - its own copy
         other._shadows = np.concatenate([self._shadows, _bands(shadows)])  # noqa: SLF001 - as above
         return other
 
-    def _face(self, solids: Sequence[Solid]) -> None:
-        """Lay the scene out in arrays, as the compiled loops take it."""
+    def _face(self, solids: Sequence[SceneBox]) -> None:
+        """Convert the scene to arrays for the compiled loops."""
         self._solids = tuple(solids)
         self._patterns = np.array([TEXTURES.index(solid.texture or self._texture) for solid in solids])
         self._centres = np.array([solid.centre_W for solid in solids])
@@ -163,18 +167,18 @@ class Camera:
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
     def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
-        """Return depth and faces as they are."""
+        """Return depth and faces without sensor errors."""
         depth, face, near = self._cast(R_WC, p_WC)
         return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
     def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
-        """Return a frame as the sensor delivers it; its colours are painted when somebody looks at them."""
+        """Return a frame with sensor errors; its colours are rendered on first access."""
         depth, face, near = self._cast(R_WC, p_WC)
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
             depth_m=self._spoilt(self._measured(depth, face, near), depth, R_WC, p_WC),
-            camera=self._told,
+            camera=self._declared,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
 
@@ -212,7 +216,7 @@ class Camera:
         return self._blurred(rgb, place) if any(self._blur_px) else rgb
 
     def _blurred(self, rgb: UInt8[np.ndarray, "h w 3"], place: int) -> UInt8[np.ndarray, "h w 3"]:
-        """Return the mean of an image on its way, with the sensor's noise, which does not move."""
+        """Return the mean of the shifted images, with the sensor noise, which is not blurred."""
         right, down = self._blur_px
         height, width = rgb.shape[:2]
         count = max(2, round(2.0 * float(np.hypot(right, down))))
@@ -256,7 +260,7 @@ class Camera:
         R_WC: Float[np.ndarray, "3 3"],
         p_WC: Float[np.ndarray, " 3"],
     ) -> Float32[np.ndarray, "h w"]:
-        """Return measured depth as puddles, sunlight and the sensor's warp leave it."""
+        """Return measured depth with the errors of puddles, sunlight and sensor warp."""
         if len(self._puddles) and self._sensor is not None:
             c, place = self.calibration, int(self._rng.integers(POOL))
             kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
@@ -320,8 +324,8 @@ def _bands(shadows: Sequence[Shadow]) -> Float[np.ndarray, "n 5"]:
     return np.array([[*band.normal_W, band.level_m, band.half_m] for band in shadows]).reshape(-1, 5)
 
 
-def _shades(solid: Solid) -> Float[np.ndarray, " 6"]:
-    """Return how light each side of a solid is: a mixture of the six by the way it faces."""
+def _shades(solid: SceneBox) -> Float[np.ndarray, " 6"]:
+    """Return the brightness of each side of a solid: the six values weighted by the direction of the side."""
     if np.abs(solid.R_WK).max(axis=0).min() > SQUARE and np.argmax(np.abs(solid.R_WK), axis=0).tolist() == [0, 1, 2]:
         return np.array(SHADES)
     low, high = np.array(SHADES[::2]), np.array(SHADES[1::2])

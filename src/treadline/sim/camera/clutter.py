@@ -1,4 +1,4 @@
-"""What stands and lies on real stairs: rails, a person's legs, a mat, a bag, strips along the nosings, worn edges."""
+"""Objects on real stairs: rails, a person's legs, a mat, a bag, strips along the nosings, worn edges."""
 
 import itertools
 import math
@@ -10,33 +10,36 @@ from jaxtyping import Float
 
 from treadline.mechanics.staircase import TREAD_THICKNESS_M, Staircase, Step
 from treadline.sim.camera.recipe import Clutter
-from treadline.sim.camera.solids import Puddle, Rgb, Shadow, Solid, beam, upright
+from treadline.sim.camera.solids import Puddle, Rgb, SceneBox, Shadow, beam, upright
 
 RAIL_INSET_M = 0.07
-"""From the stair's side to the middle of a rail."""
+"""Distance from the side of the stair to the middle of a rail [m]."""
 RAIL_M = 0.045
+"""Thickness of a rail [m]."""
 RAIL_HEIGHT_M = 0.9
+"""Height of a rail above the treads [m]."""
 POST_M = 0.025
+"""Thickness of a post [m]."""
 TROUSERS: tuple[Rgb, ...] = ((52.0, 60.0, 85.0), (70.0, 66.0, 60.0), (40.0, 40.0, 44.0))
 BAGS: tuple[Rgb, ...] = ((150.0, 40.0, 38.0), (44.0, 74.0, 52.0), (60.0, 56.0, 52.0))
 STEEL: Rgb = (150.0, 152.0, 156.0)
 STRIP: Rgb = (214.0, 178.0, 50.0)
 MAT: Rgb = (70.0, 84.0, 70.0)
 OBSTACLES = ("leg", "bag")
-"""Kinds that stand in a chair's way."""
+"""Kinds of solids that block the chair."""
 PIECE_M = 0.2
-"""Length along a nosing over which it is worn alike."""
+"""Length along a nosing of constant wear [m]."""
 CHAMFER_M = 0.004
-"""Thickness of the plate that closes a worn edge; all of it but the face lies within the step."""
+"""Thickness of the plate at a worn edge [m]; all but its face lies inside the step."""
 
 
-def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Generator) -> list[Solid]:
-    """Return what makes up one kind of clutter; nothing for shadows and water, which are no solids.
+def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Generator) -> list[SceneBox]:
+    """Return the solids of one kind of clutter; none for shadows and water.
 
     Args:
-        step: That the thing stands on or, of a thing along the whole flight, is near to.
+        step: Index of the step under the object, or near the middle of an object along the whole flight.
     """
-    makers: dict[str, Callable[[], list[Solid]]] = {
+    makers: dict[str, Callable[[], list[SceneBox]]] = {
         "rail_left": lambda: _rail(staircase, 1.0),
         "rail_right": lambda: _rail(staircase, -1.0),
         "legs": lambda: _legs(staircase, staircase.steps[step], rng),
@@ -48,7 +51,7 @@ def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Ge
 
 
 def cast_shadows(rng: np.random.Generator) -> list[Shadow]:
-    """Return a few dark bands, oblique to the steps or nearly along them, as a lamp behind a banister casts them."""
+    """Return dark bands, oblique or nearly parallel to the steps, like shadows of a banister."""
     turns = rng.uniform(0.0, math.pi, size=int(rng.integers(2, 6)))
     return [
         Shadow(
@@ -61,7 +64,7 @@ def cast_shadows(rng: np.random.Generator) -> list[Shadow]:
 
 
 def spilt(staircase: Staircase, steps: range, rng: np.random.Generator) -> list[Puddle]:
-    """Return a puddle on most of some treads."""
+    """Return a puddle on most of the given treads."""
     return [
         Puddle(
             centre_W=(
@@ -76,7 +79,7 @@ def spilt(staircase: Staircase, steps: range, rng: np.random.Generator) -> list[
     ]
 
 
-def _rail(staircase: Staircase, side: float) -> list[Solid]:
+def _rail(staircase: Staircase, side: float) -> list[SceneBox]:
     first, last = staircase.steps[0], staircase.steps[-1]
     y = side * (0.5 * staircase.width_m - RAIL_INSET_M)
     start = np.array([first.x_m, y, first.z_m + RAIL_HEIGHT_M])
@@ -95,12 +98,12 @@ def _rail(staircase: Staircase, side: float) -> list[Solid]:
 
 
 def rail_is_sparse(staircase: Staircase) -> bool:
-    """Return whether a rail has a post on every third step only: beside a wall it needs no bars."""
+    """Return whether a rail has a post on every third step only: next to a wall a rail needs no bars."""
     return staircase.walls != "none"
 
 
-def _legs(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
-    """Return a person's lower half: the feet on two steps that follow each other."""
+def _legs(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[SceneBox]:
+    """Return the lower half of a person with the feet on two consecutive steps."""
     colour = TROUSERS[int(rng.integers(len(TROUSERS)))]
     y = float(rng.uniform(-0.5, 0.5)) * (staircase.width_m - 0.5)
     forward = 0.5 * step.depth_m
@@ -115,8 +118,8 @@ def _legs(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[So
     return solids
 
 
-def _mat(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
-    """Return a thin mat, a little askew."""
+def _mat(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[SceneBox]:
+    """Return a thin, slightly rotated mat."""
     y = float(rng.uniform(-0.2, 0.2))
     half = 0.35 * staircase.width_m
     low = (step.x_m + 0.03, y - half, step.z_m)
@@ -124,8 +127,8 @@ def _mat(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Sol
     return [upright("mat", low, high, colour=MAT, texture="carpet", yaw_rad=float(rng.uniform(-0.05, 0.05)))]
 
 
-def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Solid]:
-    """Return a bag that leans on the riser behind it."""
+def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[SceneBox]:
+    """Return a bag leaning on the riser behind."""
     size = rng.uniform((0.16, 0.24, 0.22), (0.24, 0.4, 0.4))
     y = float(rng.uniform(-0.5, 0.5)) * (staircase.width_m - size[1])
     x = step.x_m + step.depth_m - 0.5 * size[0] - 0.03
@@ -135,8 +138,8 @@ def _bag(staircase: Staircase, step: Step, rng: np.random.Generator) -> list[Sol
     return [upright("bag", low, high, colour=colour, texture="dark", yaw_rad=float(rng.uniform(-0.6, 0.6)))]
 
 
-def _strips(staircase: Staircase) -> list[Solid]:
-    """Return a coloured strip of a hand's breadth along every nosing, a millimetre proud."""
+def _strips(staircase: Staircase) -> list[SceneBox]:
+    """Return a coloured strip along each nosing, raised by one millimetre."""
     half = 0.5 * staircase.width_m
     strips = []
     for step in staircase.steps:
@@ -150,8 +153,8 @@ def _strips(staircase: Staircase) -> list[Solid]:
     return strips
 
 
-def worn_step(solid: Solid, open_risers: bool, worn_m: float, rng: np.random.Generator) -> list[Solid]:
-    """Return a step whose nosing is worn: in pieces along its length, each with a chamfer of its own size."""
+def worn_step(solid: SceneBox, open_risers: bool, worn_m: float, rng: np.random.Generator) -> list[SceneBox]:
+    """Return a step with a worn nosing: pieces along its length, each with a random chamfer."""
     limit = min(worn_m, 0.4 * TREAD_THICKNESS_M) if open_risers else worn_m
     half_depth, half_width, half_height = solid.half_m
     parts = [
@@ -168,14 +171,14 @@ def worn_step(solid: Solid, open_risers: bool, worn_m: float, rng: np.random.Gen
     return parts
 
 
-def _part(solid: Solid, x_m: tuple[float, float], y_m: tuple[float, float], z_m: tuple[float, float]) -> Solid:
-    """Return a piece of a solid, between coordinates of its own frame."""
+def _part(solid: SceneBox, x_m: tuple[float, float], y_m: tuple[float, float], z_m: tuple[float, float]) -> SceneBox:
+    """Return a part of a solid, between coordinates of its own frame."""
     low, high = np.array([x_m[0], y_m[0], z_m[0]]), np.array([x_m[1], y_m[1], z_m[1]])
     return _like(solid, 0.5 * (low + high), 0.5 * (high - low), np.eye(3))
 
 
-def _chamfer(solid: Solid, size: float, y: float, half_width: float) -> Solid:
-    """Return the plate whose upper face cuts the front edge off at 45°."""
+def _chamfer(solid: SceneBox, size: float, y: float, half_width: float) -> SceneBox:
+    """Return the plate whose upper face truncates the front edge at 45°."""
     half_depth, _, half_height = solid.half_m
     c = math.sqrt(0.5)
     face = np.array([0.5 * size - half_depth, y, half_height - 0.5 * size])
@@ -186,6 +189,6 @@ def _chamfer(solid: Solid, size: float, y: float, half_width: float) -> Solid:
 
 
 def _like(
-    solid: Solid, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
-) -> Solid:
+    solid: SceneBox, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
+) -> SceneBox:
     return replace(solid, centre_W=solid.centre_W + solid.R_WK @ centre_K, half_m=half_m, R_WK=solid.R_WK @ turn)

@@ -1,4 +1,4 @@
-"""The flight a recipe asks for, and where the chair stands on it or before it."""
+"""Random flight of a recipe, and the pose of the chair on or before the flight."""
 
 import math
 from dataclasses import dataclass, replace
@@ -11,10 +11,11 @@ from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.mechanics.staircase import Staircase, Step, build_staircase
 from treadline.scenario import Stair
 from treadline.sim.camera.clutter import RAIL_INSET_M, RAIL_M
-from treadline.sim.camera.recipe import PLACES_M, Recipe, drawn
-from treadline.sim.camera.solids import Solid, solids_of
+from treadline.sim.camera.recipe import PLACES_M, ViewRecipe, drawn
+from treadline.sim.camera.solids import SceneBox, solids_of
 
 Direction = Literal["up", "down"]
+"""Direction of the flight ahead."""
 DIRECTIONS: dict[str, Direction] = {
     "up": "up",
     "top": "up",
@@ -23,30 +24,31 @@ DIRECTIONS: dict[str, Direction] = {
     "edge": "down",
     "bottom": "down",
 }
+"""Direction of each scene."""
 LEVEL = ("foot", "edge")
-"""Scenes in which the chair stands level."""
+"""Scenes with the chair on horizontal ground."""
 CLEAR_M = 0.12
-"""Between the camera and a wall or rail, at least."""
+"""Least distance between the camera and a wall or rail [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pose:
-    """Where the chair stands."""
+    """Pose of the chair."""
 
     R_WB: Float[np.ndarray, "3 3"]
     p_WB: Float[np.ndarray, " 3"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flight:
-    """A staircase whose steps need not be level."""
+class TiltedFlight:
+    """Staircase with tilted steps."""
 
     staircase: Staircase
     tilts_rad: Float[np.ndarray, "n 2"]
-    """Of each step: down to the front, then up to the left."""
+    """Tilt of each step [rad]: down to the front, then up to the left."""
 
     def turn(self, index: int) -> Float[np.ndarray, "3 3"]:
-        """Return how a step is tilted about its nosing's middle."""
+        """Return the rotation of a step about the middle of its nosing."""
         pitch, roll = self.tilts_rad[index]
         return rotation_y(-float(pitch)) @ rotation_x(float(roll))
 
@@ -54,11 +56,11 @@ class Flight:
         """Return the direction of a step's nosing, to the left."""
         return self.turn(step.index) @ np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
 
-    def solids(self) -> tuple[Solid, ...]:
-        """Return the staircase's solids, tilted."""
+    def solids(self) -> tuple[SceneBox, ...]:
+        """Return the solids of the staircase, with tilted steps."""
         return tuple(self._tilted(solid) for solid in solids_of(self.staircase.boxes()))
 
-    def _tilted(self, solid: Solid) -> Solid:
+    def _tilted(self, solid: SceneBox) -> SceneBox:
         if solid.kind != "step":
             return solid
         step, turn = self.staircase.steps[solid.index], self.turn(solid.index)
@@ -66,16 +68,16 @@ class Flight:
         return replace(solid, centre_W=nosing + turn @ (solid.centre_W - nosing), R_WK=turn @ solid.R_WK)
 
 
-def draw_flight(recipe: Recipe, rng: np.random.Generator) -> Flight:
-    """Return the stair a recipe asks for."""
+def draw_flight(recipe: ViewRecipe, rng: np.random.Generator) -> TiltedFlight:
+    """Return a random flight of a recipe."""
     staircase = _staircase(recipe, rng)
-    return Flight(
+    return TiltedFlight(
         staircase=staircase,
         tilts_rad=recipe.tread_tilt_deg * DEG * rng.standard_normal((len(staircase.steps), 2)),
     )
 
 
-def _staircase(recipe: Recipe, rng: np.random.Generator) -> Staircase:
+def _staircase(recipe: ViewRecipe, rng: np.random.Generator) -> Staircase:
     rise, slope = drawn(recipe.rise_m, rng), drawn(recipe.slope_deg, rng) * DEG
     run = rise / math.tan(slope) if recipe.run_m is None else drawn(recipe.run_m, rng)
     stair = Stair(
@@ -102,11 +104,11 @@ def draw_pose(
     scene: str,
     staircase: Staircase,
     p_BC: Float[np.ndarray, " 3"],
-    recipe: Recipe,
+    recipe: ViewRecipe,
     heading_rad: float,
     rng: np.random.Generator,
 ) -> Pose:
-    """Return where the chair stands: on the nosings, on the floor or on the landing, its camera clear of the walls."""
+    """Return a random pose on the nosings, the floor or the landing, with the camera clear of the walls."""
     pose = _pose(scene, staircase, recipe, heading_rad, rng)
     railed = "rail_left" in recipe.clutter or "rail_right" in recipe.clutter
     limit = 0.5 * staircase.width_m - CLEAR_M - (RAIL_INSET_M + RAIL_M if railed else 0.0)
@@ -114,7 +116,7 @@ def draw_pose(
     return replace(pose, p_WB=pose.p_WB + np.array([0.0, min(max(y, -limit), limit) - y, 0.0]))
 
 
-def _pose(scene: str, staircase: Staircase, recipe: Recipe, heading_rad: float, rng: np.random.Generator) -> Pose:
+def _pose(scene: str, staircase: Staircase, recipe: ViewRecipe, heading_rad: float, rng: np.random.Generator) -> Pose:
     first, last = staircase.steps[0], staircase.steps[-1]
     length = math.hypot(last.x_m - first.x_m, last.z_m - first.z_m)
     place = drawn(recipe.place_m or PLACES_M[scene], rng)
@@ -129,7 +131,7 @@ def _pose(scene: str, staircase: Staircase, recipe: Recipe, heading_rad: float, 
     return Pose(R_WB=staircase.R_WS @ yaw @ rock, p_WB=p_WB)
 
 
-def rocked(recipe: Recipe, rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
-    """Return how the chair leans off what it stands on."""
+def rocked(recipe: ViewRecipe, rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+    """Return a random rotation of the chair relative to its support."""
     pitch, roll = recipe.rock_deg * DEG * rng.standard_normal(2)
     return rotation_y(float(pitch)) @ rotation_x(float(roll))

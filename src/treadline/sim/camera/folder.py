@@ -1,4 +1,4 @@
-"""Views as a folder of images with a table of their truth, in the form that ``treadline see FOLDER`` reads."""
+"""Folder of rendered views with a table of ground truth, in the format read by ``treadline see FOLDER``."""
 
 import csv
 import io
@@ -13,11 +13,13 @@ from treadline.angles import DEG
 from treadline.errors import ImageError, SettingsError
 from treadline.models import write_whole
 from treadline.signals import PinholeCamera
-from treadline.sim.camera.recipe import Recipe
+from treadline.sim.camera.recipe import ViewRecipe
 from treadline.sim.camera.views import View, draw_view
 
 DEPTH_UNIT_M = 0.001
+"""Depth unit of the PNG files [m]."""
 NO_RETURN = 0
+"""Depth value without a return."""
 TRUTH = (
     "name",
     "scene",
@@ -40,25 +42,24 @@ TRUTH = (
     "right_wall_m",
     "obstacle_m",
 )
-"""Columns of truth.csv. Edge and gravity are unit vectors in the camera's frame, the next nosing is the first in view,
-where it meets the chair's middle plane, in the chair's frame; what is not there is blank."""
+"""Columns of truth.csv. Edge and gravity are unit vectors in the camera frame. The next nosing is the intersection of the first
+visible nosing with the chair's middle plane, in the chair frame. Unavailable values are blank."""
 
 
 class NamedView(NamedTuple):
-    """A view and the name of its files."""
+    """View and the base name of its files."""
 
     name: str
     view: View
 
 
-def write_views(recipe: Recipe, folder: Path, *, count: int, seed: int, watch: Callable[[str], None]) -> None:
-    """Draw views and write them one by one, then the tables of what was written; ``watch`` is told each name.
+def write_views(recipe: ViewRecipe, folder: Path, *, count: int, seed: int, watch: Callable[[str], None]) -> None:
+    """Render views and write them one by one, then the tables; ``watch`` is called with each name.
 
-    Each file is written whole, and each view has a seed of its own, so that more of them leave the first as they are.
+    Files are written atomically. Each view has its own seed, so that a larger count leaves the first views unchanged.
 
     Raises:
-        SettingsError: If the folder holds other frames, which would be read along with these, or if the camera's pitch is a
-            range: a folder has one calibration.
+        SettingsError: If the folder contains other frames, or if the camera pitch is a range: a folder has one calibration.
     """
     if recipe.pitch_deg is not None and recipe.pitch_deg[0] < recipe.pitch_deg[1]:
         low, high = recipe.pitch_deg
@@ -78,7 +79,7 @@ def write_views(recipe: Recipe, folder: Path, *, count: int, seed: int, watch: C
             written.append(named)
             watch(name)
     finally:
-        # After an interruption the tables hold what was finished.
+        # After an interruption the tables list the finished views.
         if written:
             write_whole(folder / "gravity.csv", _gravity_table(written))
             write_whole(folder / "truth.csv", _truth_table(written))
@@ -96,7 +97,7 @@ def _write_images(named: NamedView, folder: Path) -> None:
 
 
 def _camera_toml(camera: PinholeCamera) -> str:
-    """Return the calibration as the estimator is told it."""
+    """Return the calibration used by the detector."""
     values = {
         "width": camera.width_px,
         "height": camera.height_px,

@@ -1,4 +1,4 @@
-"""Per-pixel loops of the camera, compiled: rays against boxes, surface patterns, the Kinect's geometry."""
+"""Per-pixel loops of the camera, compiled: ray casting, surface patterns, sensor models."""
 
 import math
 from typing import no_type_check
@@ -7,10 +7,10 @@ import numpy as np
 from numba import njit
 
 NEAR_M = 0.02
-"""Faces are clipped this far in front of the camera."""
+"""Distance from the camera at which faces are clipped [m]."""
 LOST, LOST_GRAZING, GRAZING = 0.002, 0.25, 0.04
-"""Share of a Kinect 1's pixels without a return, share besides on a surface whose depth changes by more than ``GRAZING`` of itself
-from one pixel to the next."""
+"""Fraction of a Kinect 1's pixels without a return; additional fraction on surfaces with a relative depth change per pixel above
+``GRAZING``."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -18,10 +18,9 @@ from one pixel to the next."""
 def cast(centres, halves, turns, R_WC, p_WC, fx, fy, cx, cy, far, depth, face):
     """Fill ``depth`` [m along the optical axis] and ``face`` (6·box + side) with the nearest box of each pixel.
 
-    ``turns`` holds each box's rotation in the world.
-    Each face that looks at the camera is a convex polygon in the image, on which the inverse depth is linear: it is
-    clipped, filled row by row and kept where it is nearer. A pixel without a hit within ``far`` gets NaN and -1.
-    Sides: 0/1 -x/+x, 2/3 -y/+y, 4/5 -z/+z in the box's frame.
+    ``turns`` holds the rotation of each box in the world. Each face towards the camera is a convex polygon in the image with linear
+    inverse depth: it is clipped, filled row by row, and kept where it is nearest. A pixel without a hit within ``far`` gets NaN and
+    -1. Sides: 0/1 -x/+x, 2/3 -y/+y, 4/5 -z/+z in the box frame.
     """
     rows, columns = depth.shape
     depth[:] = 1.0 / far  # holds inverse depth until the end
@@ -118,7 +117,7 @@ def _fill(polygon, count, fx, fy, cx, cy, wu, wv, w0, label, inverse, face):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _hash(i, j, k):
-    """Return a number in [0, 1) that looks random and is the same for the same cell."""
+    """Return a pseudo-random number in [0, 1) that depends on the cell only."""
     n = (i * 374761393 + j * 668265263 + k * 2147483647) & 0xFFFFFFFF
     n = ((n ^ (n >> 13)) * 1274126177) & 0xFFFFFFFF
     return ((n ^ (n >> 16)) & 0xFFFF) / 65536.0
@@ -127,7 +126,7 @@ def _hash(i, j, k):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _smooth(x, y, k):
-    """Return value noise: random at whole coordinates, blended between."""
+    """Return value noise: random at integer coordinates, interpolated between them."""
     i, j = int(math.floor(x)), int(math.floor(y))
     a, b = x - i, y - j
     a, b = a * a * (3.0 - 2.0 * a), b * b * (3.0 - 2.0 * b)
@@ -139,7 +138,7 @@ def _smooth(x, y, k):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _pattern(kind, a, b, seed):
-    """Return a surface's reflectance around 1; a runs across the stair, b along the run or up the riser."""
+    """Return the relative reflectance of a surface; a runs across the stair, b along the run or up the riser."""
     if kind == 0:  # wood: grain along the tread
         grain = _smooth(a * 3.0, b * 60.0, seed)
         return 0.85 + 0.3 * grain
@@ -156,11 +155,11 @@ def _pattern(kind, a, b, seed):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds, light, shadows, puddles, noise, place, rgb):
-    """Fill ``rgb`` from depth and face: shade by orientation, pattern in surface coordinates, shadows, water, gain, sensor noise.
+    """Fill ``rgb`` from depth and face: shade by orientation, surface pattern, shadows, water, gain, sensor noise.
 
     Args:
-        shades: Of each box's six sides.
-        axes: World axis that each side faces most.
+        shades: Brightness of the six sides of each box.
+        axes: World axis nearest to the normal of each side.
         kinds: Pattern of each box.
         shadows: Rows of normal (3), level and half width.
         puddles: Rows of centre (3) and half axes (2).
@@ -207,7 +206,7 @@ def paint(depth, face, R_WC, p_WC, fx, fy, cx, cy, shades, axes, colours, kinds,
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _within(puddles, k, wx, wy, wz):
-    """Return how far inside a puddle a point lies: 1 in its middle, 0 outside."""
+    """Return the relative depth of a point inside a puddle: 1 in the middle, 0 outside."""
     if abs(wz - puddles[k, 2]) > 0.004:
         return 0.0
     along, across = (wx - puddles[k, 0]) / puddles[k, 3], (wy - puddles[k, 1]) / puddles[k, 4]
@@ -217,9 +216,9 @@ def _within(puddles, k, wx, wy, wz):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
-    """Spoil measured depth in puddles: no return from their middle, and at the rim some of what they mirror.
+    """Modify measured depth in puddles: no return from the middle, and partial mirror images at the rim.
 
-    A mirror shows what stands above it as far below it: depth beyond the surface, by a hand's breadth here.
+    A mirror image lies below the surface: the depth is larger, here by a hand's breadth.
     """
     rows, columns = measured.shape
     for v in range(rows):
@@ -247,18 +246,18 @@ def soak(measured, exact, R_WC, p_WC, fx, fy, cx, cy, puddles, chance, place):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, far, jitter, normal, chance, places, measured):
-    """Fill ``measured`` with what a structured-light sensor makes of exact depth.
+    """Fill ``measured`` with the output of a structured-light sensor for exact depth.
 
     Args:
-        face: Names of the surfaces. At an edge a pixel may get its depth from beyond; within a face that is a part of
-            the noise of the disparity, not one more.
-        fx_noise: Focal length of the sensor's own disparity [px].
-        shadow_px: ``f·B`` in this image's pixels: the projector's view is shifted by it over depth.
-        sigma_px: Gaussian noise of the disparity.
-        step_px: Its quantisation.
-        jitter: Whole pixels by which the place in the image a depth is taken from is off, to draw from.
-        normal: Standard normal numbers to draw from, and ``places`` where the four streams of this frame start.
-        chance: Uniform numbers to draw from.
+        face: Face of each pixel. At an edge a pixel may get its depth from the neighbouring face; within a face, lateral jitter is
+            part of the disparity noise.
+        fx_noise: Focal length of the sensor's disparity image [px].
+        shadow_px: ``f·B`` in pixels of this image: the shift of the projector's view times depth.
+        sigma_px: Standard deviation of the disparity noise.
+        step_px: Quantisation of the disparity.
+        lateral_px: Standard deviation of the lateral jitter.
+        normal: Standard normal numbers, and ``places`` the start positions of this frame's streams.
+        chance: Uniform random numbers.
     """
     rows, columns = exact.shape
     strength = fx_noise * baseline
@@ -275,7 +274,7 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
                     continue
                 furthest = max(furthest, seen)
             n = v * columns + u
-            # Conditions that chance decides for each pixel cost more than the work that they would save.
+            # A random branch per pixel would cost more than the work it saves.
             su = min(max(u + jitter[first + n], 0), columns - 1)
             sv = min(max(v + jitter[second + n], 0), rows - 1)
             elsewhere = face[sv, su] != names[u]
@@ -302,15 +301,15 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
 def time_of_flight(
     exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, normal, chance, places, measured
 ):
-    """Fill ``measured`` with what a time-of-flight sensor makes of exact depth.
+    """Fill ``measured`` with the output of a time-of-flight sensor for exact depth.
 
     Args:
-        albedos: Of each box, at the sensor's wavelength.
-        floor_m: Noise where much light comes back; ``gain_m`` is added to it where a white wall faces the sensor at 1 m, and
-            grows as light fades: with distance squared, at grazing angles, on dark surfaces.
-        ripple_m: Size of the sensor's own waves across the image, the same in every frame.
-        scale: Pixels of this image per pixel of the sensor.
-        normal: Standard normal numbers to draw from, and ``places`` where the streams of this frame start.
+        albedos: Albedo of each box at the sensor's wavelength.
+        floor_m: Noise at high signal; ``gain_m`` is the additional noise for a white wall facing the sensor at 1 m, growing with
+            decreasing signal: with distance squared, at grazing angles, on dark surfaces.
+        ripple_m: Amplitude of the sensor's fixed pattern across the image.
+        scale: Pixels of this image per sensor pixel.
+        normal: Standard normal numbers, and ``places`` the start positions of this frame's streams.
     """
     rows, columns = exact.shape
     first, second, third = places[0], places[1], places[2]

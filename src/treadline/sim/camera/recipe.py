@@ -1,4 +1,4 @@
-"""What views may look like: ranges that ``draw_view`` draws from, each checked."""
+"""Parameter ranges of random views, for ``draw_view``; each is checked."""
 
 import math
 from typing import Annotated, Literal, get_args
@@ -33,19 +33,22 @@ Scene = Literal[
     "bench",
     "pallets",
 ]
-"""The first six are stairs. The chair stands within the flight, near its top or on the floor before it, facing up; or within the
-flight, level on the landing before its edge or near its foot, facing down. The others are places without a stair to climb."""
+"""Scene. The first six show stairs: the chair is on the flight, near its top or on the floor before it, facing up; or on the
+flight, on the landing before its edge or near its foot, facing down. The others have no stair to climb."""
 STAIR_SCENES: tuple[Scene, ...] = get_args(Scene)[:6]
+"""Scenes with a stair."""
 ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:]
+"""Scenes without a stair."""
 Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
 CLUTTER: tuple[Clutter, ...] = get_args(Clutter)
+"""Names of the kinds of clutter."""
 Sensor = Literal["kinect1", "kinect2", "ideal"]
 Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
 Walls = Literal["none", "left", "right", "both"]
 Range = tuple[float, float]
-"""Smallest and largest, all between equally likely."""
+"""Smallest and largest value of a uniform distribution."""
 Spread = Annotated[float, Field(ge=0.0)]
-"""A standard deviation."""
+"""Standard deviation."""
 Rise = Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])]
 Run = Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])]
 Slope = Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])]
@@ -54,7 +57,7 @@ Count = Annotated[int, Field(ge=6, le=200)]
 Length = Annotated[float, Field(ge=0.0, le=20.0)]
 Small = Annotated[float, Field(ge=0.0, le=0.03)]
 Turn = Annotated[float, Field(ge=-90.0, le=90.0)]
-Askew = Annotated[float, Field(ge=-45.0, le=45.0)]
+ObliqueAngle = Annotated[float, Field(ge=-45.0, le=45.0)]
 Tilt = Annotated[float, Field(ge=-30.0, le=80.0)]
 Light = Annotated[float, Field(ge=0.1, le=3.0)]
 PLACES_M: dict[str, Range] = {
@@ -65,68 +68,70 @@ PLACES_M: dict[str, Range] = {
     "edge": (0.8, 1.3),
     "bottom": (0.9, 2.2),
 }
+"""Default range of ``place_m`` for each scene [m]."""
 
 
-class Recipe(Settings):
-    """Ranges of a view. A range (a, a) fixes its value; several words mean that one is drawn."""
+class ViewRecipe(Settings):
+    """Parameter ranges of a view. A range (a, a) fixes the value; of several words one is drawn."""
 
     scenes: tuple[Scene, ...] = ("up",)
     slope_deg: tuple[Slope, Slope] = (25.0, 35.0)
     rise_m: tuple[Rise, Rise] = (0.14, 0.19)
     run_m: tuple[Run, Run] | None = None
-    """None leaves the run to rise and slope; else the slope follows."""
+    """Run of the steps. None: run from rise and slope; otherwise the slope follows from rise and run."""
     steps: tuple[Count, Count] = (14, 22)
     width_m: tuple[Width, Width] = (1.0, 1.6)
     landing_m: tuple[Length, Length] = (1.2, 2.5)
-    back_wall_deg: tuple[Askew, Askew] = (-20.0, 20.0)
-    """How far the wall behind the landing is askew."""
+    back_wall_deg: tuple[ObliqueAngle, ObliqueAngle] = (-20.0, 20.0)
+    """Yaw of the wall behind the landing."""
     walls: tuple[Walls, ...] = ("none", "left", "right", "both")
     open_risers: bool = False
     rise_jitter_m: Small = 0.0
     run_jitter_m: Small = 0.0
     nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
     tread_tilt_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    """Of each step about its nosing's middle, along the flight and across it: treads that are not level."""
+    """Standard deviation of the tilt of each step about the middle of its nosing, along and across the flight."""
     worn_m: Small = 0.0
-    """Largest radius of the nosings, which are worn unevenly along their length; zero leaves them sharp."""
+    """Largest nosing radius of worn steps, which varies along the nosing; zero: sharp nosings."""
     heading_deg: tuple[Turn, Turn] = (-35.0, 35.0)
     lateral_m: Range = (-0.25, 0.25)
     place_m: Range | None = None
-    """From the chair's middle along its way: beyond the first nosing (``up``), beyond the landing's edge (``down``), or to
-    the last nosing ahead (``top``, ``bottom``) or the first (``foot``, ``edge``); None takes ``PLACES_M``."""
+    """Position of the chair's middle along the direction of travel: beyond the first nosing (``up``), beyond the landing's edge
+    (``down``), before the last nosing ahead (``top``, ``bottom``) or before the first (``foot``, ``edge``); None: ``PLACES_M``."""
     rock_deg: Spread = 0.0
-    """Pitch and roll of the chair off the nosings, or off the floor."""
+    """Standard deviation of pitch and roll of the chair relative to nosings or floor."""
     sensor: Sensor = "kinect1"
     grain_px: Spread = 0.0
-    """Over how many of the sensor's pixels its depth noise is alike, as a standard deviation; zero is white noise. Matching
-    windows of nine pixels make it about 1.2 in a Kinect 1; the model of the Kinect 2 has its own."""
+    """Correlation length of the depth noise, in sensor pixels, as a standard deviation; zero is white noise. About 1.2 in a Kinect
+    1 due to its matching windows of nine pixels; the Kinect 2 model has its own correlation."""
     warp_px: Spread = 0.0
-    """Smooth error of depth across the image, in pixels of a Kinect 1's disparity: about 0.1 as it leaves the factory."""
+    """Smooth depth error across the image, in pixels of Kinect 1 disparity: about 0.1 with factory calibration."""
     holes: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
-    """Share of the depth image that is lost in blotches, as in sunlight."""
+    """Fraction of the depth image lost in blotches, as in sunlight."""
     height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
-    """Rows of the image; None is the sensor's usual: 240, or 424 of the Kinect 2."""
+    """Image height. None: the sensor's default: 240, or 424 for the Kinect 2."""
     focal_px: Annotated[float, Field(gt=0.0)] | None = None
-    """None is the sensor's own."""
+    """Focal length. None: the sensor's default."""
     focal_error: Spread = 0.0
-    """By which part the calibration's focal length is off."""
+    """Standard deviation of the relative error of the calibrated focal length."""
     pitch_deg: tuple[Tilt, Tilt] | None = None
-    """How far the camera looks down from the chair; None is the chair's."""
+    """Downward pitch of the camera mount. None: as in the chair file."""
     mount_pitch_error_deg: Range = (0.0, 0.0)
-    """True mount less the calibration in the frame."""
+    """Pitch of the true mount minus pitch of the calibrated mount."""
     mount_roll_error_deg: Range = (0.0, 0.0)
+    """Roll of the true mount minus roll of the calibrated mount."""
     gravity_error_deg: Spread = 0.5
-    """Size of the error; its direction is random."""
+    """Error of the measured gravity direction, towards a random side."""
     textures: tuple[Texture, ...] = get_args(Texture)
     light: tuple[Light, Light] = (0.35, 1.6)
     blur_px: tuple[Length, Length] = (0.0, 0.0)
-    """Length of the colour image's motion blur."""
+    """Length of the motion blur of the colour image."""
     clutter: tuple[Clutter, ...] = ()
     clutter_chance: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
-    """That each of them is there."""
+    """Probability of each kind of clutter."""
 
     @model_validator(mode="after")
-    def _ranges_make_sense(self) -> "Recipe":
+    def _ranges_make_sense(self) -> "ViewRecipe":
         for name in type(self).model_fields:
             value = getattr(self, name)
             is_range = isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str)
@@ -146,5 +151,5 @@ class Recipe(Settings):
 
 
 def drawn(limits: Range, rng: np.random.Generator) -> float:
-    """Return a number of a range."""
+    """Return a random number in a range."""
     return float(rng.uniform(*limits))

@@ -1,6 +1,6 @@
-"""Places without a stair that a chair could climb: floors, walls, furniture, ramps, ladders and single steps.
+"""Scenes without a stair to climb: floors, walls, furniture, ramps, ladders and single steps.
 
-The chair stands level at the origin; what is to be seen lies ahead of it, along +x.
+The chair stands on the horizontal floor at the origin; all objects are ahead, along +x.
 """
 
 import math
@@ -10,53 +10,57 @@ from dataclasses import replace
 import numpy as np
 
 from treadline.angles import DEG, rotation_y
-from treadline.sim.camera.solids import Rgb, Solid, beam, upright
+from treadline.sim.camera.solids import Rgb, SceneBox, beam, upright
 
 BEECH: Rgb = (176.0, 132.0, 84.0)
+"""Colours of furniture (red, green, blue)."""
 WHITE: Rgb = (205.0, 203.0, 198.0)
 CARDBOARD: Rgb = (158.0, 124.0, 84.0)
 BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))
 FLOORS = ("wood", "concrete", "carpet", "terrazzo")
+"""Textures of floors."""
 HALL_M = 8.0
+"""Half size of the floor [m]."""
 WALL_M = 3.0
+"""Height of walls [m]."""
 
 
-def room(scene: str, rng: np.random.Generator) -> list[Solid]:
-    """Return what stands in a place, floor and all."""
+def room(scene: str, rng: np.random.Generator) -> list[SceneBox]:
+    """Return all solids of a scene, including the floor."""
     floor = upright("floor", (-HALL_M, -HALL_M, -0.2), (HALL_M, HALL_M, 0.0), texture=FLOORS[int(rng.integers(len(FLOORS)))])
     return [floor, *(plain(solid) for solid in MAKERS[scene](rng))]
 
 
-def plain(solid: Solid) -> Solid:
-    """Return a wall with plaster on it; other things as they are."""
+def plain(solid: SceneBox) -> SceneBox:
+    """Return a wall with a plaster texture; other solids unchanged."""
     return replace(solid, texture="dark") if solid.kind == "wall" else solid
 
 
-def askew_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> Solid:
-    """Return a wall across the way, turned about its middle."""
+def oblique_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> SceneBox:
+    """Return a wall across the path, rotated about its middle."""
     centre = np.array([middle_x_m + 0.05 * math.cos(yaw_rad), y_m + 0.05 * math.sin(yaw_rad)])
     low = (centre[0] - 0.05, centre[1] - half_m, low_m - 0.2)
     high = (centre[0] + 0.05, centre[1] + half_m, low_m + WALL_M)
     return upright("wall", low, high, yaw_rad=yaw_rad)
 
 
-def _floor(rng: np.random.Generator) -> list[Solid]:
+def _floor(rng: np.random.Generator) -> list[SceneBox]:
     del rng
     return []
 
 
-def _wall(rng: np.random.Generator) -> list[Solid]:
-    return [askew_wall(rng.uniform(1.2, 3.0), rng.uniform(-35.0, 35.0) * DEG)]
+def _wall(rng: np.random.Generator) -> list[SceneBox]:
+    return [oblique_wall(rng.uniform(1.2, 3.0), rng.uniform(-35.0, 35.0) * DEG)]
 
 
-def _sides(half_width_m: float) -> list[Solid]:
+def _sides(half_width_m: float) -> list[SceneBox]:
     return [
         upright("wall", (-HALL_M, half_width_m, -0.2), (HALL_M, half_width_m + 0.1, WALL_M)),
         upright("wall", (-HALL_M, -half_width_m - 0.1, -0.2), (HALL_M, -half_width_m, WALL_M)),
     ]
 
 
-def _corridor(rng: np.random.Generator) -> list[Solid]:
+def _corridor(rng: np.random.Generator) -> list[SceneBox]:
     sides = _sides(rng.uniform(0.6, 1.1))
     skirting = [
         upright(
@@ -64,17 +68,17 @@ def _corridor(rng: np.random.Generator) -> list[Solid]:
         )
         for side in sides
     ]
-    doors = [askew_wall(rng.uniform(2.0, 5.0), rng.uniform(-5.0, 5.0) * DEG)] if rng.random() < 0.5 else []
+    doors = [oblique_wall(rng.uniform(2.0, 5.0), rng.uniform(-5.0, 5.0) * DEG)] if rng.random() < 0.5 else []
     return [*sides, *skirting, *doors]
 
 
-def _corner(rng: np.random.Generator) -> list[Solid]:
+def _corner(rng: np.random.Generator) -> list[SceneBox]:
     yaw, y = rng.uniform(-40.0, 40.0) * DEG, rng.uniform(0.7, 1.2) * rng.choice([-1.0, 1.0])
-    return [askew_wall(rng.uniform(1.5, 2.5), yaw), askew_wall(1.0, yaw + math.copysign(90.0, y) * DEG, y_m=y)]
+    return [oblique_wall(rng.uniform(1.5, 2.5), yaw), oblique_wall(1.0, yaw + math.copysign(90.0, y) * DEG, y_m=y)]
 
 
-def _shelf(rng: np.random.Generator) -> list[Solid]:
-    """Level boards one above the other, some with books: as many parallel edges as a stair has."""
+def _shelf(rng: np.random.Generator) -> list[SceneBox]:
+    """Return horizontal boards one above the other, some with books: as many parallel edges as a stair."""
     x, depth, gap = rng.uniform(0.9, 1.8), rng.uniform(0.22, 0.4), rng.uniform(0.16, 0.36)
     half = rng.uniform(0.4, 0.9)
     yaw = rng.uniform(-25.0, 25.0) * DEG
@@ -96,14 +100,14 @@ def _shelf(rng: np.random.Generator) -> list[Solid]:
     return [_turned(solid, yaw, (x, 0.0)) for solid in (*boards, *frame, back)]
 
 
-def _turned(solid: Solid, yaw_rad: float, about_m: tuple[float, float]) -> Solid:
+def _turned(solid: SceneBox, yaw_rad: float, about_m: tuple[float, float]) -> SceneBox:
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     pivot = np.array([*about_m, 0.0])
     return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
 
 
-def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[Solid]:
+def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[SceneBox]:
     plate = upright("furniture", (x - half[0], y - half[1], top - 0.03), (x + half[0], y + half[1], top), colour=colour)
     legs = [
         upright("furniture", (cx - leg, cy - leg, 0.0), (cx + leg, cy + leg, top - 0.03), colour=colour)
@@ -113,19 +117,19 @@ def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: floa
     return [plate, *legs]
 
 
-def _table(rng: np.random.Generator) -> list[Solid]:
+def _table(rng: np.random.Generator) -> list[SceneBox]:
     x, y, yaw = rng.uniform(1.6, 2.6), rng.uniform(-0.4, 0.4), rng.uniform(-40.0, 40.0) * DEG
     solids = _legged(x, y, (0.45, 0.8), 0.74, 0.025, BEECH)
     for side in (-0.35, 0.35):
         cx, cy = x - 0.55, y + side
         solids += _legged(cx, cy, (0.22, 0.2), 0.45, 0.018, WHITE)
         solids.append(upright("furniture", (cx - 0.24, cy - 0.2, 0.55), (cx - 0.22, cy + 0.2, 0.9), colour=WHITE, texture="dark"))
-    wall = [askew_wall(x + rng.uniform(0.8, 2.0), yaw)] if rng.random() < 0.5 else []
+    wall = [oblique_wall(x + rng.uniform(0.8, 2.0), yaw)] if rng.random() < 0.5 else []
     return [*(_turned(solid, yaw, (x, y)) for solid in solids), *wall]
 
 
-def _boxes(rng: np.random.Generator) -> list[Solid]:
-    """Cartons in a heap, square to nothing, some on others."""
+def _boxes(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a heap of cartons with random orientations, some on top of others."""
     solids = []
     for _ in range(int(rng.integers(5, 11))):
         size = rng.uniform(0.15, 0.6, size=3)
@@ -137,31 +141,31 @@ def _boxes(rng: np.random.Generator) -> list[Solid]:
     return solids
 
 
-def _ramp(rng: np.random.Generator) -> list[Solid]:
+def _ramp(rng: np.random.Generator) -> list[SceneBox]:
     slope, start, length = rng.uniform(5.0, 30.0) * DEG, rng.uniform(0.8, 1.6), rng.uniform(2.0, 6.0)
     turn = rotation_y(-slope)
     middle = np.array([start, 0.0, 0.0]) + turn @ np.array([0.5 * length, 0.0, -0.1])
     return [
-        Solid(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length, rng.uniform(0.6, 1.2), 0.1]), R_WK=turn),
+        SceneBox(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length, rng.uniform(0.6, 1.2), 0.1]), R_WK=turn),
         *(_sides(rng.uniform(0.7, 1.3)) if rng.random() < 0.5 else []),
     ]
 
 
-def _landing(rng: np.random.Generator) -> list[Solid]:
-    """What a chair sees that has come up: floor, a wall askew, a wall beside it."""
+def _landing(rng: np.random.Generator) -> list[SceneBox]:
+    """Return an oblique wall and possibly side walls: the view after a climb."""
     yaw = rng.uniform(-20.0, 20.0) * DEG
-    return [askew_wall(rng.uniform(1.0, 2.5), yaw), *_sides(rng.uniform(0.6, 1.2))[: int(rng.integers(3))]]
+    return [oblique_wall(rng.uniform(1.0, 2.5), yaw), *_sides(rng.uniform(0.6, 1.2))[: int(rng.integers(3))]]
 
 
-def _steep(rng: np.random.Generator) -> list[Solid]:
-    """A stair too steep to climb: 50° to 62°, of rises that no chair takes."""
+def _steep(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a stair too steep to climb: 50° to 62°, with rises beyond the limits of any chair."""
     slope, run, half = rng.uniform(50.0, 62.0) * DEG, rng.uniform(0.14, 0.2), rng.uniform(0.35, 0.6)
     start, rise = rng.uniform(0.9, 1.8), run * math.tan(slope)
     return [upright("step", (start + i * run, -half, i * rise), (start + (i + 2) * run, half, (i + 1) * rise)) for i in range(9)]
 
 
-def _ladder(rng: np.random.Generator) -> list[Solid]:
-    """Rungs between two stiles that lean on a wall."""
+def _ladder(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a ladder leaning on a wall."""
     lean, gap, half = rng.uniform(62.0, 78.0) * DEG, rng.uniform(0.25, 0.32), rng.uniform(0.2, 0.3)
     foot, along = np.array([rng.uniform(0.8, 1.6), 0.0, 0.0]), np.array([math.cos(lean), 0.0, math.sin(lean)])
     aside = np.array([0.0, half, 0.0])
@@ -170,11 +174,11 @@ def _ladder(rng: np.random.Generator) -> list[Solid]:
         beam("ladder", foot + up * along - aside, foot + up * along + aside, (0.03, 0.08), colour=BEECH)
         for up in np.arange(gap, 2.9, gap)
     ]
-    return [*stiles, *rungs, askew_wall(foot[0] + 3.0 * math.cos(lean), 0.0)]
+    return [*stiles, *rungs, oblique_wall(foot[0] + 3.0 * math.cos(lean), 0.0)]
 
 
-def _threshold(rng: np.random.Generator) -> list[Solid]:
-    """A door frame with a single step: an edge, but no stair."""
+def _threshold(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a door frame with a single step: an edge, but no stair."""
     x, rise, half = rng.uniform(1.0, 1.8), rng.uniform(0.03, 0.19), rng.uniform(0.4, 0.55)
     inside = upright("floor", (x, -HALL_M, -0.1), (HALL_M, HALL_M, rise))
     jambs = [
@@ -183,8 +187,8 @@ def _threshold(rng: np.random.Generator) -> list[Solid]:
     return [inside, *jambs]
 
 
-def _stripes(rng: np.random.Generator) -> list[Solid]:
-    """Painted lines across a floor: edges in colour and none in depth."""
+def _stripes(rng: np.random.Generator) -> list[SceneBox]:
+    """Return painted lines across a floor: edges in colour, none in depth."""
     yaw, gap, wide = rng.uniform(-25.0, 25.0) * DEG, rng.uniform(0.25, 0.4), rng.uniform(0.03, 0.15)
     lines = [
         upright("strip", (x, -1.5, 0.0), (x + wide, 1.5, 0.0005), colour=WHITE, texture="dark") for x in np.arange(0.5, 5.0, gap)
@@ -192,16 +196,16 @@ def _stripes(rng: np.random.Generator) -> list[Solid]:
     return [_turned(line, yaw, (1.5, 0.0)) for line in lines]
 
 
-def _bench(rng: np.random.Generator) -> list[Solid]:
-    """A bench, a plinth or a sill before a wall: two upright faces a step's run apart."""
+def _bench(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a bench, plinth or sill before a wall: two vertical faces separated by the run of a step."""
     x, deep, high = rng.uniform(1.1, 2.0), rng.uniform(0.2, 0.45), rng.uniform(0.1, 0.6)
     yaw = rng.uniform(-20.0, 20.0) * DEG
     seat = upright("furniture", (x, -1.2, 0.0), (x + deep + 0.1, 1.2, high), colour=BEECH, texture="wood")
-    return [_turned(seat, yaw, (x, 0.0)), _turned(askew_wall(x + deep, 0.0), yaw, (x, 0.0))]
+    return [_turned(seat, yaw, (x, 0.0)), _turned(oblique_wall(x + deep, 0.0), yaw, (x, 0.0))]
 
 
-def _pallets(rng: np.random.Generator) -> list[Solid]:
-    """Pallets in a stack: level boards with gaps, one above the other and none behind another."""
+def _pallets(rng: np.random.Generator) -> list[SceneBox]:
+    """Return a stack of pallets: horizontal boards with gaps, one above the other and none behind another."""
     x, yaw = rng.uniform(1.0, 1.8), rng.uniform(-30.0, 30.0) * DEG
     boards = []
     for floor in range(int(rng.integers(1, 5))):
@@ -213,7 +217,7 @@ def _pallets(rng: np.random.Generator) -> list[Solid]:
     return [_turned(board, yaw, (x, 0.0)) for board in boards]
 
 
-MAKERS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
+MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
     "floor": _floor,
     "wall": _wall,
     "corridor": _corridor,
@@ -230,3 +234,4 @@ MAKERS: dict[str, Callable[[np.random.Generator], list[Solid]]] = {
     "bench": _bench,
     "pallets": _pallets,
 }
+"""Function of each scene."""

@@ -1,12 +1,13 @@
-"""Depth sensors as they err.
+"""Error parameters of depth sensors.
 
-Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, noise of 0.05 px and steps of 1/8 px
-(σ_Z about 1.4 mm at 1 m, 5.7 at 2, 12.8 at 3), 0.8 px of lateral jitter at edges, a shadow beside each edge, drop-outs at grazing
-angles. The noise is the sensor's: an image of 320×240 has the same as one of 640×480.
+Kinect 1: structured light, disparity d = f·B/Z with f = 575 px and B = 75 mm, noise of 0.05 px and steps of 1/8 px (σ_Z about 1.4
+mm at 1 m, 5.7 mm at 2 m, 12.8 mm at 3 m), 0.8 px of lateral jitter at edges, a shadow next to each edge, dropouts at grazing
+angles. The noise belongs to the sensor: an image of 320×240 has the same noise as one of 640×480.
 
-Kinect 2: time of flight, 1 to 2 mm at 1 m and more as the light fades, alike in neighbours, mixed pixels at edges, no shadow.
+Kinect 2: time of flight, 1 to 2 mm at 1 m and more at low signal, correlated between neighbouring pixels, mixed pixels at edges, no
+shadow.
 
-Both can be given what their plain models lack: noise that is alike in neighbours, and a warp across the image.
+Optional for both: spatially correlated noise, and a smooth warp across the image.
 """
 
 from dataclasses import dataclass
@@ -18,16 +19,17 @@ from jaxtyping import Float, Float32
 from treadline.signals import PinholeCamera
 
 DISPARITY_PX_M = 575.0 * 0.075
-"""f·B of the Kinect 1."""
+"""Product f·B of the Kinect 1 [px m]."""
 SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
+"""Width of the Kinect 1 disparity image and of the Kinect 2 depth image [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StructuredLight:
-    """A projector and a camera that sees its pattern shifted."""
+    """Parameters of a structured-light sensor: a projector and a camera that measures the disparity of its pattern."""
 
     focal_px: float
-    """Of the sensor's own disparity image, 640 pixels wide."""
+    """Focal length of the sensor's disparity image, 640 pixels wide [px]."""
     baseline_m: float
     sigma_px: float
     step_px: float
@@ -38,7 +40,7 @@ class StructuredLight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeOfFlight:
-    """A camera that measures how long its own light takes."""
+    """Parameters of a time-of-flight sensor, which measures the travel time of its own light."""
 
     floor_m: float
     gain_m: float
@@ -55,10 +57,11 @@ SENSORS: dict[str, StructuredLight | TimeOfFlight] = {
     # quarters of them alike from one pixel to the next.
     "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
 }
+"""Parameters by sensor name."""
 
 
 def alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> Float32[np.ndarray, " n"]:
-    """Return normal numbers that resemble those beside, above and below them in an image, as widely spread as before."""
+    """Return spatially correlated normal numbers for an image, with unchanged variance."""
     if sigma_px == 0.0:
         return normal
     whole = len(normal) // width_px * width_px
@@ -69,9 +72,9 @@ def alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> 
 
 
 def warp(camera: PinholeCamera, spread_px: float, rng: np.random.Generator) -> Float[np.ndarray, "h w"]:
-    """Return a smooth field over the image: what terms of up to third order in both coordinates make."""
+    """Return a smooth random field over the image: Legendre terms of up to third order in both coordinates."""
     u, v = np.linspace(-1.0, 1.0, camera.width_px), np.linspace(-1.0, 1.0, camera.height_px)
     order = np.add.outer(np.arange(4), np.arange(4))
-    # Slow waves are the larger ones: a lens and a projector bend, they do not ripple.
+    # Low orders have larger amplitudes, because distortions of lens and projector are smooth.
     field = np.polynomial.legendre.leggrid2d(v, u, rng.standard_normal((4, 4)) / (1.0 + order))
     return np.asarray(spread_px * (field - field.mean()) / field.std())

@@ -1,4 +1,4 @@
-"""What a camera can look at: boxes of any orientation, each with a colour of its own."""
+"""Visible objects of a scene: boxes with orientation and colour."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,11 +10,12 @@ from treadline.angles import rotation_z
 from treadline.mechanics.staircase import Box
 
 Rgb = tuple[float, float, float]
+"""Colour (red, green, blue), 0 to 255."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Puddle:
-    """Water on a tread: dark, with a highlight, and a mirror to a depth sensor."""
+    """Water on a tread: dark, with a highlight, and a mirror for a depth sensor."""
 
     centre_W: tuple[float, float, float]
     half_m: tuple[float, float]
@@ -23,35 +24,35 @@ class Puddle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shadow:
-    """A dark band across the scene, as a beam or a banister casts it: all points near a plane."""
+    """Dark band across the scene, the shadow of a beam or banister: all points near a plane."""
 
     normal_W: tuple[float, float, float]
     level_m: float
-    """Of the band's middle, along the normal."""
+    """Distance of the band's middle along the normal [m]."""
     half_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Solid:
-    """A box K in the world."""
+class SceneBox:
+    """Box in the world with frame K."""
 
     kind: str
-    """``floor``, ``step``, ``riser``, ``landing``, ``wall`` as in a staircase, or what else stands there."""
+    """Kind: ``floor``, ``step``, ``riser``, ``landing``, ``wall`` as in a staircase, or another object."""
     centre_W: Float[np.ndarray, " 3"]
     half_m: Float[np.ndarray, " 3"]
     R_WK: Float[np.ndarray, "3 3"]
     colour: Rgb | None = None
-    """Of its own; None for what its kind has."""
+    """Colour; None: the default of the kind."""
     texture: str | None = None
-    """Of its own; None for the scene's."""
+    """Texture; None: the default of the scene."""
     index: int = -1
-    """Of the step it belongs to; -1 for the rest."""
+    """Index of the step; -1 for other objects."""
 
 
-def solids_of(boxes: Iterable[Box]) -> tuple[Solid, ...]:
-    """Return a staircase's boxes in their order."""
+def solids_of(boxes: Iterable[Box]) -> tuple[SceneBox, ...]:
+    """Return the boxes of a staircase in their order."""
     return tuple(
-        Solid(
+        SceneBox(
             kind=box.kind,
             centre_W=np.array(box.centre_W),
             half_m=np.array(box.half_m),
@@ -71,10 +72,10 @@ def upright(
     texture: str | None = None,
     yaw_rad: float = 0.0,
     index: int = -1,
-) -> Solid:
+) -> SceneBox:
     """Return a box between two corners, turned about its own middle."""
     low, high = np.array(low_W), np.array(high_W)
-    return Solid(
+    return SceneBox(
         kind=kind,
         centre_W=0.5 * (low + high),
         half_m=0.5 * (high - low),
@@ -92,7 +93,7 @@ def beam(
     across_m: tuple[float, float],
     *,
     colour: Rgb | None = None,
-) -> Solid:
+) -> SceneBox:
     """Return a bar from one point to another.
 
     Args:
@@ -103,7 +104,7 @@ def beam(
     x = along / length
     side = np.cross(np.array([0.0, 0.0, 1.0]) if abs(x[2]) < 0.99 else np.array([1.0, 0.0, 0.0]), x)
     y = side / np.linalg.norm(side)
-    return Solid(
+    return SceneBox(
         kind=kind,
         centre_W=0.5 * (start_W + end_W),
         half_m=np.array([0.5 * length, 0.5 * across_m[0], 0.5 * across_m[1]]),

@@ -1,4 +1,4 @@
-"""What is true of the stair in a view, in the terms of the signals that speak of it."""
+"""Ground truth of the stair in a view, in the quantities of ``StairMap``."""
 
 import math
 from dataclasses import dataclass
@@ -12,65 +12,67 @@ from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import PinholeCamera
 from treadline.sim.camera.camera import ExactView
 from treadline.sim.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
-from treadline.sim.camera.flight import Direction, Flight, Pose
-from treadline.sim.camera.solids import Solid
+from treadline.sim.camera.flight import Direction, Pose, TiltedFlight
+from treadline.sim.camera.solids import SceneBox
 
 SWEPT_HEIGHT_M = (0.06, 1.4)
-"""Above the belts' lower line: lower things the belts climb, and the chair's rider is no taller."""
+"""Height range of the swept volume above the lower line of the belts [m]: the belts climb lower objects, and the rider is lower
+than the upper limit."""
 GRAIN_M = 0.01
-"""Distance between the points of a thing that are asked whether they stand in the way."""
+"""Spacing of the points of an object tested for the swept volume [m]."""
 LEAST_WALL = 0.01
-"""Share of the image that a wall or a rail must fill to count as seen."""
+"""Least image fraction of a visible wall or rail."""
 LEAST_TREAD = 0.01
-"""Share of the image that a tread must fill to count as seen."""
+"""Least image fraction of a visible tread."""
 UPPER_SIDE = 5
-"""Of a box's six."""
+"""Index of the upper side of a box."""
 HIDDEN_M = 0.03
-"""A nosing this far behind what the image shows in its place is hidden."""
+"""Distance behind the visible surface beyond which a nosing counts as hidden [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StairTruth:
-    """The stair as it is, in the terms of ``StairMap``."""
+    """Ground truth of the stair, in the quantities of ``StairMap``."""
 
     direction: Direction
     heading_rad: float
     edge_C: Float[np.ndarray, " 3"]
     """Unit vector along the nosings, pointing to the chair's right."""
     normal_C: Float[np.ndarray, " 3"]
-    """Unit vector square to the plane through the nosings, pointing away from the stair."""
+    """Unit vector normal to the nosing plane, pointing away from the stair."""
     slope_rad: float
     rise_m: float
     run_m: float
-    """As designed; jitter of single steps comes on top."""
+    """Design run of the steps [m], without jitter; ``rise_m`` likewise."""
     share: float
-    """Of the image that shows steps."""
+    """Image fraction of steps."""
     nosings_B: Float[np.ndarray, "n 3"]
-    """Where each nosing ahead meets the chair's middle plane, the nearest first; those out of sight too, and those that
-    would meet it beside the stair. A worn nosing counts as if it were sharp."""
+    """Intersections of the nosings ahead with the chair's middle plane [m], nearest first, including hidden ones and those whose
+    intersection lies next to the stair. Worn nosings are treated as sharp."""
     nosing_in_view: Bool[np.ndarray, " n"]
-    """Whether that point is on the stair, in the image and not hidden."""
+    """Whether each intersection is on the stair, in the image and not hidden."""
     treads_in_view: int
-    """Steps that show their tread, the landing among them. One alone may as well be a doorstep's, before a wall or on a floor."""
+    """Number of steps with a visible tread, the landing included. A single one can also be a doorstep."""
     end_in_view: bool
-    """Whether the flight's last nosing is in view, where it meets the middle plane or elsewhere."""
+    """Whether any part of the flight's last nosing is in view."""
     left_wall_m: float | None
-    """From the chair's middle to the wall or rail at its left, square to that; None if none is in view."""
+    """Distance from the chair's middle perpendicular to the wall or rail on the left [m]; None if not in view."""
     right_wall_m: float | None
+    """Distance from the chair's middle perpendicular to the wall or rail on the right [m]; None if not in view."""
     obstacle_m: float | None
-    """Along x to the nearest thing in the volume that the chair's tracks will sweep."""
+    """Distance along x to the nearest obstacle in the volume swept by the tracks [m]."""
 
 
 def stair_truth(
     direction: Direction,
-    flight: Flight,
+    flight: TiltedFlight,
     pose: Pose,
     camera: PinholeCamera,
-    solids: list[Solid],
+    solids: list[SceneBox],
     exact: ExactView,
     chair: ChairDescription,
 ) -> StairTruth:
-    """Return what is true of a flight from where the chair stands."""
+    """Return the ground truth of a flight from a pose of the chair."""
     right_W = np.array([0.0, -1.0 if direction == "up" else 1.0, 0.0])
     edge_B = pose.R_WB.T @ right_W
     is_step = np.array([*(solid.kind == "step" for solid in solids), False])
@@ -98,8 +100,8 @@ def stair_truth(
     )
 
 
-def _nosings(flight: Flight, pose: Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
-    """Return the nosings ahead of the chair's middle, the nearest first."""
+def _nosings(flight: TiltedFlight, pose: Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
+    """Return the nosings ahead of the chair's middle, nearest first."""
     steps = [step for step in flight.staircase.steps[:: 1 if direction == "up" else -1] if not step.missing]
     places = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
     points = crossings(places, np.array([flight.along(step) for step in steps]), pose.R_WB, pose.p_WB)
@@ -107,7 +109,7 @@ def _nosings(flight: Flight, pose: Pose, direction: Direction) -> Float[np.ndarr
 
 
 def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: ExactView) -> Bool[np.ndarray, " n"]:
-    """Return which points are in the image and not behind something."""
+    """Return the mask of points in the image and not hidden."""
     points = (points_B - np.array(camera.mount_m)) @ camera.R_BC
     z = np.maximum(points[:, 2], 1e-6)
     u = np.round(camera.fx_px * points[:, 0] / z + camera.cx_px)
@@ -119,22 +121,22 @@ def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: E
     return seen
 
 
-def _treads_in_view(solids: list[Solid], exact: ExactView) -> int:
+def _treads_in_view(solids: list[SceneBox], exact: ExactView) -> int:
     step_of = np.array([solid.index if solid.kind in ("step", "landing") else -1 for solid in solids])
     shown = step_of[exact.face[(exact.face >= 0) & (exact.face % 6 == UPPER_SIDE)] // 6]
     return int(np.count_nonzero(np.bincount(shown[shown >= 0]) > LEAST_TREAD * exact.face.size))
 
 
-def _end_in_view(flight: Flight, step: Step, pose: Pose, camera: PinholeCamera, exact: ExactView) -> bool:
+def _end_in_view(flight: TiltedFlight, step: Step, pose: Pose, camera: PinholeCamera, exact: ExactView) -> bool:
     aside = np.linspace(-0.5, 0.5, 21)[:, None] * flight.staircase.width_m
     points_W = np.array([step.x_m, 0.0, step.z_m]) + aside * flight.along(step)
     return bool(_in_view((points_W - pose.p_WB) @ pose.R_WB, camera, exact).any())
 
 
 def _walls(
-    staircase: Staircase, solids: list[Solid], pose: Pose, direction: Direction, exact: ExactView
+    staircase: Staircase, solids: list[SceneBox], pose: Pose, direction: Direction, exact: ExactView
 ) -> tuple[float | None, float | None]:
-    """Return the free widths at the chair's left and right, to the nearest of wall and rail that is in view."""
+    """Return the free widths on the left and right of the chair, to the nearest visible wall or rail."""
     half = 0.5 * staircase.width_m
     shown = np.bincount(exact.face[exact.face >= 0] // 6, minlength=len(solids)) / exact.face.size
     free: list[float | None] = []
@@ -147,8 +149,8 @@ def _walls(
     return (free[0], free[1]) if direction == "up" else (free[1], free[0])
 
 
-def _obstacle(solids: list[Solid], pose: Pose, chair: ChairDescription) -> float | None:
-    """Return how far ahead something stands between the tracks' outer sides, to a centimetre."""
+def _obstacle(solids: list[SceneBox], pose: Pose, chair: ChairDescription) -> float | None:
+    """Return the distance to the nearest obstacle between the outer sides of the tracks, to a centimetre."""
     half = 0.5 * (chair.tracks.gauge_m + chair.tracks.belt_width_m)
     found = []
     for solid in solids:

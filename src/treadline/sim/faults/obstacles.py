@@ -16,7 +16,7 @@ from treadline.mechanics.staircase import Staircase
 from treadline.signals import FrameQuality, Reading, StairMap
 from treadline.sim.camera.camera import Camera
 from treadline.sim.camera.make_camera import CameraModel
-from treadline.sim.camera.solids import Shadow, Solid, beam
+from treadline.sim.camera.solids import SceneBox, Shadow, beam
 from treadline.sim.camera.truth import SWEPT_HEIGHT_M
 from treadline.sim.faults.damage import Damage
 
@@ -45,8 +45,8 @@ class Surroundings:
 
     def __init__(self, staircase: Staircase, chair: ChairDescription, camera: CameraModel, direction: int) -> None:
         self.camera = self._clear_camera = camera
-        self.box: Solid | None = None
-        self._bar: tuple[Solid, Shadow] | None = None
+        self.box: SceneBox | None = None
+        self._bar: tuple[SceneBox, Shadow] | None = None
         self._damage = Damage()
         self._staircase, self._chair, self._direction = staircase, chair, direction
 
@@ -108,7 +108,7 @@ def box_ahead(
     p_WB: Float[np.ndarray, " 3"],
     ahead_m: float,
     direction: int,
-) -> Solid:
+) -> SceneBox:
     """Return a box on tread or floor, its face ``ahead_m`` from the leading end along the belts."""
     near = p_WB + direction * (leading_end_m(chair, direction) + ahead_m) * R_WB[:, 0]
     yaw = math.atan2(direction * R_WB[1, 0], direction * R_WB[0, 0])
@@ -116,11 +116,11 @@ def box_ahead(
     far = near + rotation_z(yaw)[:, 0] * BOX_M[0]
     centre = 0.5 * (near + far)
     centre[2] = min(_ground_m(staircase, near), _ground_m(staircase, far)) + half[2]
-    return Solid(kind="bag", centre_W=centre, half_m=half, R_WK=rotation_z(yaw), colour=BOX_COLOUR, texture="dark")
+    return SceneBox(kind="bag", centre_W=centre, half_m=half, R_WK=rotation_z(yaw), colour=BOX_COLOUR, texture="dark")
 
 
 def distance_m(
-    box: Solid, chair: ChairDescription, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
+    box: SceneBox, chair: ChairDescription, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
 ) -> float | None:
     """Return the distance along x from B to the nearest point of a box in the swept volume [m]; None without such a point."""
     axes = [np.linspace(-half, half, round(2.0 * half / GRAIN_M) + 1) for half in box.half_m]
@@ -132,7 +132,7 @@ def distance_m(
 
 
 def on_the_level_m(
-    box: Solid, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
+    box: SceneBox, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
 ) -> float | None:
     """Return the distance from mid-track to a box on the flat ground after the stair [m]; None on a step or out of range."""
     stands_m = float(box.centre_W[2] - box.half_m[2])
@@ -144,7 +144,7 @@ def on_the_level_m(
 
 def bar_in_view(
     staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], angle_rad: float
-) -> tuple[Solid, Shadow]:
+) -> tuple[SceneBox, Shadow]:
     """Return a bar on the nosings at the centre of the view, rotated to the left by ``angle_rad``, and its shadow."""
     R_WS = staircase.R_WS
     along = R_WS @ np.array([-math.sin(angle_rad), math.cos(angle_rad), 0.0])

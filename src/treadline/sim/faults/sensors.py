@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import accumulate
+from operator import itemgetter
 from typing import get_args
 
 import cv2
@@ -227,7 +229,7 @@ class SensorFaults:
     def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
         """Return the readings delivered to the mission at ``t_s``."""
         beats = list(self._heartbeat(t_s)) if self._has_operator else []
-        arrived = sorted([*readings, *beats], key=_stamp) if beats else readings
+        arrived = _merged(readings, beats) if beats else readings
         for fault_model in self._sensor_faults:
             arrived = [passed for reading in arrived for passed in fault_model.step(reading)]
         for burst in self._bursts:
@@ -264,8 +266,11 @@ def _numbered(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
         yield counts[fault.kind], fault
 
 
-def _stamp(reading: Reading) -> float:
-    return reading.t_s
+def _merged(readings: Sequence[Reading], beats: Sequence[Reading]) -> list[Reading]:
+    """Return readings and heartbeats in the order of arrival: a late reading arrives after the newest stamp before it."""
+    arrivals_s = accumulate((reading.t_s for reading in readings), max)
+    timed = [*zip(arrivals_s, readings, strict=True), *((beat.t_s, beat) for beat in beats)]
+    return [reading for _, reading in sorted(timed, key=itemgetter(0))]
 
 
 def _colours(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:

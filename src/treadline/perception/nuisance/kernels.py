@@ -1,8 +1,8 @@
-"""The edges' direction with what nobody knows of stair and camera integrated out, compiled.
+"""Posterior of the edge direction with the nuisance parameters of stair and camera marginalised, compiled.
 
-Rows ``by · x = value`` with a noise each; x holds the warp's terms first and α and ρ last. All rows of a step turn with it by
-one angle of variance τ² and tilt by another of variance κ², which Woodbury's identity takes out of the covariance; the warp's terms
-have a prior of one size. τ, κ and that size run over grids and count by their evidence and by what ``prior`` says of them.
+Equations ``by · x = value`` with known noise; x holds the warp coefficients first and α and ρ last. All equations of a step share
+one rotation of variance τ² and one tilt of variance κ², which are eliminated from the covariance by Woodbury's identity; the warp
+coefficients have a common prior scale. τ, κ and that scale run over grids, weighted by their evidence and by ``prior``.
 """
 
 import math
@@ -14,20 +14,20 @@ from numba import njit
 from treadline.fma import dot
 
 FLAT = 4.0
-"""Prior precision of α and ρ: half a radian, next to nothing."""
+"""Prior precision of α and ρ [1/rad²]: half a radian, nearly uninformative."""
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, covariance):
-    """Return the mean of x, and the variances and covariance of α and ρ; fill ``covariance`` with x's at the likeliest guess.
+def marginal_posterior(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, covariance):
+    """Return the posterior mean of x, and the variances and covariance of α and ρ; fill ``covariance`` with that of x at the mode.
 
     Args:
-        noise: Variance of each row.
-        turn_by: How a row's value changes with the turn of its step, and ``tilt_by`` with its tilt.
-        step: Number of each row's step, below ``steps``; -1 for a row that belongs to none.
-        turns: Standard deviations τ, ``tilts`` κ and ``warps`` of the warp's terms that are tried.
-        prior: Logarithm of their likelihood beforehand, a row for each pair of τ and κ.
+        noise: Variance of each equation.
+        turn_by: Derivative of each value with respect to the rotation of its step, and ``tilt_by`` to its tilt.
+        step: Step index of each equation, below ``steps``; -1 for none.
+        turns: Grid of standard deviations τ, ``tilts`` of κ and ``warps`` of the warp coefficients.
+        prior: Logarithm of the prior, one row per pair of τ and κ.
     """
     n = by.shape[1]
     pairs, size = turns.size * tilts.size, turns.size * tilts.size * warps.size
@@ -43,7 +43,7 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
             at = pair * warps.size + w
             logs[at] = of_pair[pair] + of_warp[pair] + prior[pair, w]
             means[at] = L[n, :, pair]
-            # The last two unknowns' part of the inverse needs the last corner of L alone.
+            # The block of the inverse for the last two unknowns depends on the last corner of L only.
             first, last = 1.0 / L[n - 2, n - 2, pair], 1.0 / L[n - 1, n - 1, pair]
             both = -L[n - 1, n - 2, pair] * first * last
             spreads[at, 0], spreads[at, 1], spreads[at, 2] = first * first + both * both, last * last, both * last
@@ -70,11 +70,11 @@ def integrated_out(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, penalty, kept):
-    """Clear ``kept`` of the rows that the evidence says belong to something else, one after the other, the plainest first.
+def reject_outliers(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, penalty, kept):
+    """Clear ``kept`` of the equations rejected by the evidence, one after the other, the clearest first.
 
     Args:
-        penalty: What the log evidence loses by calling a row a stray; infinite for one that cannot be.
+        penalty: Loss of log evidence by the rejection of an equation; infinite for one that must be kept.
     """
     rows, size = value.size, by.shape[1] + 1
     whole = noise.copy()
@@ -94,7 +94,7 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
                 least = log
                 continue
             whole[k] = noise[k]
-            # What the row itself adds by its noise; a stray may be anywhere.
+            # Evidence of the single equation: Gaussian noise, or uniform for an outlier.
             log += 0.5 * math.log(2.0 * math.pi * noise[k]) - penalty[k]
             if log > least:
                 least, stray = log, k
@@ -107,9 +107,9 @@ def strays(by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps,
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _room(n, pairs):
-    """Return arrays for ``n`` unknowns under each pair of irregularities: normal equations, factors, two logs of evidence.
+    """Return work arrays for ``n`` unknowns under each pair of irregularities: normal equations, factors, two log evidences.
 
-    Pairs are the last axis: a processor works on several at once.
+    Pairs are the last axis for vectorisation.
     """
     return np.zeros((n + 1, n + 1, pairs)), np.zeros((n + 1, n, pairs)), np.empty(pairs), np.empty(pairs)
 
@@ -117,7 +117,7 @@ def _room(n, pairs):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _evidence(plain, turned, tilted, own, turns, tilts, warps, prior, room):
-    """Return the log evidence of all rows, up to their noise, with the irregularities and the warp integrated out."""
+    """Return the log evidence of all equations, up to their noise, with irregularities and warp marginalised."""
     M, L, of_pair, of_warp = room
     logs = np.empty(turns.size * tilts.size * warps.size)
     _take_out(plain, turned, tilted, own, turns, tilts, M, of_pair)
@@ -132,11 +132,11 @@ def _evidence(plain, turned, tilted, own, turns, tilts, warps, prior, room):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own):
-    """Add up the normal equations without turns and tilts, values in the last row, and what each step has in common.
+    """Accumulate the normal equations without rotations and tilts, values in the last row, and the common sums of each step.
 
     Args:
         plain: Filled in its lower half.
-        turned: Filled with each step's sums that a turn takes part in, ``tilted`` a tilt, ``own`` the squares and product of both.
+        turned: Filled with each step's sums with the rotation, ``tilted`` with the tilt, ``own`` the squares and product of both.
     """
     rows, n = by.shape
     full = np.empty(n + 1)
@@ -161,7 +161,7 @@ def _gather(by, value, noise, turn_by, tilt_by, step, plain, turned, tilted, own
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _take_out(plain, turned, tilted, own, turns, tilts, M, logs):
-    """Fill the lower half of ``M`` with the normal equations under each pair of turn and tilt, ``logs`` with their log evidence."""
+    """Fill the lower half of ``M`` with the normal equations for each pair of rotation and tilt, ``logs`` with log evidences."""
     steps, size, pairs = own.shape[0], M.shape[0], logs.size
     of_turn, of_tilt, of_both = np.empty((steps, pairs)), np.empty((steps, pairs)), np.empty((steps, pairs))
     logs[:] = 0.0
@@ -186,11 +186,11 @@ def _take_out(plain, turned, tilted, own, turns, tilts, M, logs):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _solved(M, warp, L, logs):
-    """Fill ``L`` with Cholesky factors under a prior of the warp's terms, its last row with the solutions; ``logs`` as above."""
+    """Fill ``L`` with Cholesky factors for a prior of the warp coefficients, its last row with the solutions; ``logs`` as above."""
     n, pairs = L.shape[1], logs.size
     least = 1.0 / (warp * warp)
     for i in range(n + 1):
-        # The last row is the right-hand side: its factor is L⁻¹ times it.
+        # The last row is the right-hand side: its factor is L⁻¹ times the right-hand side.
         for j in range(min(i, n - 1) + 1):
             s, add = L[i, j], 0.0 if i > j else least if i < n - 2 else FLAT
             for pair in range(pairs):
@@ -201,11 +201,11 @@ def _solved(M, warp, L, logs):
             for pair in range(pairs):
                 s[pair] = math.sqrt(s[pair]) if i == j else s[pair] / L[j, j, pair]
     for pair in range(pairs):
-        log, misfit = 0.5 * (n - 2) * math.log(least), M[n, n, pair]
+        log, residual = 0.5 * (n - 2) * math.log(least), M[n, n, pair]
         for i in range(n):
             log -= math.log(L[i, i, pair])
-            misfit -= L[n, i, pair] * L[n, i, pair]
-        logs[pair] = log - 0.5 * misfit
+            residual -= L[n, i, pair] * L[n, i, pair]
+        logs[pair] = log - 0.5 * residual
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
             for pair in range(pairs):
@@ -217,7 +217,7 @@ def _solved(M, warp, L, logs):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def variances(covariances, direction):
-    """Return the variance along a direction that each covariance tells."""
+    """Return the variance along a direction for each covariance."""
     found, row = np.empty(covariances.shape[0]), np.empty(3)
     for k in range(covariances.shape[0]):
         for i in range(3):

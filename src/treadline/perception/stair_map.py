@@ -1,6 +1,6 @@
-"""The map of what lies ahead: nosings, the flight's end, walls and rails, and what stands in the way.
+"""Map of the stair in the camera's viewing direction: nosings, end of the flight, walls, rails and obstacles.
 
-Ahead is where the camera looks, which may be back over the chair: it then drives that way.
+For a rear camera the viewing direction, and the direction of travel, is backwards.
 """
 
 from collections.abc import Sequence
@@ -11,51 +11,57 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import kernels
-from treadline.perception.geometry import first_crowd, normal_of, points_of, way_of
-from treadline.perception.nosings import Axes, Nosing
-from treadline.perception.planes import Blocks
-from treadline.perception.sight import StairShape
+from treadline.perception.detection import StairShape
+from treadline.perception.geometry import first_crowd, normal_of, points_of, viewing_direction
+from treadline.perception.nosings import Axes, NosingObservation
+from treadline.perception.planes import PlanarBlocks
 from treadline.signals import RgbdFrame, StairMap
 
 SIDE_WALL = 15.0 * DEG
-"""How far a side wall's normal may lie from the edges' direction."""
+"""Largest angle between the normal of a side wall and the edge direction [rad]."""
 WALL_BLOCKS = 16
+"""Least number of blocks of a wall."""
 SWEPT_HEIGHT_M = 1.5
-"""A seated person's, above the nosing plane."""
+"""Height of a seated person above the nosing plane [m]."""
 CLEAR_M = 0.06
-"""Above the nosing plane: what is lower passes under the belts or is the stair's own irregularity."""
+"""Height above the nosing plane below which points are ignored [m]: lower objects pass under the belts or are irregularities of the
+stair."""
 BLUR_RAD = 0.035
-"""Above an edge, by which its depth may spread: ten pixels of 320, more than a Kinect's matching window."""
+"""Angle above an edge over which its depth can be smeared [rad]: ten pixels of 320, more than the matching window of a Kinect."""
 LEAST_POINTS = 12
-"""Of the quarter-resolution image that stand together for something to be there."""
+"""Least number of neighbouring points of an obstacle, in the quarter-resolution image."""
 STRIDE_AT_240 = 2
+"""Subsampling of the image at 240 rows [px]."""
 BIN_M = 0.05
+"""Width of a histogram bin [m]."""
 RAIL_BIN_M, RAIL_M = 0.1, 0.5
-"""Along the flight: what stands over this length at one place across it is a rail or a wall, not a thing on a step."""
+"""Bin along the flight and least length of a rail or wall [m]: longer objects at one lateral position are rails or walls, not
+objects on a step."""
 RAIL_THICK_M = 1.5 * BIN_M
-"""In front of a wall or rail that still is part of it."""
+"""Depth in front of a wall or rail assigned to it [m]."""
 RAIL_ASIDE_M = 0.25
-"""From the chair's middle: what lies closer is in the way, however long."""
+"""Lateral distance from the chair's middle within which any object is an obstacle, however long [m]."""
 CELLS = 10_000
-"""More than there are bins along any flight, none of which starts behind the camera."""
+"""Upper limit of the number of bins along a flight, counted from the camera."""
 END_MARGIN_M = 0.12
-"""How far behind the next step's place the depth must lie for the step to be absent: less than half a run."""
+"""Depth behind the expected next step that shows its absence [m]: less than half a run."""
 END_POINTS, END_SHARE = 40, 0.7
+"""Least number of grid points and least fraction of them for the end of a flight."""
 ASIDES_M, RISER_SHARES, TREAD_SHARES = np.linspace(-0.25, 0.25, 15), np.linspace(0.82, 0.97, 7), np.linspace(1.25, 1.9, 9)
-"""Where a next step is looked for: across the flight, by height of its riser and, ahead, by runs to its tread."""
+"""Grid for the search of a next step: lateral positions [m], heights of its riser [rises], distances to its tread [runs]."""
 
 
 def map_of(
-    frame: RgbdFrame, blocks: Blocks, flight: Sequence[Nosing], axes: Axes, shape: StairShape, swept_half_m: float
+    frame: RgbdFrame, blocks: PlanarBlocks, flight: Sequence[NosingObservation], axes: Axes, shape: StairShape, swept_half_m: float
 ) -> StairMap:
-    """Return what lies ahead, in the chair's frame.
+    """Return the map of the stair in the chair frame.
 
     Args:
-        swept_half_m: What the chair sweeps to either side.
+        swept_half_m: Half width of the volume swept by the chair.
     """
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
     points = points_of(flight, axes, shape)
-    way = way_of(R_BC)
+    way = viewing_direction(R_BC)
     nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
     ends = _ends(frame, points, axes, shape)
@@ -83,13 +89,13 @@ def map_of(
 def _crossing(
     point: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"], p_BC: Float[np.ndarray, " 3"], edge: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, " 3"]:
-    """Return where an edge meets the chair's middle plane, in B."""
+    """Return the intersection of an edge with the chair's middle plane, in B [m]."""
     p_B, e_B = R_BC @ point + p_BC, R_BC @ edge
     return np.asarray(p_B - p_B[1] / e_B[1] * e_B)
 
 
-def _side_walls(blocks: Blocks, axes: Axes, middle: float) -> tuple[float | None, float | None]:
-    """Return the distances of the nearest walls along the flight, left and right of the chair's middle as the camera sees it."""
+def _side_walls(blocks: PlanarBlocks, axes: Axes, middle: float) -> tuple[float | None, float | None]:
+    """Return the distances of the nearest walls along the flight, left and right of the chair's middle in the camera's view."""
     along = np.abs(blocks.unit @ axes.right) > np.cos(SIDE_WALL)
     places = blocks.centres[along] @ axes.right - middle
     return _group_nearest(-places), _group_nearest(places)
@@ -103,10 +109,10 @@ def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:
 def _standing(
     frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape, *, ends: bool
 ) -> Float[np.ndarray, "k 3"]:
-    """Return points of C that stand above the flight, from the camera to beyond what is seen of it.
+    """Return points in C above the flight, from the camera to beyond the visible part of the flight.
 
-    Something on the nearest steps hides their nosings: before the first one seen that leads up, the tread below it is taken to go
-    on. A flight that falls starts at the nosing plane: what the chair stands on is higher.
+    An object on the nearest steps hides their nosings, so for an ascending flight the tread below the first visible nosing is
+    extended towards the camera. A descending flight starts at the nosing plane, because the chair's support is higher.
     """
     camera = frame.camera
     normal = normal_of(axes, shape)
@@ -132,11 +138,11 @@ def _standing(
 
 
 def _along_the_flight(standing: Float[np.ndarray, "k 3"], axes: Axes) -> Float[np.ndarray, " j"]:
-    """Return the places across the flight, to the right, at which something goes on along it: rails and walls."""
+    """Return the lateral positions, to the right, of objects extending along the flight: rails and walls."""
     if not len(standing):
         return np.empty(0)
     ahead, aside = np.round(standing @ np.stack([axes.ahead / RAIL_BIN_M, axes.right / BIN_M], axis=1)).astype(np.int64).T
-    # A rail may lie across two bins.
+    # A rail can extend over two bins.
     cells = np.unique(np.concatenate([aside, aside + 1]) * CELLS + np.tile(ahead, 2))
     places, counts = np.unique(np.floor_divide(cells, CELLS), return_counts=True)
     return np.asarray((places[counts >= RAIL_M / RAIL_BIN_M] - 0.5) * BIN_M)
@@ -150,10 +156,10 @@ def _obstacle(
     p_BC: Float[np.ndarray, " 3"],
     swept_half_m: float,
 ) -> float | None:
-    """Return how far ahead of the chair something stands between its sides; walls and rails and what is behind them left out.
+    """Return the distance to the nearest obstacle between the chair's sides [m], excluding walls, rails and objects behind.
 
     Args:
-        free_m: Distance to what goes along the flight at the left and at the right, as the camera sees it.
+        free_m: Distance to rails and walls on the left and right, in the camera's view.
     """
     left_m, right_m = free_m
     aside = standing @ axes.right + float((R_BC.T @ p_BC) @ axes.right)
@@ -163,12 +169,12 @@ def _obstacle(
     if right_m is not None:
         within &= aside < right_m - RAIL_THICK_M
     x, y, _ = (standing[within] @ R_BC.T + p_BC).T
-    far = way_of(R_BC) * x
+    far = viewing_direction(R_BC) * x
     return next(iter(first_crowd(far[(np.abs(y) < swept_half_m) & (far > 0.0)], BIN_M, LEAST_POINTS)), None)
 
 
 def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None:
-    """Return the nearer of a wall's plane and of rails that stand out from it by more than a bin."""
+    """Return the nearer of a wall's plane and of rails at more than a bin from it."""
     rail = float(rails.min()) if rails.size else None
     if wall is None or rail is None:
         return rail if wall is None else wall
@@ -176,16 +182,16 @@ def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None
 
 
 def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape) -> bool:
-    """Return whether it is seen that no step follows the last nosing.
+    """Return whether the absence of a further step after the last nosing is visible.
 
-    Where the next step would stand, depth is compared with it: something further away, where a riser should be, or a level
-    that goes on, where a tread should have ended, shows a landing or a floor.
+    Depth is compared with the expected depth of the next step: a larger depth in place of a riser, or a horizontal surface beyond
+    the end of a tread, shows a landing or a floor.
     """
     last = max(points, key=lambda point: float(point @ axes.ahead))
     ahead, up = float(last @ axes.ahead), float(last @ axes.up)
     middle = median(float(point @ axes.right) for point in points)
     if shape.direction == "up":
-        # Close below the next edge: a board without a riser is no thicker.
+        # Slightly below the next edge: the thickness of a board without riser.
         places, heights = np.array([ahead + shape.run_m]), up + RISER_SHARES * shape.rise_m
     else:
         places, heights = ahead + shape.run_m * TREAD_SHARES, np.array([up - shape.rise_m])

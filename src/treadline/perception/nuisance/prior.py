@@ -1,10 +1,10 @@
-"""How irregular a stair is thought to be, and how warped the depth, before anything is seen.
+"""Prior of stair irregularity and depth warp.
 
-Two kinds of places are thought possible. One is as drawn, in all three at once: what a simulator renders, and new concrete seen by
-a camera that was calibrated well. In the other each is what it is, whatever the others are; up to what a careful builder leaves,
-a few tenths of a degree, each step of a geometric row is nearly as likely as the next, beyond it ever less. That perfection comes
-in all or not at all is what keeps nosings that agree by chance from being taken for it: the treads and the depth would have to
-agree as well (a spike and a slab: Mitchell, Beauchamp 1988).
+A mixture of two components (spike and slab: Mitchell, Beauchamp 1988). The first has no irregularity and no warp: rendered images,
+and new concrete seen by a well calibrated camera. In the second all three sizes are independent; up to the accuracy of a careful
+builder, a few tenths of a degree, the prior is nearly uniform over a geometric grid, beyond it decreasing. Since perfection applies
+to all three sizes or none, nosings that agree by chance do not suffice for the first component: treads and depth would have to
+agree as well.
 """
 
 from dataclasses import dataclass
@@ -15,28 +15,28 @@ from jaxtyping import Float
 from treadline.angles import DEG
 
 AS_DRAWN = 0.2
-"""How likely it is that all is as drawn."""
+"""Prior probability of the first component."""
 AS_DRAWN_RAD, AS_DRAWN_PX = 0.0016 * DEG, 0.0003
-"""What is left then; the sensor's noise is more."""
+"""Sizes of irregularity [rad] and warp [px] in the first component, below the sensor noise."""
 USUAL_RAD = 0.5 * DEG
-"""Irregularity that is half as likely as none would let it be, and larger ones ever less: 9.5 mm between the largest and the
-smallest step, as building codes allow, over a metre of width."""
+"""Irregularity at which the prior is halved [rad], decreasing beyond: 9.5 mm between the largest and the smallest step, the limit
+of building codes, over a metre of width."""
 POWER, WARP_POWER = 0.1, 0.3
-"""Of its size, by which a small irregularity, or a warp, is the likelier the larger it is."""
+"""Exponents of the prior at small sizes, for irregularity and warp."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prior:
-    """What is tried, and how likely it is beforehand."""
+    """Grids of the nuisance parameters, and their log prior."""
 
     turns: Float[np.ndarray, " t"]
     """Standard deviations of the steps' angles about the vertical [rad]."""
     tilts: Float[np.ndarray, " k"]
-    """Of those off level."""
+    """Standard deviations of the steps' tilts from horizontal [rad]."""
     warps: Float[np.ndarray, " w"]
     """Sizes of the warp [px]."""
     logs: Float[np.ndarray, "tk w"]
-    """Logarithm of the likelihood of each turn with each tilt, and of each warp."""
+    """Log prior of each pair of rotation and tilt, and of each warp."""
 
 
 def prior(
@@ -47,7 +47,7 @@ def prior(
     as_drawn: float = AS_DRAWN,
     usual_rad: float = USUAL_RAD,
 ) -> Prior:
-    """Return the likelihood of each that is tried."""
+    """Return the prior on the given grids."""
     of_turns, of_tilts = _of_angles(turns, usual_rad), _of_angles(tilts, usual_rad)
     slab = of_turns[:, None, None] * of_tilts[None, :, None] * warps[None, None, :] ** WARP_POWER
     belief = (1.0 - as_drawn) * slab / slab.sum()

@@ -1,4 +1,4 @@
-"""A camera's calibration from its TOML file."""
+"""Camera calibration from a TOML file."""
 
 import math
 from pathlib import Path
@@ -13,20 +13,22 @@ from treadline.signals import PinholeCamera
 
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
-"""Share of the image: a principal point there belongs to an image of twice the size, not to a crop that anyone takes."""
+"""Image fraction next to the border: a principal point there belongs to an image of twice the size, not to a crop."""
 SQUARE = (0.8, 1.25)
-"""Of a pixel's width to its height: what calibrations of one lens come to; anamorphic cameras are none."""
+"""Range of the ratio of pixel width to pixel height; anamorphic cameras are not supported."""
 FIELD_DEG = (10.0, 150.0)
-"""Of view, across and upright: below it a telescope, above it a fisheye, which is no pinhole."""
+"""Range of the field of view, horizontal and vertical [deg]: smaller for a telescope, larger for a fisheye, which is not a pinhole
+camera."""
 RIGID = 1e-3
-"""How far a rotation may be from one: calibrations are printed with few digits."""
+"""Largest deviation of a rotation matrix from orthogonality, for matrices with few digits."""
 MOUNT_ANGLES = ("mount_pitch_deg", "mount_roll_deg", "mount_yaw_deg")
+"""Names of the mount angles."""
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
 
 
 class CameraFile(Settings):
-    """A pinhole camera, the unit of its depth images and its mount on the chair."""
+    """Pinhole camera, the unit of its depth images and its mount on the chair."""
 
     width: Pixels
     height: Pixels
@@ -35,11 +37,11 @@ class CameraFile(Settings):
     cx_px: float
     cy_px: float
     depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
-    """One count of the depth image; 0 and 65535 mean no return."""
+    """Depth per count of the depth image; counts 0 and 65535 mean no return."""
     registered: bool = True
-    """Whether colour and depth share one image plane; if not, the numbers above are the depth camera's."""
+    """Whether colour and depth share one image plane; if not, the calibration is that of the depth camera."""
     X_depth_colour: tuple[float, ...] | None = None
-    """Pose of the colour camera in the depth camera, of like lens: four or three rows of four numbers [m]."""
+    """Pose of the colour camera in the depth camera, both with the same lens: four or three rows of four numbers [m]."""
     mount_pitch_deg: Degrees = 0.0
     mount_roll_deg: Degrees = 0.0
     mount_yaw_deg: Degrees = 0.0
@@ -92,12 +94,12 @@ class CameraFile(Settings):
 
     @property
     def mount_known(self) -> bool:
-        """Whether the file says how the camera is turned on the chair; if not, it is taken to look level and straight ahead."""
+        """Whether the file gives the mount orientation; otherwise the camera is assumed level and facing ahead."""
         return not self.model_fields_set.isdisjoint(MOUNT_ANGLES)
 
     @property
     def camera(self) -> PinholeCamera:
-        """The calibration as the detector reads it."""
+        """Calibration as used by the detector."""
         return PinholeCamera(
             width_px=self.width,
             height_px=self.height,
@@ -116,6 +118,6 @@ def read_camera(path: Path) -> CameraFile:
     """Return the calibration in a file.
 
     Raises:
-        SettingsError: If it is missing or says something it must not.
+        SettingsError: If the file is missing or invalid.
     """
     return read_toml(path, CameraFile)

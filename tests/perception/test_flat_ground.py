@@ -1,4 +1,4 @@
-"""What stands on the level beyond a stair: told by depth and gravity alone, and nothing where nothing stands."""
+"""Obstacles on flat ground beyond a stair, from depth and gravity alone."""
 
 import math
 
@@ -9,21 +9,27 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.perception.level import obstacle_on_the_level
+from treadline.perception.flat_ground import obstacle_on_flat_ground
 from treadline.scenario import Stair
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import Camera
-from treadline.sim.camera.solids import Solid, solids_of
+from treadline.sim.camera.solids import SceneBox, solids_of
 
 CHAIR = read_chair("wheelchair")
 BOX_HALF_M = np.array([0.125, 0.3, 0.25])
 LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 SEES_M = 0.05
-"""A box's face is told to within the crowd's bin and the noise of its depth."""
+"""Accuracy of a box's distance: the bin of the cluster plus the noise of its depth [m]."""
 
 
 def seen(
-    scene: list[Solid], pitch_rad: float, p_WB: Float[np.ndarray, " 3"], *, rear: bool = False, seed: int = 0, yaw_rad: float = 0.0
+    scene: list[SceneBox],
+    pitch_rad: float,
+    p_WB: Float[np.ndarray, " 3"],
+    *,
+    rear: bool = False,
+    seed: int = 0,
+    yaw_rad: float = 0.0,
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
     """Return a frame from a chair that stands at a pose, and down in C."""
     calibration: PinholeCamera = CHAIR.camera_at(240, rear=rear)
@@ -37,9 +43,9 @@ def flight() -> Staircase:
     return build_staircase(Stair(slope_deg=28.0, steps=8, landing_m=4.0), np.random.default_rng(1))
 
 
-def thing(x_m: float, y_m: float, floor_m: float, half_m: Float[np.ndarray, " 3"] = BOX_HALF_M) -> Solid:
+def thing(x_m: float, y_m: float, floor_m: float, half_m: Float[np.ndarray, " 3"] = BOX_HALF_M) -> SceneBox:
     centre = np.array([x_m, y_m, floor_m + half_m[2]])
-    return Solid(kind="bag", centre_W=centre, half_m=half_m, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
+    return SceneBox(kind="bag", centre_W=centre, half_m=half_m, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
 
 
 def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np.ndarray, " 3"]]:
@@ -50,39 +56,39 @@ def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np
 
 @pytest.mark.parametrize("before_m", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("beyond_m", [1.2, 1.6, 2.0])
-def test_a_box_on_the_landing_is_told_from_the_flight_by_its_distance(before_m: float, beyond_m: float) -> None:
+def test_a_box_on_the_landing_is_reported_from_the_flight_by_its_distance(before_m: float, beyond_m: float) -> None:
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, before_m)
     last = staircase.steps[-1]
     box = thing(p_WB[0] + beyond_m + BOX_HALF_M[0], 0.1, last.z_m)
     for seed in range(3):
-        told = obstacle_on_the_level(*seen([*solids_of(staircase.boxes()), box], pitch, p_WB, seed=seed))
-        assert told == pytest.approx(beyond_m, abs=SEES_M)
+        reported = obstacle_on_flat_ground(*seen([*solids_of(staircase.boxes()), box], pitch, p_WB, seed=seed))
+        assert reported == pytest.approx(beyond_m, abs=SEES_M)
 
 
 @pytest.mark.parametrize("before_m", [-0.2, 0.0, 0.3, 0.5, 0.8])
-@pytest.mark.parametrize("askew_deg", [-10.0, 0.0, 10.0])
-def test_an_empty_landing_is_empty(before_m: float, askew_deg: float) -> None:
+@pytest.mark.parametrize("yaw_deg", [-10.0, 0.0, 10.0])
+def test_an_empty_landing_is_empty(before_m: float, yaw_deg: float) -> None:
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, before_m)
     for seed in range(3):
-        assert obstacle_on_the_level(*seen(solids_of(staircase.boxes()), pitch, p_WB, seed=seed, yaw_rad=askew_deg * DEG)) is None
+        assert obstacle_on_flat_ground(*seen(solids_of(staircase.boxes()), pitch, p_WB, seed=seed, yaw_rad=yaw_deg * DEG)) is None
 
 
 @pytest.mark.parametrize("far_m", [0.9, 1.2, 1.5])
-def test_a_leg_on_the_floor_behind_a_chair_that_backs_down_is_told_and_no_step(far_m: float) -> None:
+def test_a_leg_on_the_floor_behind_a_descending_chair_is_reported_and_no_step(far_m: float) -> None:
     staircase = flight()
     slope, first = staircase.slope_rad, staircase.steps[0]
     p_WB = np.array([first.x_m + 0.45 * math.cos(slope), 0.0, first.z_m + 0.45 * math.sin(slope)])
     solids = solids_of(staircase.boxes())
     for seed in range(3):
-        assert obstacle_on_the_level(*seen(solids, slope, p_WB, rear=True, seed=seed)) is None
+        assert obstacle_on_flat_ground(*seen(solids, slope, p_WB, rear=True, seed=seed)) is None
         leg = thing(p_WB[0] - far_m - LEG_HALF_M[0], -0.2, 0.0, LEG_HALF_M)
-        told = obstacle_on_the_level(*seen([*solids, leg], slope, p_WB, rear=True, seed=seed))
+        reported = obstacle_on_flat_ground(*seen([*solids, leg], slope, p_WB, rear=True, seed=seed))
         # Its top, 0.8 m up, leans towards a chair that comes down pitched.
         leans_m = far_m - (far_m * math.cos(slope) - (2.0 * LEG_HALF_M[2] - p_WB[2]) * math.sin(slope))
-        assert told is not None
-        assert far_m - leans_m - SEES_M < told < far_m + SEES_M
+        assert reported is not None
+        assert far_m - leans_m - SEES_M < reported < far_m + SEES_M
 
 
 @pytest.mark.parametrize("walls", ["none", "both"])
@@ -94,7 +100,7 @@ def test_a_flight_that_falls_away_behind_is_no_obstacle(walls: str, down_m: floa
     level = down_m < 0.0
     p_WB = np.array([last.x_m - down_m * (1.0 if level else math.cos(slope)), 0.0, last.z_m - max(down_m, 0.0) * math.sin(slope)])
     for seed in range(3):
-        assert obstacle_on_the_level(*seen(solids, 0.0 if level else slope, p_WB, rear=True, seed=seed)) is None
+        assert obstacle_on_flat_ground(*seen(solids, 0.0 if level else slope, p_WB, rear=True, seed=seed)) is None
 
 
 @pytest.mark.parametrize(("y_m", "half_m"), [(0.9, BOX_HALF_M), (0.0, np.array([0.3, 0.3, 0.03]))])
@@ -102,12 +108,12 @@ def test_what_is_beside_the_way_or_low_is_no_obstacle(y_m: float, half_m: Float[
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, 0.3)
     aside = thing(p_WB[0] + 1.5, y_m, staircase.steps[-1].z_m, half_m)
-    assert obstacle_on_the_level(*seen([*solids_of(staircase.boxes()), aside], pitch, p_WB)) is None
+    assert obstacle_on_flat_ground(*seen([*solids_of(staircase.boxes()), aside], pitch, p_WB)) is None
 
 
 @pytest.mark.parametrize(("model", "half_m"), [("wheelchair", 0.40), ("rescue", 0.345)])
 def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is(model: str, half_m: float) -> None:
-    """Test: either vehicle; a leg on the landing 2 cm within what it sweeps, and 2 cm beside. Expected result: a distance; None."""
+    """Test: either vehicle; a leg on the landing 2 cm inside the swept width, 2 cm outside. Expected result: a distance; None."""
     chair = read_chair(model)
     assert chair.swept_half_m == pytest.approx(half_m, abs=1e-12)
     staircase = flight()
@@ -115,14 +121,14 @@ def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is
     for aside_m, met in ((-0.02, True), (0.02, False)):
         leg = thing(p_WB[0] + 1.5, half_m + aside_m + LEG_HALF_M[1], staircase.steps[-1].z_m, LEG_HALF_M)
         frame, down_C = seen([*solids_of(staircase.boxes()), leg], pitch, p_WB)
-        assert (obstacle_on_the_level(frame, down_C, chair.swept_half_m) is not None) is met
+        assert (obstacle_on_flat_ground(frame, down_C, chair.swept_half_m) is not None) is met
 
 
-def test_without_ground_nothing_is_told() -> None:
+def test_without_ground_nothing_is_reported() -> None:
     """Test: no depth at all; a wall before the camera and nothing else. Expected result: None."""
     staircase = flight()
     frame, down_C = seen(solids_of(staircase.boxes()), *at_the_crest(staircase, 0.3))
     frame.depth_m[:] = np.nan
-    assert obstacle_on_the_level(frame, down_C) is None
+    assert obstacle_on_flat_ground(frame, down_C) is None
     frame.depth_m[:] = 1.0
-    assert obstacle_on_the_level(frame, np.array([0.0, 1.0, 0.0])) is None
+    assert obstacle_on_flat_ground(frame, np.array([0.0, 1.0, 0.0])) is None

@@ -1,4 +1,4 @@
-"""What one frame says: a heading with its uncertainty, or a reason why not."""
+"""Detection result of one frame: a heading with its uncertainty, or the reason of a rejection."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,71 +7,71 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.nosings import Direction, Nosing
-from treadline.perception.planes import Blocks, Surface
+from treadline.perception.nosings import Direction, NosingObservation
+from treadline.perception.planes import PlanarBlocks, Surface
 from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
 
 SWEPT_HALF_M = 0.40
-"""Half the width that the shipped wheelchair sweeps: where no chair is told, as of a folder of frames."""
+"""Half width swept by the shipped wheelchair [m], for frames without a chair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StairShape:
-    """The stair's measures as far as one frame shows them."""
+    """Dimensions of the stair from one frame."""
 
     rise_m: float
     run_m: float
     slope_rad: float
     distance_m: float
-    """From the camera to the nearest nosing in view, level and square to it."""
+    """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
     direction: Direction
-    """Whether the flight that the camera looks at rises or falls."""
+    """Direction of the visible flight: rising or falling."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stages:
-    """The six stages of Fig. 5, each as a picture, and the line segments kept."""
+    """Six stages of Fig. 5 as images, and the resulting line segments."""
 
     pictures: tuple[UInt8[np.ndarray, "h w 3"], ...]
     nosings_px: Float[np.ndarray, "n 4"]
-    """u1, v1, u2, v2 of each merged edge, left end first."""
+    """Ends u1, v1, u2, v2 of each merged edge, left end first [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Parts:
-    """What the robust estimator found in a frame: for pictures, and for whoever asks why."""
+    """Intermediate results of the robust detector, for images and diagnosis."""
 
-    blocks: Blocks
+    blocks: PlanarBlocks
     risers: tuple[Surface, ...]
     treads: tuple[Surface, ...]
-    flight: tuple[Nosing, ...]
+    flight: tuple[NosingObservation, ...]
     aside: Float[np.ndarray, " 3"]
-    """Unit vector in C along which the nosings' ``sides_m`` count: the edges' direction as first guessed, not as it was found."""
+    """Unit vector in C of the nosings' ``sides_m``: the initial edge direction, not the final one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Sight(Printable):
-    """The answer to one frame."""
+class StairDetection(Printable):
+    """Detection result of one frame."""
 
     accepted: bool
     reason: str | None
-    """Why there is no heading; None when accepted."""
+    """Reason of the rejection; None if accepted."""
     heading_rad: float | None
     sigma_rad: float | None
     edge_direction_C: Float[np.ndarray, " 3"] | None
     """Unit vector along the stair's edges in C, pointing to the chair's right."""
     edge_count: int
     box_px: tuple[int, int, int, int] | None
-    """Smallest and largest column and row of the stair: u0, v0, u1, v1."""
+    """Smallest and largest column and row of the stair: u0, v0, u1, v1 [px]."""
     shape: StairShape | None
     stages: Stages | None
     planes_against_lines_rad: float | None = None
-    """The edges' angle about the vertical by risers less that by lines; None unless both are seen."""
+    """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
     parts: Parts | None = None
     draw_map: Callable[[float], StairMap] | None = None
-    """Makes the map at its first call, for a chair that sweeps so much to either side."""
+    """Function from half swept width to the map, called once."""
     swept_half_m: float = SWEPT_HALF_M
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
@@ -90,13 +90,13 @@ class Sight(Printable):
 
     @property
     def stair_map(self) -> StairMap | None:
-        """What lies ahead, made when it is first asked for: who wants the heading alone need not wait for it."""
+        """Map of the stair, computed on first access."""
         return None if self.draw_map is None else self.draw_map(self.swept_half_m)
 
 
-def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> Sight:
-    """Return a sight without a heading."""
-    return Sight(
+def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> StairDetection:
+    """Return a result without a heading."""
+    return StairDetection(
         accepted=False,
         reason=reason,
         heading_rad=None,

@@ -1,4 +1,4 @@
-"""What stands on the flight: in the way of a chair as wide as the one that looks."""
+"""Obstacles on the flight, for the width of the observing chair."""
 
 import math
 
@@ -8,12 +8,12 @@ import pytest
 from treadline.angles import rotation_y
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
-from treadline.perception import ahead, kernels
+from treadline.perception import kernels, stair_map
+from treadline.perception.detection import SWEPT_HALF_M
 from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.sight import SWEPT_HALF_M
 from treadline.scenario import Stair
 from treadline.sim.camera import Camera
-from treadline.sim.camera.solids import Solid, solids_of
+from treadline.sim.camera.solids import SceneBox, solids_of
 
 LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 
@@ -21,12 +21,12 @@ LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 @pytest.mark.parametrize("model", ["wheelchair", "rescue"])
 @pytest.mark.parametrize(("aside_m", "met"), [(-0.03, True), (0.03, False)])
 def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str, aside_m: float, met: bool) -> None:
-    """Test: either vehicle on a flight; a leg 3 cm within what it sweeps, and 3 cm beside. Expected result: a distance; None."""
+    """Test: either vehicle on a flight; a leg 3 cm inside the swept width, and 3 cm outside. Expected result: a distance; None."""
     chair = read_chair(model)
     staircase = build_staircase(Stair(slope_deg=28.0, steps=12, width_m=2.4), np.random.default_rng(1))
     slope, here, there = staircase.slope_rad, staircase.steps[3], staircase.steps[7]
     centre = np.array([there.x_m + 0.15, chair.swept_half_m + aside_m + LEG_HALF_M[1], there.z_m + LEG_HALF_M[2]])
-    leg = Solid(kind="bag", centre_W=centre, half_m=LEG_HALF_M, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
+    leg = SceneBox(kind="bag", centre_W=centre, half_m=LEG_HALF_M, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
     calibration, R_WB = chair.camera_at(240), rotation_y(-slope)
     R_WC = R_WB @ calibration.R_BC
     camera = Camera([*solids_of(staircase.boxes()), leg], calibration, rng=np.random.default_rng(2))
@@ -52,10 +52,10 @@ def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, heigh
     depth = np.repeat(strip[:, None], 20, axis=1).astype(np.float32)
     axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
     found = kernels.points_above(
-        depth, 1, focal, focal, 10.0, 120.0, axes, -0.5, -0.5, ahead.CLEAR_M, ahead.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
+        depth, 1, focal, focal, 10.0, 120.0, axes, -0.5, -0.5, stair_map.CLEAR_M, stair_map.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
     )
     assert bool(len(found)) is met
 
 
-def test_where_no_chair_is_told_the_wheelchair_looks() -> None:
+def test_without_a_chair_the_swept_width_is_that_of_the_wheelchair() -> None:
     assert read_chair("wheelchair").swept_half_m == SWEPT_HALF_M
