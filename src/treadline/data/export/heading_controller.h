@@ -26,7 +26,7 @@ typedef struct {
 /* Estimate and plan. */
 typedef struct {
     bool has_estimate; /* false: no heading estimate; the chair stops */
-    bool steers;       /* false: steering is not its own or is suspended; the estimated mismatch is reset */
+    bool steers;       /* false: another controller steers, or steering is suspended; the estimated mismatch is reset */
     double heading_rad;
     double heading_rate_rad_s;
     double speed_m_s;          /* speed of both belts, negative when backing down */
@@ -43,7 +43,7 @@ typedef struct {
 /* Reset the state, including the estimated mismatch. */
 void heading_reset(heading_state *memory);
 
-/* Return the command for one estimate; call every HEADING_PERIOD_S. Without a usable estimate, or while others steer:
+/* Return the command for one estimate; call every HEADING_PERIOD_S. Without a usable estimate, or while another controller steers:
  * zero speed and brake. */
 heading_command heading_step(heading_state *memory, const heading_input *input);
 
