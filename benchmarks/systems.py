@@ -136,9 +136,7 @@ class DataSet:
 
 
 DATA_SETS = (
-    DataSet(
-        name="CD arm", file="cd_arm.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2"), known_percent=75.1
-    ),
+    DataSet(name="CD arm", file="cd_arm.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2"), known_percent=75.1),
     DataSet(name="robot arm", file="robot_arm.csv", inputs=("torque",), outputs=("acceleration",), known_percent=97.5),
     DataSet(
         name="steam generator",

@@ -13,7 +13,7 @@ import treadline as tl
 from treadline.errors import ImageError, RecordError, SettingsError, TreadlineError
 from treadline.models import LinearModel
 from treadline.scenario import Scenario
-from treadline.sim.camera import Recipe, draw_view
+from treadline.sim.camera import ViewRecipe, draw_view
 
 PUBLIC = {"check", "climb", "detect_stair", "identify", "load_model", "tune"}
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
@@ -87,7 +87,7 @@ def test_a_data_frame_keeps_its_column_names() -> None:
 
 
 def test_a_stair_is_detected_in_a_depth_array_of_any_kind() -> None:
-    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     depth = view.frame.depth_m
     found = tl.detect_stair(depth, view.frame.camera, view.gravity_C)
     assert found.accepted
@@ -99,7 +99,7 @@ def test_a_stair_is_detected_in_a_depth_array_of_any_kind() -> None:
 
 
 def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
-    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     camera = view.frame.camera
     angles = {name: np.degrees(getattr(camera, f"mount_{name}_rad")) for name in ("pitch", "roll", "yaw")}
     lines = [f"width = {camera.width_px}", f"height = {camera.height_px}"]
@@ -138,7 +138,7 @@ def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
 def printed() -> list[Any]:
     u, y = integrator()
     found = tl.identify(u, y, 0.25, order=2, method="okid-era")
-    view = draw_view(np.random.default_rng(1), Recipe(scenes=("up",)))
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",)))
     seen = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
     return [found, found.model, tl.tune(found), tl.check("up-28"), seen, tl.climb(Scenario.model_validate(SHORT))]
 

@@ -169,7 +169,7 @@ def test_a_word_that_treadline_does_not_know_is_refused(channel: str, word: byte
     signal = next(signal for name, signal in SIGNALS if name == channel)
     decoder = Decoder(channel, ros1=False)
     topic, _, data = next(message for message in encoded(channel, signal, ros1=False) if word in message[2])
-    with pytest.raises(LogFormatError, match=f"'{other.decode()}' stands where one of {known}"):
+    with pytest.raises(LogFormatError, match=f"unknown value '{other.decode()}'; known: {known}"):
         decoder.signal(topic, data.replace(word, other))
 
 
