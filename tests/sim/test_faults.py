@@ -52,7 +52,6 @@ def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up",
         control=Control(vision="robust"),
         sensors=Sensors.model_validate({"camera": camera}),
         fault=faults,
-        realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
     )
 
 
