@@ -1,9 +1,9 @@
 """Stairs and conditions of real buildings: each row is one scenario with one deviation, run with the statistical camera.
 
-Run: ``python benchmarks/building_stairs.py [--seeds N] [--only WORDS] [--workers N]`` (about ten minutes of CPU). Every run is a whole
-traversal of a 28° flight with a payload of 50 kg and friction 0.62/0.5, unless the row says otherwise. The table gives verdicts,
-the largest pitch rate, the largest passenger acceleration (mean over 50 ms), the smallest tip-over margin and the most frequent
-cause.
+Run: ``python benchmarks/building_stairs.py [--seeds N] [--only WORDS] [--workers N]`` (about ten minutes of CPU). Every run is a
+whole traversal of a 28° flight with a payload of 50 kg and friction 0.62/0.5, unless the row says otherwise. The table gives
+verdicts, the largest pitch rate, the largest passenger acceleration (mean over 50 ms), the smallest tip-over margin and the most
+frequent cause.
 """
 
 import argparse
