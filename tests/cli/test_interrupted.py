@@ -50,7 +50,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     out.mkdir()
     for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
         (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
-    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=6.0)
+    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=6.0)
     assert done.returncode == 130, done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr

@@ -226,10 +226,10 @@ def test_a_calibration_at_hand_is_not_written_over_unasked(
     (tmp_path / "camera.toml").write_text("mine")
     outcome = run("mount", driven)
     assert outcome.code == 2
-    assert "camera.toml: is there already" in outcome.err
+    assert "camera.toml: the file exists" in outcome.err
     assert (tmp_path / "camera.toml").read_text() == "mine"
     # What is wrong with the log comes first.
     outcome = run("mount", tmp_path / "nosuch")
     assert outcome.code == 2
     assert "nosuch" in outcome.err
-    assert "is there already" not in outcome.err
+    assert "the file exists" not in outcome.err

@@ -180,7 +180,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
 def test_a_seat_that_cannot_be_level_at_the_start_is_told_with_what_to_set() -> None:
     start, drive = Start(place="flight"), DriveSettings(check=False)
     scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
-    with pytest.raises(SettingsError, match=r"start\.seat = 'level' cannot be: .*45\.0° .*; give start\.seat = 'chassis'"):
+    with pytest.raises(SettingsError, match=r"start\.seat = 'level' is impossible: .*45\.0° .*; give start\.seat = 'chassis'"):
         traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
 
 

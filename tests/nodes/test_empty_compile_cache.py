@@ -9,16 +9,17 @@ from typing import Any
 import pytest
 
 RENDERED = """
-from treadline.cli.node import told
 from treadline.compiling import compiling
 from treadline.nodes import channels as on
 from treadline.nodes.assembly import node_of
 from treadline.nodes.inproc import InProcess
+from treadline.setup import resolve
 from treadline.signals import ImuSample, RgbdFrame
 from treadline.sim import open_plant
 
 clock = compiling()
-settings, config = told("{scenario}", None)
+setup = resolve("{scenario}")
+settings, config = setup.scenario, setup.mission
 node, bus = node_of("camera", config), InProcess()
 node.listen(bus)
 seen = []

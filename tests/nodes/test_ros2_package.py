@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+import treadline
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder
 from treadline.nodes.node_messages import GuardState
@@ -186,7 +187,7 @@ def test_the_package_says_what_its_files_are() -> None:
     used = {topic.kind.split("/")[0] for channel in on.CHANNELS.values() for topic in channel.topics}
     assert used <= needed
     ours = tomllib.loads((PACKAGE.parents[1] / "pyproject.toml").read_text())["project"]
-    assert manifest.findtext("version") == ours["version"]
+    assert manifest.findtext("version") == treadline.__version__
     assert manifest.findtext("license") == ours["license"]
 
 

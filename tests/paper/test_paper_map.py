@@ -1,10 +1,11 @@
 """docs/paper-map.md is complete, and each function, path and command on it exists."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -153,7 +154,11 @@ def test_every_command_on_the_map_is_one_of_ours() -> None:
 
 def _options(verb: str) -> set[str]:
     """Return the options of a command: those of its parameters, and names given in their annotations."""
-    parameters = signature(getattr(import_module(f"treadline.cli.{verb}"), verb), eval_str=True).parameters
+    parameters = dict(signature(getattr(import_module(f"treadline.cli.{verb}"), verb), eval_str=True).parameters)
+    for parameter in tuple(parameters.values()):  # options that belong together are the fields of one dataclass
+        kind = get_args(parameter.annotation)[0] if get_args(parameter.annotation) else parameter.annotation
+        if is_dataclass(kind):
+            parameters |= signature(kind, eval_str=True).parameters
     named = {
         name
         for parameter in parameters.values()

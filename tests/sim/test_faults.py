@@ -51,6 +51,7 @@ def scenario(*faults: Fault, camera: str = "statistical", direction: str = "up",
         drive=DriveSettings.model_validate({"direction": direction}),
         control=Control(vision="robust"),
         sensors=Sensors.model_validate({"camera": camera}),
+        realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
         fault=faults,
     )
 

@@ -12,11 +12,11 @@ import rclpy
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.lifecycle.node import LifecycleState
 
-from treadline.cli.node import simulated, told
 from treadline.errors import TreadlineError
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.plant import PlantNode
 from treadline.nodes.process import NodeRunner, run_plant
+from treadline.setup import resolve
 from treadline_ros2.transport import RclpyTransport
 
 
@@ -42,14 +42,19 @@ class TreadlineNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the settings and make the block."""
         del state
-        controller, out = self._told("controller"), self._told("out")
+        out = self._parameter("out")
         try:
-            self._settings, config = told(self._told("scenario"), Path(controller) if controller else None)
-            self._made = node_of(self.get_name(), config, plant=self._plant, out=Path(out) if out else None)
+            setup = resolve(
+                self._parameter("scenario"),
+                self._parameter("controller") or None,
+                self._parameter("seed"),
+                open_plant=self._parameter("plant"),
+            )
+            self._made = node_of(self.get_name(), setup.mission, plant=setup.open_plant, out=Path(out) if out else None)
         except TreadlineError as error:
             self.get_logger().error(str(error))
             return TransitionCallbackReturn.FAILURE
-        self._wire = RclpyTransport(self, mount_of(config))
+        self._wire = RclpyTransport(self, mount_of(setup.mission))
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -84,17 +89,14 @@ class TreadlineNode(LifecycleNode):
     def _turn(self) -> None:
         try:
             if isinstance(self._made, PlantNode):
-                run_plant(self._made, self._wire, stop=self._stop, pace=self._told("pace"))
+                run_plant(self._made, self._wire, stop=self._stop, pace=self._parameter("pace"))
             else:
                 clock = "sim" if self.get_parameter("use_sim_time").value else "wall"
                 NodeRunner(self._made, self._wire, clock=clock).run(self._stop)
         except TreadlineError as error:
             self.get_logger().error(str(error))
 
-    def _plant(self) -> Any:
-        return simulated(self._settings, self._told("seed"), self._told("plant"))
-
-    def _told(self, key: str) -> Any:
+    def _parameter(self, key: str) -> Any:
         return self.get_parameter(key).value
 
 
