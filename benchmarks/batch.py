@@ -1,9 +1,9 @@
 """Batch rate of the plant: ``python benchmarks/batch.py [--threads N] [--plants N] [--warp]``.
 
-Steps many chairs at once on a 28° flight, one thread per core, the compiled loop without the interpreter lock; beside it
-``mujoco.rollout`` on the same scene, which is MuJoCo's own uncorrected step. ``--warp`` also runs the scene that
-``treadline model SCENARIO --to mjcf`` exports, unchanged, on mujoco-warp (``pip install mujoco-warp``): on a GPU where there is
-one, on the CPU otherwise, where its speed says nothing; the state after 100 steps is compared with MuJoCo's.
+Steps many chairs at once on a 28° flight, one thread per core; the compiled loop releases the interpreter lock. The reference is
+``mujoco.rollout`` on the same scene, with MuJoCo's own uncorrected step. ``--warp`` also runs the scene exported by
+``treadline model SCENARIO --to mjcf``, unchanged, on mujoco-warp (``pip install mujoco-warp``). It uses a GPU if present and the
+CPU otherwise; the speed on the CPU is not representative. The state after 100 steps is compared with MuJoCo's.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """The Cramér–Rao bound: the least error that any unbiased estimate from the same inputs and noise can have.
 
-The Jacobian is exact (sensitivities by recursion). A state-space model has n² directions that change nothing, those of
-a change of coordinates; they are projected out, which leaves a minimal parametrisation around the truth.
+The Jacobian is exact (sensitivities by recursion). A change of coordinates moves the parameters of a state-space model along n²
+directions without effect on the outputs. These directions are projected out; the rest is a minimal parametrisation at ground truth.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Crest, edge and foot in figures: pitch rate, seat error, vertical acceleration; with errors, and with less of a flipper.
+"""Pitch rate, seat error and vertical acceleration at crest, top entry and foot; also with errors and with a limited flipper.
 
-Run: ``python benchmarks/crest.py`` (about two minutes of CPU). The tests hold a part of it: tests/experiments/test_crest.py.
+Run: ``python benchmarks/crest.py`` (about two minutes of CPU). tests/experiments/test_crest.py checks a part of these figures.
 """
 
 from treadline.experiments.crest import CrestCase, cross
@@ -8,7 +8,7 @@ from treadline.experiments.crest import CrestCase, cross
 SLOPES_DEG = (25.0, 28.0, 30.0)
 GRIPS = (1.0, 0.806)
 HEAVY_MAX_DEG = 26.0
-"""With 110 kg no further."""
+"""Steepest slope [°] of the cases with a payload of 110 kg."""
 
 
 def table(title: str, cases: dict[str, CrestCase]) -> None:

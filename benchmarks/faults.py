@@ -1,15 +1,16 @@
-"""Each fault in each phase, both ways, some seeds: does the chair end as the table of hazards says?
+"""Inject each fault in each phase, up and down, with several seeds, and compare the outcome with the table of hazards.
 
 Run: ``python benchmarks/faults.py`` (about an hour of CPU with five seeds), ``--quick`` for one seed of one load, ``--kinds
 camera_lost flipper_lost`` or ``--phases crest edge`` for a part, ``--rest 60`` for the whole minute of rule H, ``--out FOLDER``
-for a scenario file of each violation. A run without a fault, of the same seed, tells when each phase begins and ends; the fault
-comes in its middle (``--place`` says where else). The camera is the one without images: what falsifies pixels alone
-(``false_edges``) is left out.
+for a scenario file of each violation. A fault-free run with the same seed determines when each phase begins and ends. The fault
+starts in the middle of the phase (``--place`` sets another place). The statistical camera, which renders no images, is used;
+``false_edges``, which falsifies pixels only, is left out.
 
-H is asked where physics lets a chair hold. Braked at once, it slides away from 1.03 of the slope's tangent (with one belt weaker
-than the other it also turns, and falls) and stands at 1.05: what slips here keeps a mean of 1.05 (both) and 1.08 (one). The
-static margin under HOLD is judged on the flight and on the level. Where the chair pitches over crest and edge it stands on its
-flipper's tip, and a dead flipper lets it down by design: there the pitch rate is what counts.
+Rule H is checked where the friction allows a chair to hold. A chair that brakes at once slides away at a friction of 1.03 times the
+slope's tangent (with one belt weaker than the other it also turns, and falls) and stands at 1.05. The slip faults here therefore
+keep a mean of 1.05 (both belts) and 1.08 (one belt). The static margin under HOLD is judged on the flight and on flat ground. While
+the chair pitches over the crest or the top entry it stands on its flipper's tip, and a dead flipper lowers the chair by design:
+the pitch rate is judged there.
 """
 
 import argparse
@@ -39,20 +40,20 @@ from treadline.sim.plant import MujocoPlant
 
 STEPS = 8
 FRICTION_OF_TANGENT = 1.166
-"""Friction along over the slope's tangent: the default of 0.62 at 28°."""
+"""Ratio of the friction along the belt to the slope's tangent: the default of 0.62 at 28°."""
 SETTLED_S = 0.5
-"""After a hold the chair stands still within this time; from then on rule H counts."""
+"""Settling time after a hold [s], within which the chair comes to rest; rule H applies afterwards."""
 SLIDE_M, TURN_DEG, MARGIN_DEG = 0.020, 2.0, 7.0
 PITCH_RATE_DEG_S, SEAT_DEG, ROLL_BACK_M = 20.0, 5.0, 0.30
 MOVING_M_S = 0.02
 CLEAR_M = 0.3
-"""Before what stands in the way."""
+"""Least distance to an obstacle in the path [m]."""
 AFTERWARDS_S = 3.0
-"""Driven on after a fault that has passed."""
+"""Time that a run continues after the end of the fault [s]."""
 HEARD_S = 0.12
-"""A handset speaks ten times a second, and a tick later the command is zero."""
+"""Longest time from an operator stop to the zero command [s]: the handset sends at 10 Hz, and the loop adds a tick."""
 TOLD = ("slow", "hold", "re-referenced", "vision_dim", "back_off", "refused")
-"""Events that say that something was noticed."""
+"""Events that count as detection of a fault."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +103,9 @@ class Case:
     heading_deg: float = 6.0
     seat_deg: float = SEAT_DEG
     beyond_sound: bool = False
-    """Whether heading counts by what the fault adds to a sound run: where no stair is in view, sight makes no difference."""
+    """Whether the heading error is judged by its increase over the fault-free run, as where no stair is in view."""
     moving: bool = False
-    """Whether only a chair that moves can know: then its times count from where the belts run."""
+    """Whether the fault is observable only while the chair moves; times then count from the start of the belts."""
 
     @property
     def name(self) -> str:
@@ -214,11 +215,11 @@ class Outcome:
     margin_deg: float
     roll_back_m: float
     heading_deg: float
-    """The largest after the fault, above the one at it."""
+    """Largest heading error after the start of the fault, less the error at its start [°]."""
     pitch_rate_deg_s: float
     seat_deg: float
     faulty: tuple[str, ...] = field(default=())
-    """Which of the table's figures it breaks."""
+    """Limits of the table that the run violates."""
     toml: str = ""
 
 
@@ -277,7 +278,7 @@ class Disturbed:
         return replace(seen, faulty=tuple(wrong))
 
     def _seen(self, ride: Traverse, scenario: Scenario) -> Outcome:
-        # A sample that was left out is told with the time of the one before.
+        # The event of a missing sample carries the time of the previous sample.
         told = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1.5 * TICK_S]
         held_s = next((t_s for t_s, name in told if name == "hold"), math.nan)
         after = slice(round(self.at_s / TICK_S), None)
@@ -290,7 +291,7 @@ class Disturbed:
         due_s = self.at_s + (int(runs[0]) * TICK_S if self.case.moving and runs.size else 0.0)
         onward = trace["x_m"] if self.leg.direction == "up" else -trace["x_m"]
         backs_s = next((t_s - self.at_s for t_s, name in told if name == "back_off"), math.inf)
-        onward = onward[: max(round(min(backs_s / TICK_S, len(onward))), 1)]  # what it backs off, it was told to
+        onward = onward[: max(round(min(backs_s / TICK_S, len(onward))), 1)]  # backing off is commanded motion, not a slide
         return Outcome(
             case=self.case,
             leg=self.leg,
@@ -383,7 +384,7 @@ def _share(cell: Sequence[Outcome]) -> str:
 
 
 def main() -> None:
-    """Fly them all."""
+    """Run all cases and report the outcomes."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--quick", action="store_true", help="one seed, the first load")

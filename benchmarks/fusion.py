@@ -1,8 +1,8 @@
 """Heading between frames: ``python benchmarks/fusion.py [--seeds N] [--seed S] [--frames N]``.
 
-Three ways to fuse 100 Hz of gyro with 10 Hz of vision, on the same synthetic drives: the paper's offset as printed, the offset
-with a gate of 5°, and the filter. Every call draws seeds that nobody has tuned on, and prints them, so that a run can be repeated.
-``--frames`` adds the mount's calibration, from so many minutes of the simulated chair and its rendered frames.
+Compares three methods that fuse a 100 Hz gyro with 10 Hz vision on the same synthetic drives: the paper's offset as printed, the
+offset with a gate of 5°, and the filter. Every call draws new seeds, which no tuning has used, and prints them, so a run can be
+repeated. ``--frames N`` adds the mount calibration from N minutes of the simulated chair with rendered frames.
 """
 
 import argparse
@@ -66,19 +66,19 @@ class Condition:
     label: str
     seconds: float = 120.0
     gap_s: float = 0.0
-    """Without vision, at the end."""
+    """Duration of the interval without vision at the end of the drive [s]."""
     burst_s: float = 0.0
-    """At the start of every ten seconds, the first ten excepted."""
+    """Duration of a burst of false headings [s] at the start of every ten seconds, except the first ten."""
     burst_rad: float = 12.0 * DEG
     bias_step_rad_s: float = 0.0
     gyro_jump_rad: float = 0.0
     turn_in_gap_rad: float = 0.0
     wall: bool = False
-    """From 40 s on, after up to 3 s without vision, it sees a wall up to 20° askew for 14 s."""
+    """Whether vision measures a wall at a heading error of up to 20° for 14 s, from 40 s on, after up to 3 s without vision."""
     white: bool = False
-    """0.3 °/s of white noise instead of vibration."""
+    """Whether the gyro has white noise of 0.3 °/s instead of vibration."""
     crest: bool = False
-    """The chair tips onto the landing half-way through the gap."""
+    """Whether the chair tips onto the landing half-way through the interval without vision."""
 
 
 CONDITIONS = (
@@ -171,7 +171,7 @@ class Outcome:
     errors_rad: Float[np.ndarray, " n"]
     sigmas_rad: Float[np.ndarray, " n"]
     found_s: float
-    """First fault told after it set in, or infinity."""
+    """Time of the first fault report after the onset of the fault [s]; infinity without a report."""
     alarms: int
 
 
@@ -217,7 +217,7 @@ def table(seeds: list[int]) -> None:
 
 
 def mount_table(seeds: list[int], seconds: float = 60.0) -> None:
-    """Print what a minute of rendered frames tells of a mount up to 5° askew."""
+    """Print the accuracy of the calibration of a mount misaligned by up to 5°, from a minute of rendered frames."""
     print("\n| seed | slope ° | rise jitter mm | mount off by ° | pitch error ± σ ° | roll error ± σ ° | yaw error ± σ ° |")
     print("| --- |" + " --- |" * 6)
     for seed in seeds:

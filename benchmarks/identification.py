@@ -1,10 +1,10 @@
-"""Identification beside its peers: ``python benchmarks/identification.py [--quick] [--only accuracy|speed|real]``.
+"""Identification next to peer libraries: ``python benchmarks/identification.py [--quick] [--only accuracy|speed|real]``.
 
 Peers take part where they are installed: ``pip install -e ".[dev]" control sippy_unipi nfoursid``,
 ``apt-get install libslicot0 libopenblas0``, and modred as a run without it says. Accuracy is the relative error of Markov
 parameters, with the Cramér–Rao bound of the same inputs; speed is processor time on one thread; real data are judged by
-free runs on the second half. One judge (``score.py``) scores every model. Peers get the best of several block rows with
-the truth in hand; treadline gets no choice but the method.
+free runs on the second half. One module (``score.py``) scores every model. Peers get the best of several numbers of block rows,
+chosen by ground truth; for treadline, only the method is chosen.
 """
 # ruff: noqa: E402 (the number of threads must be set before a BLAS is loaded)
 
@@ -34,7 +34,7 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "sysid"
 SEEDS, QUICK_SEEDS = 20, 4
 RUNS, QUICK_RUNS = 200, 10
 SLOW = {"SIPPY PARSIM-K", "SIPPY CVA", "nfoursid"}
-"""Left out of a quick run: slow on the longer records, or close to another of the same package."""
+"""Peers left out of a quick run: slow on the longer records, or close to another method of the same package."""
 
 
 def accuracy_part(fits: dict[str, peers.Fit], first: int, *, quick: bool) -> None:

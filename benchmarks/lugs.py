@@ -1,4 +1,4 @@
-"""Smooth belts beside belts with lugs, on corrected contact: ``python benchmarks/lugs.py``; see ``docs/evidence/lugs.md``."""
+"""Smooth belts compared with lugged belts, on corrected contact: ``python benchmarks/lugs.py``; see ``docs/evidence/lugs.md``."""
 
 import math
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ from treadline.sim import MujocoPlant, kernels, lug_kernels, open_plant
 
 RUN_M = 0.30
 SEEDS = (1, 2, 3, 4)
-"""Each seed starts the lugs elsewhere."""
+"""Seeds of the lugs' position at the start of a run."""
 SMOOTHING = 5
-"""Ticks over which the passenger's place is averaged before it is differentiated twice: 50 ms, a seat cushion."""
+"""Window [ticks] that averages the passenger's position before it is differentiated twice: 50 ms, as a seat cushion."""
 SETTLED = 100
-"""Ticks at the start that no figure counts."""
+"""Number of ticks at the start of a run that the figures exclude."""
 BELTS = {
     "smooth": Belts(),
     "8/60": Belts(lug="8/60"),
@@ -35,7 +35,7 @@ BELTS = {
 
 
 TURNS = ((-30.0, 0.1, 0.7), (30.0, 0.7, 0.1))
-"""Heading, left and right belt speed of a turn towards straight."""
+"""Start heading [°] and left and right belt speed [m/s] of each turn towards zero heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

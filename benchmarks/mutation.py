@@ -1,9 +1,9 @@
-"""Would the guard's tests notice? Each line of the guard is spoilt in turn, and its tests must fail.
+"""Mutation test of the guard: each line of the guard is changed in turn, and a test must fail.
 
 Run: ``python benchmarks/mutation.py`` (some minutes of CPU), ``--sample 40`` for a quick look, ``--only belts.py`` for one file.
 Mutants: another comparison (``<`` for ``<=``, ``<`` for ``>=``), a number changed, and for or, not dropped or added, another
-operation, another value returned. A mutant that its tests do not notice survives, and is listed: a weak test, or a change that
-changes nothing. What is only said to people (text, docstrings, annotations) is not spoilt.
+operation, another value returned. A mutant that no test detects survives and is listed: it shows a weak test, or it is equivalent
+to the original. Text, docstrings and annotations are not mutated.
 """
 
 import argparse
@@ -30,7 +30,7 @@ GUARD = ROOT / "src" / "treadline" / "mission" / "guard"
 PACKAGE = "treadline.mission.guard"
 TESTS = [*sorted((ROOT / "tests" / "mission").glob("test_guard*.py"))]
 PATIENCE_S = 30
-"""Of CPU: a mutant whose tests take longer hangs, which is noticed too."""
+"""CPU time limit of a mutant's tests [s]; a mutant that exceeds it counts as detected (``hangs``)."""
 
 COMPARE: dict[type[ast.cmpop], tuple[type[ast.cmpop], ...]] = {
     ast.Lt: (ast.LtE, ast.GtE),
@@ -198,7 +198,7 @@ def collected() -> list[Case]:
 
 
 def noticed(mutant: Mutant, cases: list[Case]) -> str:
-    """Return the test that notices a mutant, or "" if none does; in a process of its own, from a warm start."""
+    """Return the test that detects a mutant, or "" if none does. The tests run in a forked process, after the imports."""
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -216,7 +216,7 @@ def noticed(mutant: Mutant, cases: list[Case]) -> str:
 def _first_failure(mutant: Mutant, cases: list[Case]) -> str:
     try:
         _install(mutant, {case.module.__name__: case.module for case in cases})
-    except Exception as error:  # noqa: BLE001 - a mutant may fail in any way, and each is a failure noticed
+    except Exception as error:  # noqa: BLE001 - a mutant may fail in any way, and each failure counts as detected
         return f"import raises {type(error).__name__}"
     for case in cases:
         try:
@@ -241,7 +241,7 @@ def _install(mutant: Mutant, tests: dict[str, ModuleType]) -> None:
 
 
 def main() -> int:
-    """Spoil, test, tell."""
+    """Create the mutants, run the tests, and report the survivors."""
     parser = argparse.ArgumentParser(description="Mutation run over the guard.")
     parser.add_argument("--sample", type=int, default=0, help="mutants drawn at random, the same each time; 0 for all")
     parser.add_argument("--only", default="", help="one file, such as belts.py")
@@ -258,7 +258,7 @@ def main() -> int:
         total[mutant.path.name] += 1
         if failed:
             killed[mutant.path.name] += 1
-            # What has noticed one mutant is likely to notice its neighbour.
+            # The test that detected one mutant is likely to detect the next.
             cases.sort(key=lambda case, failed=failed: case.name != failed)  # type: ignore[misc]
         else:
             survivors.append(mutant)

@@ -1,8 +1,8 @@
-"""How fast and how whole signals travel between processes: ``python benchmarks/nodes.py zenoh|ros1 [SECONDS]``.
+"""Loss and delay of signals between processes: ``python benchmarks/nodes.py zenoh|ros1 [SECONDS]``.
 
-Loss and delay of 10 Hz RGB-D at 320×240 and of 100 Hz IMU, over loopback, in wall time; then the graph itself on the MuJoCo
-plant at its own pace: from a frame's arrival to the first command that the guard gives with the heading seen in it, as a bystander
-process receives them. The driver speaks at 4 Hz, the guard at 100 Hz: the guard's is the command meant here.
+Measures loss and delay of 10 Hz RGB-D at 320×240 and of 100 Hz IMU, over loopback, in wall time. Then runs the node graph on the
+MuJoCo plant in real time and measures the delay from a frame's arrival to the first guard command that uses the heading of this
+frame, both as received by an observer process. The driver sends at 4 Hz, the guard at 100 Hz; only guard commands count.
 """
 
 import subprocess

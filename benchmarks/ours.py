@@ -1,4 +1,4 @@
-"""Treadline's own ways to identify, as far as the installed version has them."""
+"""Treadline's identification methods that the installed version supports."""
 
 from functools import cache
 from typing import Any

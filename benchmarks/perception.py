@@ -1,14 +1,14 @@
-"""What the eye of the chair is worth: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
+"""Accuracy of the stair perception: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
 
-Every call draws seeds that nobody has tuned on, and prints them, so that a run can be repeated. Seven tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Seven tables:
 
-heading    error of the heading by slope, heading, light, sensor, place, clutter and what is wrong with the calibration
+heading    error of the heading by slope, heading, light, sensor, place, clutter and calibration error
 geometry   error of slope, rise, run, nosings, walls and the flight's end
-axes       error of the stair's axes in the camera's frame, which the mount is calibrated by
+axes       error of the stair's axes in the camera frame, the input of the mount calibration
 drives     heading by vision and fused with a gyro, and the mount's calibration, over a minute on a flight
-stairless  how many places without a stair are taken for one: none should be
+stairless  number of scenes without a stair in which a stair is detected (target: none)
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
-real       recorded frames with a reference, where they are at hand
+real       recorded frames with a reference, if available
 
 Frames with less than 15 % stair do not count. Times are CPU time of one core.
 """
@@ -37,17 +37,17 @@ from treadline.signals import StairMap
 from treadline.sim.camera import ROOM_SCENES, Drive, StairTruth, View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
-"""Of the image that must be stair for a frame to count."""
+"""Least share of the image that the stair covers in a frame that counts."""
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
 TABLES = ("heading", "geometry", "axes", "drives", "stairless", "paper", "real")
 GRAVITY_ERROR_RAD = 0.5 * DEG
-"""Of the IMU on a drive."""
+"""Angle of the IMU's error of the gravity direction on a drive [rad], in a random direction."""
 NEXT_NOSING_M = 1.4
-"""How far along the chair's x the nearest nosing seen may be for its error to count as that of the next."""
+"""Largest distance along the chair's x axis at which the nearest nosing found counts as the next nosing [m]."""
 SEEN_M = 2.5
-"""Along x: what lies further away need not be told."""
+"""Distance along x [m] up to which nosings and flight ends count as missed if they are not reported."""
 SAME_NOSING_M = 0.08
-"""A nosing further from every true one than this is none: half of the smallest step."""
+"""Largest distance between a nosing found and its true nosing [m]: half of the smallest step. Others count as false."""
 LIFELIKE: dict[str, object] = {
     "grain_px": 1.2,
     "warp_px": 0.03,
@@ -58,9 +58,9 @@ LIFELIKE: dict[str, object] = {
     "run_jitter_m": 0.003,
     "rock_deg": 0.5,
 }
-"""What white noise and drawn stairs leave out: noise alike in neighbours, the rest of a warp after calibration, uneven steps."""
+"""Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
 FIELD: dict[str, object] = {"clutter": ("legs", "mat", "bag", "strips", "shadow", "wet", "rail_left", "rail_right")}
-"""All sorts of things, some of which are there."""
+"""Recipe with all kinds of clutter, each of which may be present."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,7 +198,7 @@ def looks(case: Case, seeds: range) -> Iterator[Look]:
 
 
 def stages_of(detector: StairDetector) -> dict[str, float]:
-    """Return milliseconds per stage of the last look, where the detector tells them."""
+    """Return the time per stage of the last detection [ms], if the detector reports stage times."""
     timings = getattr(detector, "timings", None)
     return {str(name): float(value) for name, value in timings.items()} if isinstance(timings, dict) else {}
 
@@ -297,7 +297,7 @@ def rms(values: list[float]) -> float:
 
 
 def nosings(pairs: list[tuple[StairMap, StairTruth]]) -> tuple[list[float], int, int, int, int]:
-    """Return errors of the next nosing, nosings found of those in view, their number, false ones and all told."""
+    """Return errors of the next nosing and counts of nosings: in view and found, in view, false, reported."""
     following, hit, asked, false, told = [], 0, 0, 0, 0
     for found, truth in pairs:
         if not len(truth.nosings_B):
@@ -316,7 +316,7 @@ def nosings(pairs: list[tuple[StairMap, StairTruth]]) -> tuple[list[float], int,
 
 
 def wall_errors(pairs: list[tuple[StairMap, StairTruth]]) -> tuple[list[float], int]:
-    """Return errors of the walls told, and how many there are that were not told."""
+    """Return errors of the reported wall distances and the number of missed walls."""
     errors, missed = [], 0
     for found, truth in pairs:
         for told, true in ((found.left_wall_m, truth.left_wall_m), (found.right_wall_m, truth.right_wall_m)):
@@ -327,7 +327,7 @@ def wall_errors(pairs: list[tuple[StairMap, StairTruth]]) -> tuple[list[float], 
 
 
 def ends(pairs: list[tuple[StairMap, StairTruth]]) -> str:
-    """Return how often the flight's end was in view and near, then not told, and how often it was told but not there."""
+    """Return counts of the flight's end: in view and near, missed among these, and falsely reported."""
     there = [found.ends for found, truth in pairs if truth.end_in_view and truth.nosings_B[-1:, 0].max(initial=0.0) < SEEN_M]
     absent = [found.ends for found, truth in pairs if not truth.end_in_view]
     return f"{len(there)}, {there.count(False)}, {absent.count(True)}"
@@ -366,7 +366,7 @@ class Way:
     label: str
     recipe: dict[str, Any] = field(default_factory=dict)
     blind_s: tuple[float, float] = (0.0, 0.0)
-    """From when to when the camera is covered."""
+    """Start and end of the interval in which the camera is covered [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -472,7 +472,7 @@ def real_rows() -> Iterator[str]:
 
 
 def calibration_of(depth: Path, true: dict[str, float]) -> CameraFile:
-    """Return the calibration that stands beside a reference, for images as large as the depth image."""
+    """Return the calibration stored with a reference, for images as large as the depth image."""
     header = depth.read_bytes()[:24]  # PNG: width and height are the first of its first chunk
     return CameraFile(
         width=int.from_bytes(header[16:20]),
@@ -491,7 +491,7 @@ def angle_between(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> flo
 
 
 def stage_lines(seeds: range) -> Iterator[str]:
-    """Yield the median time of each stage, where the detector tells them."""
+    """Yield the median time of each stage, if the detector reports stage times."""
     for label, recipe in (("320×240", {}), ("640×480", {"height_px": 480}), ("320×240, facing down", {"scenes": ("down",)})):
         seen = list(looks(Case(label=label, recipe=recipe), seeds))
         stages = {name: float(np.median([look.stages_ms.get(name, 0.0) for look in seen])) for name in seen[-1].stages_ms}

@@ -92,7 +92,7 @@ def step_us_in_a_traversal(scenario_name: str, *, corrected: bool) -> float:
 
 
 def cost_of_correction() -> None:
-    """Print the time per step with the contact correction and without, and their ratio beside its bound."""
+    """Print the time per step with the contact correction and without, and their ratio next to its bound."""
     print(f"contact correction: time per step of 2 ms, medians of {REPEATS} on a flight, one run of a traversal")
     for slope_deg, belts in product((25.0, 28.0, 30.0), ((0.2, 0.2), (0.15, 0.25))):
         pairs = [[step_us_on_a_flight(slope_deg, belts, corrected=on) for on in (False, True)] for _ in range(REPEATS)]

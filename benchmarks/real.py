@@ -1,7 +1,7 @@
 """Measured data: estimate on one half, judge a free run on the other.
 
-A peer's order and block rows are those whose model of the first 70 % of the first half runs best over its last 30 %;
-the model is then made again from the whole first half. Means are removed for peers and kept as offsets.
+A peer's order and number of block rows are selected by the free run over the last 30 % of the first half, with models
+identified on the first 70 %. The peer then identifies on the whole first half. Means are removed for peers and kept as offsets.
 """
 
 from collections.abc import Iterator
@@ -22,9 +22,9 @@ ORDERS = range(1, 13)
 BLOCK_ROWS = (10, 20, 30)
 HELD_OUT = 0.3
 LIKE_PEERS = {"okid-era (gram)", "pbsid"}
-"""Ways of ours that are also scored with a peer's choice of order and lags; ``best`` is a choice itself."""
+"""Methods of treadline that are also scored with order and lags selected as for a peer; ``best`` selects its own."""
 QUICK_SAMPLES = 3_000
-"""Longer estimation halves are left out of a quick run."""
+"""Longest estimation half of a quick run [samples]; data sets with a longer one are left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second
 
 
 def _like_a_peer(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
-    """Score a way of ours whose order and lags are chosen as a peer's are: tells the choice from the method."""
+    """Score a method of treadline with order and lags selected as for a peer, to separate selection from method."""
 
     def fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
         return ours.state_space(identify(record, order=order, lags=block_rows, **arguments).model)

@@ -1,8 +1,8 @@
-"""Whether a controller of its own for each slope and payload steers better than the one that is shipped.
+"""Gain scheduling: a controller designed for each slope and payload, compared with the shipped controller.
 
-Run: ``python benchmarks/scheduling.py [--seeds N] [--samples N]`` (about ten minutes of CPU). In each cell the chair is excited,
-identified and tuned for; then it turns from ±20° and holds its heading against a belt that runs 2 % fast, under its own
-controller and under the shipped one. The first seed is for the data, the runs have others.
+Run: ``python benchmarks/scheduling.py [--seeds N] [--samples N]`` (about ten minutes of CPU). In each cell the chair is excited
+and identified, and a controller is tuned. The chair then turns from ±20° and holds its heading with one belt 2 % fast, once with
+this controller and once with the shipped one. The first seed is used for the identification data, the others for the runs.
 """
 
 import argparse

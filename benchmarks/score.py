@@ -1,4 +1,4 @@
-"""One judge for every model, whoever made it: shares no code with what it judges."""
+"""Scores of identified models, the same for all methods; this module shares no code with the methods."""
 
 import numpy as np
 from jaxtyping import Float
@@ -7,7 +7,7 @@ from systems import StateSpace
 from treadline.models import InputOutputRecord
 
 BLOCKS, DRAWS, BOOTSTRAP_SEED = 20, 500, 1
-"""Of a record that is drawn again; long enough for what lasts in the errors."""
+"""Block bootstrap: blocks per resampled record, number of resamples, and seed. Blocks exceed the correlation time of the errors."""
 
 
 def markov(model: StateSpace, steps: int) -> Float[np.ndarray, "steps p m"]:

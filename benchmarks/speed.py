@@ -1,4 +1,4 @@
-"""Processor time on one thread, and the memory that a long record takes."""
+"""Processor time on one thread, and peak memory on a long record."""
 
 import statistics
 import subprocess
@@ -23,10 +23,10 @@ from treadline.models import InputOutputRecord
 GRID = ((1_000, 20), (100_000, 20), (1_000_000, 20), (1_000_000, 50), (10_000_000, 50))
 QUICK_GRID = GRID[:2]
 CONTROL_MOST = 100_000
-"""python-control holds every regressor: 1.3 GB at a million samples."""
+"""Longest record given to python-control [samples]: it stores all regressors, 1.3 GB at a million samples."""
 LONG = 1_000_000
 QUICK_WAYS = {"okid-era (gram)", "era-dc", "pbsid"}
-"""Ways that a record longer than that can wait for; the others grow to minutes."""
+"""Methods that also run on records longer than ``LONG``; the others would take minutes."""
 REPORTED = {"okid-era (gram)", "best"}
 HANKEL_ROWS = 1000
 HANKEL_RANK = 20

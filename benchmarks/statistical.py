@@ -1,8 +1,8 @@
-"""Fits and validates the camera without images: ``python benchmarks/statistical.py [--drives N] [--seed S] [--fit] [--keep FILE]``.
+"""Fit and validate the statistical camera: ``python benchmarks/statistical.py [--drives N] [--seed S] [--fit] [--keep FILE]``.
 
-Whole traversals are rendered (floor, mounting, flight, top; landing, edge, flight, bottom), each by a camera and on a stair with
-faults of its own, and every frame is given to the stair detector. What it says, against what geometry says is in view, makes the
-numbers of ``data/cameras/statistical.json`` (``--fit``); drives of other seeds then show whether the model errs as frames do.
+Renders full traversals (floor, mounting, flight, top; landing, top entry, flight, bottom), each with its own errors of the camera
+and of the stair, and runs the stair detector on every frame. The detections are compared with the geometry in view; the errors give
+the numbers of ``data/cameras/statistical.json`` (``--fit``). Drives with other seeds validate the error model against frames.
 """
 
 import argparse
@@ -50,18 +50,18 @@ AS_BUILT: dict[str, Any] = {
     "run_jitter_m": 0.003,
     "rock_deg": 0.5,
 }
-"""What drawn stairs and white noise leave out: no step like the next, noise alike in neighbours, the rest of a warp."""
+"""Imperfections of real frames: uneven steps, spatially correlated noise, residual distortion."""
 SLOPE_DEG, RISE_M = (20.0, 32.0), (0.12, 0.18)
 LENGTH_SPARE_M = 0.01
-"""Uneven runs must stay below the longest, beyond which the detector knows no stair: the model knows that without a fit."""
+"""Margin of the nominal run to the detector's longest run [m], for uneven runs; the model needs no fit for this limit."""
 STATION_M, NEIGHBOUR_M = 0.25, 0.03
-"""Along a traversal; at each station three frames: two from the same place, one from beside it."""
+"""Distance between stations along a traversal, and from a station to its neighbour frame [m]; two frames share the station."""
 FLAT_M = 0.475
-"""Half of the belts' flat run."""
+"""Half of the length of the belts' flat run [m]."""
 TIP_M = 0.25
-"""Over which the chair's middle tips level at the top."""
+"""Distance of the chair's middle before the top over which the pitch decreases to zero [m]."""
 GRAVITY_ERROR_RAD = 0.5 * DEG
-"""Of the IMU, the same all drive."""
+"""Standard deviation of the IMU's tilt error [rad], constant over a drive."""
 DOWN_W = np.array([0.0, 0.0, -1.0])
 CHAIR = read_chair("wheelchair")
 KINDS = ("up closed", "up open", "down closed", "down open")
@@ -94,14 +94,14 @@ GRID = np.array(
         4.0,
     ]
 )
-"""Normal numbers at which quantiles are kept."""
+"""Standard normal scores of the stored quantiles."""
 SPARE = 1.15
-"""By which errors are made larger than those seen: a hundred drives each way do not show the worst."""
+"""Factor on the measured error quantiles: a hundred drives in each direction do not contain the worst case."""
 LEAST_SAMPLES, LEAST_CHANCES = 60, 6
-"""In a cell of its own: of quantiles, of a yes or no."""
+"""Least number of samples in a cell with its own quantiles, and with its own probability."""
 ACCEPT_PX = (-30.0, -20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 40.0)
 ACCEPT_AT_PX = [-35.0, -25.0, -15.0, -7.5, -2.5, 2.5, 7.5, 15.0, 30.0, 50.0]
-"""Margins of the second best nosing: where cells end, and their middles."""
+"""Margins of the second best nosing [px]: middles of the cells of the acceptance probability."""
 SAME_NOSING_M = 0.08
 LAGS_M = (0.0, 0.001, 0.06, 0.35, 0.6, 1.1, 1.8)
 LAG_AT_M = (0.25, 0.5, 0.8, 1.4)
@@ -154,7 +154,7 @@ def stair_of(seed: int, *, rear: bool) -> tuple[Flight, ViewRecipe, np.random.Ge
 
 
 def drive(seed: int, *, rear: bool) -> Iterator[Record]:
-    """Yield what is in view and what was told of it, frame by frame, along one traversal."""
+    """Yield ground truth and detection of each frame along one traversal."""
     flight, recipe, rng = stair_of(seed, rear=rear)
     calibration = CHAIR.camera_at(240, rear=rear)
     texture, light = str(rng.choice(TEXTURES)), float(rng.uniform(0.5, 1.6))
@@ -266,7 +266,7 @@ def lines_of(seeds: range, keep: Path | None) -> list[Record]:
 
 
 def look_of(record: Record) -> tuple[Visibility | None, StairMap | None]:
-    """Return what was in view and what was told, as they were."""
+    """Return ground truth and detection of a record as their original types."""
     seen, told = record["seen"], record["map"]
     if seen is not None:
         arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
@@ -529,7 +529,7 @@ def modelled(records: list[Record], chance: int) -> list[Record]:
 
 
 def validate(records: list[Record]) -> None:
-    """Print frames beside model."""
+    """Print the errors of frames next to those of the model."""
     began = time.process_time()
     answers = [answer for chance in range(DRAWS) for answer in modelled(records, chance)]
     spent_ms = 1e3 * (time.process_time() - began) / len(answers)

@@ -1,4 +1,4 @@
-"""The systems and the records that identification is judged on: simulated ones, whose truth is known, and measured ones."""
+"""Systems and records of the identification benchmarks: simulated ones with known ground truth, and measured ones."""
 
 import csv
 from dataclasses import dataclass

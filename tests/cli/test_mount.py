@@ -228,8 +228,3 @@ def test_a_calibration_at_hand_is_not_written_over_unasked(
     assert outcome.code == 2
     assert "camera.toml: the file exists" in outcome.err
     assert (tmp_path / "camera.toml").read_text() == "mine"
-    # What is wrong with the log comes first.
-    outcome = run("mount", tmp_path / "nosuch")
-    assert outcome.code == 2
-    assert "nosuch" in outcome.err
-    assert "the file exists" not in outcome.err
