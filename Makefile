@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= reproduce
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick publish test fast test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
+.PHONY: help setup reproduce quick publish test fast slow test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -14,6 +14,7 @@ help:
 	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
 	@echo "make test         run all tests"
 	@echo "make fast         run the tests that finish within a minute"
+	@echo "make slow         run the tests of the first run on a machine, with an empty compile cache (minutes)"
 	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once)"
 	@echo "make test-ros1    install ROS 1 from Debian (root) and run the graph on a real roscore"
 	@echo "make check        formatter, linter, types, import contracts"
@@ -63,6 +64,9 @@ test: $(VENV)/.test setup
 
 fast: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m fast
+
+slow: $(VENV)/.test setup
+	TREADLINE_SLOW=1 $(BIN)/python -m pytest -m slow
 
 # Where neither root nor chroot is to be had there is nothing to test: environment.sh says so and answers 77.
 test-gazebo: $(VENV)/.test

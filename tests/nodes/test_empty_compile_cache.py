@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+SLOW = pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs these: each compiles everything anew")
+
 RENDERED = """
 from treadline.compiling import compiling
 from treadline.nodes import channels as on
@@ -41,6 +43,7 @@ print(warmed_s, spent_s, len(seen))
 
 
 @pytest.mark.slow
+@SLOW
 @pytest.mark.parametrize("scenario", ["up", "down"])
 def test_the_warm_up_compiles_all_that_rendered_frames_need(tmp_path: Path, scenario: str) -> None:
     """Test: an empty cache, then frames rendered on the flight, up and down. Expected result: headings, and nothing compiled."""
@@ -66,6 +69,7 @@ def test_the_warm_up_compiles_all_that_rendered_frames_need(tmp_path: Path, scen
 
 
 @pytest.mark.slow
+@SLOW
 def test_the_graph_of_processes_runs_on_an_empty_cache(start: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Test: ``treadline nodes`` with nothing compiled. Expected result: three seconds driven, no hold for a silent camera."""
     pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")

@@ -55,6 +55,7 @@ def nodes(
         out: Run folder, or .mcap, .bag or .db3 file, to record to. Default: no recording.
     """
     from treadline.attendant import rearms_until_s
+    from treadline.cli.compiling import compile_once
     from treadline.setup import resolve
 
     check_times(pace=pace, duration=duration)
@@ -68,6 +69,7 @@ def nodes(
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":
         return _in_one_process(config, setup.open_plant, seconds, out, rearms_until_s(settings.operator))
+    compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
     wire = wired(transport, "supervisor", config, endpoint=endpoint, domain=domain)
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
