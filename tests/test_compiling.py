@@ -1,6 +1,7 @@
 """Compiling: its CPU time is known, the user is informed once, and ``treadline compile`` leaves nothing to compile."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -80,6 +81,8 @@ sys.exit(code)
 """
 
 
+@pytest.mark.slow
+@pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs this: it compiles everything anew")
 def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_once(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("PYTHONPATH", str(Path(module.__file__).parents[1]))  # commands run in another folder
