@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from numba.core import event
 
 from treadline import compiling as module
