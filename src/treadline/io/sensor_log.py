@@ -27,15 +27,9 @@ from treadline.io.mcap_read import BROKEN, has_arrivals
 from treadline.io.topics import Topics, packets, reader_of, roles, survey
 from treadline.signals import (
     Event,
-    FlipperReading,
-    FrameQuality,
     HeadingMeasurement,
     ImuSample,
-    OperatorInput,
-    RgbdFrame,
-    SeatReading,
-    StairMap,
-    TrackReading,
+    Reading,
 )
 
 BELTS = "/tracks/state"
@@ -45,18 +39,6 @@ SILENCE_S = 60.0
 """A longer pause is another recording."""
 EVENTS_MAX = 20
 """Of one kind on one topic; the rest is only counted."""
-
-Sensor = (
-    RgbdFrame
-    | ImuSample
-    | SeatReading
-    | TrackReading
-    | FlipperReading
-    | HeadingMeasurement
-    | StairMap
-    | FrameQuality
-    | OperatorInput
-)
 
 
 class SensorLog:
@@ -105,7 +87,7 @@ class SensorLog:
         """Whether it tells where nosings are: in images, or as a camera without images saw them."""
         return self.topics.depth is not None or "/stair/map/detail" in self.found
 
-    def signals(self, aside: Callable[[Any], None]) -> Iterator[Sensor]:
+    def signals(self, aside: Callable[[Any], None]) -> Iterator[Reading]:
         """Yield the sensor readings in the order in which they are due, from ``t_s = 0``.
 
         Args:
@@ -114,7 +96,7 @@ class SensorLog:
         for _, signal in self.arrivals(aside):
             yield signal
 
-    def arrivals(self, aside: Callable[[Any], None]) -> Iterator[tuple[float, Sensor]]:
+    def arrivals(self, aside: Callable[[Any], None]) -> Iterator[tuple[float, Reading]]:
         """Yield each sensor reading with the mission time at which it is due [s], in time order.
 
         Args:
@@ -122,7 +104,7 @@ class SensorLog:
         """
         self._aside = aside
         self._last: dict[str, tuple[float, int]] = {}
-        self._ready: list[tuple[float, int, str, Sensor]] = []
+        self._ready: list[tuple[float, int, str, Reading]] = []
         size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
         self._frames = Frames(self.topics, size, self._unit_m, self._calibrate, self._unpaired)
         self._given_s = 0.0
@@ -140,7 +122,7 @@ class SensorLog:
                 raise LogFormatError(f"{self._path}: {topic.name}: a message that cannot be read: {error}") from None
             if self.ended is not None:
                 break
-            if isinstance(signal, Sensor):
+            if isinstance(signal, Reading):
                 count += 1
                 due_s = self._due_s(signal, logged_ns)
                 heapq.heappush(self._ready, (due_s, count, topic.name, signal))
@@ -154,7 +136,7 @@ class SensorLog:
         belts = self.found.get(BELTS)
         return belts is not None and belts.kind == OURS[BELTS][0] and abs(belts.first_ns - belts.stamp_ns) < HORIZON_S * 1e9
 
-    def _due_s(self, signal: Sensor, logged_ns: int) -> float:
+    def _due_s(self, signal: Reading, logged_ns: int) -> float:
         """Return when a reading is due: at its arrival where the log kept it, never before its stamp."""
         return max(signal.t_s, seconds_of(logged_ns - self._origin_ns)) if self._has_arrivals else signal.t_s
 
@@ -184,7 +166,7 @@ class SensorLog:
             case _:
                 read = LOOKED.get(name) or OURS[name if role == "" else HEADINGS]
                 signal = read[1](r)
-        if not isinstance(signal, Sensor):
+        if not isinstance(signal, Reading):
             return signal
         return signal if self._in_order(name, signal.t_s, logged_ns) and self._finite(name, signal) else None
 
@@ -202,7 +184,7 @@ class SensorLog:
         self._last[name] = t_s, logged_ns
         return True
 
-    def _finite(self, name: str, signal: Sensor) -> bool:
+    def _finite(self, name: str, signal: Reading) -> bool:
         match signal:
             case ImuSample():
                 finite = bool(np.isfinite(signal.orientation).all() and np.isfinite(signal.angular_velocity_rad_s).all())
@@ -214,7 +196,7 @@ class SensorLog:
             self._drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
         return finite
 
-    def _due(self, until_s: float) -> Iterator[tuple[float, Sensor]]:
+    def _due(self, until_s: float) -> Iterator[tuple[float, Reading]]:
         while self._ready and self._ready[0][0] <= until_s:
             t_s, _, name, signal = heapq.heappop(self._ready)
             if t_s - self._given_s > SILENCE_S:
