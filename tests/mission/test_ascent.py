@@ -25,7 +25,7 @@ from treadline.mission.flipper_planner import (
     RIDES_RAD_S,
     turning_share,
 )
-from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S, TipOverFeedforward
+from treadline.mission.tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
@@ -329,7 +329,7 @@ def test_the_flipper_planner_goes_after_a_chair_that_falls(
         )
     flipper = world.planner._lie(world.t_s, SQUARE)
     assert flipper is not None
-    expected = -CATCHES * (falls_deg_s * DEG - FALLS_RAD_S) if goes_down else load * RIDES_RAD_S
+    expected = -CATCHES * (falls_deg_s * DEG - FALL_RATE_RAD_S) if goes_down else load * RIDES_RAD_S
     assert flipper.rate_rad_s == pytest.approx(
         expected, rel=0.01, abs=1e-6
     )  # of the rate some 0.2 % is not yet through the smoothing
@@ -356,13 +356,13 @@ def test_neither_section_nor_belts_go_after_the_fall_of_a_chair_that_turns(headi
     planner, estimate = world.planner, replace(SQUARE, heading_rad=heading_deg * DEG)
     planner._tip_over.rate_rad_s = 4.0 * DEG
     asked: list[float] = []
-    planner._front.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
+    planner._flipper_planner.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
     planner._lie(world.t_s, estimate)
     assert asked == [4.0 * DEG if heading_deg == 0.0 else 0.0]
-    assert planner._ease(world.t_s, estimate) == (MOST_M_S if heading_deg == 0.0 else 0.0)
+    assert planner._pitch_feedforward(world.t_s, estimate) == (LIMIT_M_S if heading_deg == 0.0 else 0.0)
 
 
-@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, MOST_M_S), (-4.0, -MOST_M_S), (0.5, 0.0)])
+@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, LIMIT_M_S), (-4.0, -LIMIT_M_S), (0.5, 0.0)])
 def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
     """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add; not where
     they have slipped."""
@@ -687,7 +687,7 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
     world.run("crest")
     world.planner._tip_over.rate_rad_s = 4.0 * DEG
     plan = world.planner.step(world.t_s, SQUARE)
-    assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (MOST_M_S if eases else 0.0))
+    assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (LIMIT_M_S if eases else 0.0))
     assert plan.pitch_feedforward_m_s == 0.0
 
 

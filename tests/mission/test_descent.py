@@ -17,7 +17,7 @@ from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
 from treadline.mission.flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
-from treadline.mission.tip_over import MOST_M_S
+from treadline.mission.tip_over import LIMIT_M_S
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
@@ -283,7 +283,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     world.planner._tip_over.rate_rad_s = way * 4.0 * DEG
     square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
     plan = world.planner.step(world.t_s, square)
-    assert plan.speed_m_s == pytest.approx(-0.1 + way * (MOST_M_S if eases else 0.0))
+    assert plan.speed_m_s == pytest.approx(-0.1 + way * (LIMIT_M_S if eases else 0.0))
     assert plan.pitch_feedforward_m_s == 0.0
 
 

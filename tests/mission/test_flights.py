@@ -9,7 +9,7 @@ from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
-from treadline.mission.stair_tracker import KNOWN_AFTER, NEXT_MAPS, NEXT_S, TOLD_AFTER, StairTracker
+from treadline.mission.stair_tracker import GAP_KNOWN_AFTER, KNOWN_AFTER, NEXT_MAPS, NEXT_S, StairTracker
 from treadline.scenario import Scenario
 from treadline.signals import StairMap
 
@@ -127,8 +127,8 @@ def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(
 def test_missing_steps_stay_a_gap_in_this_flight(missing: int) -> None:
     where = StairTracker()
     beyond = [(FIRST[-1][0] + (missing + 1 + k) * RUN_M, FIRST[-1][1] + (missing + 1 + k) * RISE_M) for k in range(3)]
-    for k in range(2 * TOLD_AFTER):
-        where.update(told(0.1 * k, FIRST if k < TOLD_AFTER else beyond))
+    for k in range(2 * GAP_KNOWN_AFTER):
+        where.update(told(0.1 * k, FIRST if k < GAP_KNOWN_AFTER else beyond))
     assert where.gaps_ahead_m() == [pytest.approx((FIRST[-1][0], beyond[0][0]))]
     assert not where.shows_another
 

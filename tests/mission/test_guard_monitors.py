@@ -15,7 +15,7 @@ from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, Ob
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
 from treadline.mission.guard.frame_monitor import FrameMonitor
-from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, askew
+from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
@@ -53,7 +53,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
     assert config.readings_timeout_s == 0.3
     assert (config.blind_turn_rad, config.blind_turn_s, config.seat_steady_m_s) == (3.0 * deg, 6.0, 0.02)
-    assert (config.askew_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
+    assert (config.max_heading_error_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
@@ -568,7 +568,7 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
     assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
     assert watch.cause(limit_m + sign * 0.0625, 0.0) is None
     assert watch.cause(limit_m + sign * 0.0625, -sign * 0.25) is None
-    assert watch.doubt(limit_m) is None
+    assert watch.speed_restriction(limit_m) is None
 
 
 @pytest.mark.parametrize("phase", ["climb", "crest", "land", "descend", "edge", "leave"])
@@ -601,19 +601,19 @@ def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
     watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))
     limit_m = 1.75 - 1.0 - 0.125 - 0.125
     assert watch.cause(limit_m, 0.25) is None
-    assert watch.doubt(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
+    assert watch.speed_restriction(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
     assert watch.cause(limit_m + 0.0625, 0.25) == "1.25 m from nosing to nosing 0.19 m ahead, too long for the track"
     assert watch.cause(limit_m + 0.0625, 0.0) is None
     assert watch.cause(1.6875, 0.25) is not None
     assert watch.cause(1.75, 0.25) is None
-    assert watch.doubt(1.75) is None
-    assert AheadMonitor(LENGTHS).doubt(0.0) is None
+    assert watch.speed_restriction(1.75) is None
+    assert AheadMonitor(LENGTHS).speed_restriction(0.0) is None
 
 
 def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
     """Test: gaps that begin 1.9 m from mid-track and further. Expected result: slow for the nearer one alone."""
-    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).doubt(0.0) is not None
-    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).doubt(0.0) is None
+    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).speed_restriction(0.0) is not None
+    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).speed_restriction(0.0) is None
 
 
 def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
@@ -828,13 +828,13 @@ def test_a_chair_that_swings_is_not_judged() -> None:
 def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: float) -> None:
     """Test: a heading on the limit and beyond, where the chair pitches and on the flight; nothing known. Expected result: a cause
     beyond the limit, where it pitches."""
-    config = GuardConfig(askew_rad=0.125)
-    assert askew(config, estimate(0.0, sign * 0.125), plan(phase)) is None
+    config = GuardConfig(max_heading_error_rad=0.125)
+    assert heading_fault(config, estimate(0.0, sign * 0.125), plan(phase)) is None
     cause = f"heading {sign * 7.4:+.1f}° in {phase}: the chair has turned, or the gyro errs"
-    assert askew(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
-    assert askew(config, estimate(0.0, 0.5), plan("climb")) is None
-    assert askew(config, None, plan(phase)) is None
-    assert askew(config, estimate(0.0, 0.5), None) is None
+    assert heading_fault(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
+    assert heading_fault(config, estimate(0.0, 0.5), plan("climb")) is None
+    assert heading_fault(config, None, plan(phase)) is None
+    assert heading_fault(config, estimate(0.0, 0.5), None) is None
 
 
 def senses(config: GuardConfig | None = None) -> SensorTimeouts:
@@ -856,14 +856,14 @@ def senses(config: GuardConfig | None = None) -> SensorTimeouts:
 def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
     """Test: each sense silent for exactly its time, and longer. Expected result: missed beyond only."""
     watch = senses()
-    assert watch.doubt(0.0625) is None
-    assert watch.doubt(0.125) == ("imu", "no IMU sample for 0.12 s")
+    assert watch.speed_restriction(0.0625) is None
+    assert watch.speed_restriction(0.125) == ("imu", "no IMU sample for 0.12 s")
     watch.imu(1.0)
     watch.imu(0.5)
     watch.frame(0.75, 0.0)
     watch.frame(0.5, 0.0)
-    assert watch.doubt(1.0) is None
-    assert watch.doubt(1.03125) == ("camera", "no frame for 0.28 s")
+    assert watch.speed_restriction(1.0) is None
+    assert watch.speed_restriction(1.03125) == ("camera", "no frame for 0.28 s")
     watch.frame(2.0, 0.0)
     watch.frame(1.75, 0.0)
     watch.seen(2.0)
@@ -947,7 +947,7 @@ def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     watch.imu(2.0)
     watch.health(health("stuck", 1.0, 1.0))
-    assert watch.doubt(1.5) == ("imu", "gyro stuck for 0.50 s")
+    assert watch.speed_restriction(1.5) == ("imu", "gyro stuck for 0.50 s")
     assert watch.alarm(2.0, 0.0, None) is None
     assert watch.alarm(2.0625, 0.0, None) == "gyro stuck for 1.06 s"
 
@@ -963,11 +963,11 @@ def test_an_estimates_age_may_be_its_limit(age_s: float, fault: str | None) -> N
 def test_limits_hold_on_their_very_values() -> None:
     """Test: heading on its limit; shares of one and a half; belts on their limit. Expected result: square; all, half; as asked."""
     config = GuardConfig(turning_rad=0.125)
-    assert mean_limit(config, estimate(heading_rad=0.125), None, doubt=False) == 0.30
-    assert mean_limit(config, estimate(heading_rad=-0.25), None, doubt=False) == 0.55
-    assert mean_limit(config, estimate(heading_rad=0.25), None, doubt=True) == 0.10
+    assert mean_limit(config, estimate(heading_rad=0.125), None, restricted=False) == 0.30
+    assert mean_limit(config, estimate(heading_rad=-0.25), None, restricted=False) == 0.55
+    assert mean_limit(config, estimate(heading_rad=0.25), None, restricted=True) == 0.10
     slow = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.02)
-    assert mean_limit(config, estimate(), slow, doubt=True) == pytest.approx(0.045)
+    assert mean_limit(config, estimate(), slow, restricted=True) == pytest.approx(0.045)
     asked = TrackCommand(t_s=0.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
     assert limited(asked, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
     assert limited(asked, 2.0, 0.25, 1.0, 0.5) == TrackCommand(t_s=2.0, left_m_s=-0.5, right_m_s=0.5, brake=True)

@@ -10,7 +10,7 @@ import pytest
 from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import Blocks, Mission, Signal
-from treadline.mission.planner import Cruise, Felt, Planner
+from treadline.mission.planner import Cruise, Planner, PlannerInput
 from treadline.mission.rates import Rate
 from treadline.signals import (
     Event,
@@ -96,10 +96,10 @@ class Scripted:
 
     def __init__(self, *plans: MotionPlan) -> None:
         self._plans = plans
-        self.felt: list[str] = []
+        self.inputs: list[str] = []
 
-    def update(self, signal: Felt) -> None:
-        self.felt.append(type(signal).__name__)
+    def update(self, signal: PlannerInput) -> None:
+        self.inputs.append(type(signal).__name__)
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         del estimate
@@ -274,7 +274,7 @@ def test_the_planner_feels_what_it_needs_and_no_frame() -> None:
     mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     for _ in range(10):
         mission.tick()
-    assert set(planner.felt) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
+    assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
 
 
 def stair_map(t_s: float) -> StairMap:

@@ -12,7 +12,7 @@ from treadline.control.allocate import inner_speed_ratio
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.mission.entry import reject_reason
-from treadline.mission.planner import Felt
+from treadline.mission.planner import PlannerInput
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
 from treadline.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
@@ -88,7 +88,7 @@ class Ascent(Traversal):
         self._slipped = False
         """Whether the belts have, on this flight, under a chair that did not turn."""
 
-    def update(self, signal: Felt) -> None:
+    def update(self, signal: PlannerInput) -> None:
         """Take one signal."""
         super().update(signal)
         if self._traction is not None and isinstance(signal, ImuSample | TrackReading):
@@ -141,7 +141,7 @@ class Ascent(Traversal):
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
             cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
-            self._front.forget()
+            self._flipper_planner.forget()
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
@@ -168,7 +168,7 @@ class Ascent(Traversal):
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         turn = self._level.keep(estimate, self._aside())
-        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._front.to(t_s, self._mounting_rad))
+        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._flipper_planner.to(t_s, self._mounting_rad))
 
     def _idle(self, t_s: float) -> str | None:
         """Return that the flipper, the belts on the floor, is not where it is asked; re-armed, it has another try."""
@@ -176,7 +176,7 @@ class Ascent(Traversal):
             return None
         stands, asked = self._flipper.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
-        if not self._front.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
+        if not self._flipper_planner.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the flipper {seen}: it would not carry the chair"
@@ -195,7 +195,7 @@ class Ascent(Traversal):
     def _test_traction(self, t_s: float, test: TractionTest) -> MotionPlan:
         if not test.over:
             # In line with the belts: it carries nothing yet, and is where it rides before the first fall from a high nosing.
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._front.to(t_s, 0.0))
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._flipper_planner.to(t_s, 0.0))
         if not test.holds and self._pulses < self._config.pulses:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
@@ -222,8 +222,8 @@ class Ascent(Traversal):
         unseen = top is not None and top - self._pivot_m < config.unseen_end_m
         near = top is not None and top - self._pivot_m < config.crest_from_m
         if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
-            belief = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
-            self._crest = Crest(belief, top)
+            crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
+            self._crest = Crest(crest_config, top)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._end = f"end of the flight, {seen}"
         elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
@@ -243,7 +243,7 @@ class Ascent(Traversal):
             turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
             heading_rad=aim_rad,
             min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
-            pitch_feedforward_m_s=self._ease(t_s, estimate, aim_rad),
+            pitch_feedforward_m_s=self._pitch_feedforward(t_s, estimate, aim_rad),
             flipper=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
@@ -260,7 +260,7 @@ class Ascent(Traversal):
             case "slow":
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
-                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._ease(t_s, estimate)
+                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._pitch_feedforward(t_s, estimate)
                 flipper = self._lie(t_s, estimate)
                 return self._plan(
                     t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=False
@@ -283,7 +283,7 @@ class Ascent(Traversal):
         barred = f"{command.cause}: the chair stands before the crest" if command.stage == "barred" else None
         turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
         # Until the tip carries, nothing but the belts eases the fall of a chair that rocks on its nosings as it stops.
-        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage == "reach")
+        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage == "reach")
         return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -302,7 +302,7 @@ class Ascent(Traversal):
         config, where = self._config, self._where
         if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
-        flipper = self._front.to(t_s, self._stepping_rad)
+        flipper = self._flipper_planner.to(t_s, self._stepping_rad)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
 
     def _aside(self) -> float:

@@ -27,7 +27,7 @@ class DescentConfig(TraversalConfig):
 
     lower: float = 0.6
     """Of a rise below the belts: a nosing that is no edge of what the chair stands on."""
-    askew_rad: float = 4.0 * DEG
+    max_heading_error_rad: float = 4.0 * DEG
     """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
     square_rad: float = 1.0 * DEG
     past_m: float = 0.1
@@ -89,7 +89,7 @@ class Descent(Traversal):
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case "arrived":
-                flipper = self._front.to(t_s, self._front.rest_rad)
+                flipper = self._flipper_planner.to(t_s, self._flipper_planner.rest_rad)
                 return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False)
             case _:
                 return self._stand(t_s, needs_stair=False)
@@ -99,7 +99,7 @@ class Descent(Traversal):
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if not where.map_count:
                 return self._stand(t_s)
-            if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
+            if estimate is not None and abs(estimate.heading_rad) > self._config.max_heading_error_rad:
                 return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
             if estimate is not None and not self._is_laid(t_s, estimate):
                 return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
@@ -129,8 +129,8 @@ class Descent(Traversal):
         if below_m > config.lower * where.rise_m:
             hidden = "the edge is nearer, hidden under the camera"
             return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
-        belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
-        self._edge = Edge(belief, -edge, where.slope_rad)
+        edge_config = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
+        self._edge = Edge(edge_config, -edge, where.slope_rad)
         to_go_m = -edge - self._pivot_m
         cause = f"square within {estimate.heading_rad / DEG:+.1f}°; edge {to_go_m:.2f} m behind"
         return self._begin(t_s, "approach", cause, to_go_m)
@@ -142,7 +142,7 @@ class Descent(Traversal):
             return self._stand(t_s, stops)
         edge = self._where.top_ahead_m()
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
-        missing = self._missing(self._told_to_m(whole_to_m) - self._pivot_m)
+        missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
             return self._stand(t_s, missing)
         if missing is None and self._unseen(whole_to_m) and self._edge.turn_back():
@@ -156,7 +156,7 @@ class Descent(Traversal):
         self._note(command)
         turn = self._level.keep(estimate)
         barred = self._barred(t_s, self._flipper) if command.stage == "barred" else None
-        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage in RESTS)
+        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage in RESTS)
         return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
     def _barred(self, t_s: float, flipper: FlipperReading) -> str | None:
@@ -164,7 +164,7 @@ class Descent(Traversal):
         config, pitch = self._config, self._where.pitch_rad
         self._barred_s = min(self._barred_s, t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(flipper.angle_rad - self._front.rest_rad)
+        off_rad = abs(flipper.angle_rad - self._flipper_planner.rest_rad)
         if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
@@ -175,7 +175,7 @@ class Descent(Traversal):
         """How far below the edge the flight must be whole: there the chair will lie, and its rear must still be able to stop."""
         return 2.0 * self._pivot_m + self._config.past_m + self._config.gap_m
 
-    def _told_to_m(self, whole_to_m: float) -> float:
+    def _checked_to_m(self, whole_to_m: float) -> float:
         """Return how far from mid-track the nosing above a gap counts: from afar the one that is missing may be missed alone."""
         if self._phase != "approach":
             return whole_to_m
@@ -220,7 +220,7 @@ class Descent(Traversal):
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
         last_step_m = before + 2.0 * self._pivot_m - self._step_m  # of the front pulley
         low_rad = self._low_rad if last_step_m < config.lifted_m else 0.0
-        is_late = self._front.is_late(t_s, low_rad, self._gently_s)
+        is_late = self._flipper_planner.is_late(t_s, low_rad, self._gently_s)
         if low_rad > 0.0:
             return self._raise(t_s, is_late=is_late)
         slow = before < config.slow_from_m
@@ -229,13 +229,13 @@ class Descent(Traversal):
         flipper = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
-        turn, easing = self._steering(t_s, estimate, blind=slow), self._ease(t_s, estimate)
+        turn, easing = self._steering(t_s, estimate, blind=slow), self._pitch_feedforward(t_s, estimate)
         return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=not slow)
 
     def _lift(self, t_s: float) -> FlipperCommand | None:
         """Return what lifts the flipper: gently as long as the chair may lean on it."""
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
-        return self._front.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
+        return self._flipper_planner.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
 
     @property
     def _low_rad(self) -> float:

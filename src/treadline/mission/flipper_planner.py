@@ -9,16 +9,16 @@ import math
 from treadline.angles import DEG
 from treadline.control.flipper import FLIPPER_PER_S, OVER_BELTS_RAD
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.tip_over import FALLS_RAD_S
+from treadline.mission.tip_over import FALL_RATE_RAD_S
 from treadline.signals import FlipperCommand, FlipperReading
 
 CLEAR_M = 0.05
 """Of the flipper's tip above a step while the flipper passes over nosings alone: it meets them at its own angle plus the
 pitch. From its rest, at 40°, belts with friction 0.45 do not get up there, and slide off on the way down; so low they do not."""
-SQUARE_RAD, ASKEW_RAD = 0.5 * DEG, 1.5 * DEG
+RIDING_HEADING_RAD, LIFTED_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
 """Heading up to which the flipper carries on the nosings, and from which on it lies above them: what lengthens the track by
 half, so that the chair hardly rocks, turns it 2.5 times less."""
-TURNS_M_S, TURNING_M_S = 0.02, 0.06
+RIDING_DIFFERENCE_M_S, LIFTED_DIFFERENCE_M_S = 0.02, 0.06
 """Of one belt ahead of the other: the same for a chair that is about to turn. A long one skids instead, and slides."""
 SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
 """Of the way from nosing to nosing, that a flipper must be long to ride on them; a shorter one drops off each, and is held in
@@ -48,11 +48,11 @@ def turning_share(off_rad: float, apart_m_s: float) -> float:
         off_rad: Of the chair's heading from square, positive.
         apart_m_s: Of one belt ahead of the other, positive.
     """
-    askew = (off_rad - SQUARE_RAD) / (ASKEW_RAD - SQUARE_RAD)
-    return min(max(askew, (apart_m_s - TURNS_M_S) / (TURNING_M_S - TURNS_M_S), 0.0), 1.0)
+    by_heading = (off_rad - RIDING_HEADING_RAD) / (LIFTED_HEADING_RAD - RIDING_HEADING_RAD)
+    return min(max(by_heading, (apart_m_s - RIDING_DIFFERENCE_M_S) / (LIFTED_DIFFERENCE_M_S - RIDING_DIFFERENCE_M_S), 0.0), 1.0)
 
 
-class FrontSection:
+class FlipperPlanner:
     """What is felt of the flipper, and what is asked of it. Its angles are above the belts' line.
 
     Args:
@@ -97,7 +97,7 @@ class FrontSection:
         off = self._rides_at(share) - self.reading.angle_rad
         rate = max(FLIPPER_PER_S * off + RIDES_RAD_S * self._load, -FLIPPER_RAD_S)
         if self._load <= MEETS_SHARE:
-            rate -= CATCHES * max(falls_rad_s - FALLS_RAD_S, 0.0)
+            rate -= CATCHES * max(falls_rad_s - FALL_RATE_RAD_S, 0.0)
         # A nosing that comes under its tip lifts it as fast as it can: held to 15 °/s the chair ran against it, with 3.9 m/s².
         return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
 

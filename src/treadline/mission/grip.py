@@ -20,9 +20,9 @@ APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
 SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
 """Within which a chair has been, and beyond which it has not come since, that may be let alone: one that is further askew must be
 turned back, however much it skids."""
-ALONE_S, MOST_ALONE_S = 5.0, 10.0
+SUSPENDED_S, MAX_SUSPENDED_S = 5.0, 10.0
 """For which it is let alone, three nosings at cruise; twice as long if it turns away anew …"""
-AGAIN_S = 5.0
+REPEAT_S = 5.0
 """… within so long."""
 SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
 """By which belts outrun a chair that is let alone for it, and up to which it grips again. One that is more than nearly square is
@@ -31,18 +31,18 @@ TURNS_RAD_S = 0.5 * DEG
 """… nor while it comes back to its aim as fast as this, nor if it is lost."""
 
 
-class SideGrip:
+class SkidMonitor:
     """Says when a chair does not turn as it steers, and is better let alone."""
 
     def __init__(self) -> None:
         self._until_s = -math.inf
-        self._alone_s = ALONE_S
+        self._suspended_s = SUSPENDED_S
         self._was_square = False
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float, float]] = deque()
         self._slips = False
 
-    def steers(
+    def steering_allowed(
         self,
         t_s: float,
         tracks: TrackReading | None,
@@ -77,9 +77,9 @@ class SideGrip:
         against_m_s = -side * sum(apart for *_, apart in self._window) / len(self._window)
         away_rad = side * (self._turned_rad - self._window[0][1])
         if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
-            again = t_s < self._until_s + AGAIN_S
-            self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
-            self._until_s = t_s + self._alone_s
+            again = t_s < self._until_s + REPEAT_S
+            self._suspended_s = min(2.0 * self._suspended_s, MAX_SUSPENDED_S) if again else SUSPENDED_S
+            self._until_s = t_s + self._suspended_s
         returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
         self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=roll_back_m >= SLID_M)
         return t_s >= self._until_s and not self._slips

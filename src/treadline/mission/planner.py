@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from treadline.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
-Felt = ImuSample | TrackReading | FlipperReading | StairMap
+PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap
 """What a planner listens to."""
 
 
@@ -16,7 +16,7 @@ Felt = ImuSample | TrackReading | FlipperReading | StairMap
 class Planner(Protocol):
     """Decides the phase; called at each tick, after what was read."""
 
-    def update(self, signal: Felt) -> None:
+    def update(self, signal: PlannerInput) -> None:
         """Take one signal."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -29,7 +29,7 @@ class Cruise:
     def __init__(self, speed_m_s: float) -> None:
         self._speed_m_s = speed_m_s
 
-    def update(self, signal: Felt) -> None:
+    def update(self, signal: PlannerInput) -> None:
         """Need nothing."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:

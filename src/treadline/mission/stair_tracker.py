@@ -38,13 +38,13 @@ KNOWN_AFTER = 2
 """Maps that must show a nosing, or the flight's end, before it counts."""
 NEAR_M = 1.9
 """From mid-track: further away a nosing is missed too often to be called missing, and a metre is enough to stop in."""
-TOLD_AFTER = 6
+GAP_KNOWN_AFTER = 6
 """Maps that must show both nosings at a gap: by then two of them would have shown one between."""
 MAPS_MAX = 50
 """Weight of the mean shape: five seconds of frames."""
 BLEND_LEAST = 0.02
 """Share of a new sight in a nosing's place, at least."""
-TELLING_S = 0.35
+SLIP_VALID_S = 0.35
 """After a map, for which belts alone carry on what it told about slip."""
 SLIP_SHARE = 0.5
 """Share of a frame in where the chair is against the nosings: belts slip by a few per cent, a frame errs by millimetres."""
@@ -164,11 +164,11 @@ class StairTracker:
 
     def roll_back_m(self, t_s: float) -> float | None:
         """Return how far the chair has come back along the flight from where it was furthest up; None where no nosings tell."""
-        return self._highest_m - self._up_m if t_s - self.map_s <= TELLING_S else None
+        return self._highest_m - self._up_m if t_s - self.map_s <= SLIP_VALID_S else None
 
     def slip_m_s(self, t_s: float) -> float:
         """Return how much faster the belts run up the flight than the chair; backing down, how much faster the chair comes down."""
-        return self._slip_m_s if t_s - self.map_s <= TELLING_S else 0.0
+        return self._slip_m_s if t_s - self.map_s <= SLIP_VALID_S else 0.0
 
     @property
     def _up_m(self) -> float:
@@ -190,7 +190,7 @@ class StairTracker:
         gaps = [
             (low, high)
             for low, high in itertools.pairwise(self._known)
-            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= TOLD_AFTER
+            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= GAP_KNOWN_AFTER
         ]
         return [(self._ahead_m(low), self._ahead_m(high)) for low, high in gaps]
 
@@ -284,7 +284,7 @@ class StairTracker:
         return self._up_m - up_m
 
     def _note_slip(self, since_s: float, moved_up_m: float) -> None:
-        if not 0.0 < since_s <= TELLING_S:
+        if not 0.0 < since_s <= SLIP_VALID_S:
             self._slip_m_s = 0.0
             return
         slip_m_s = -moved_up_m / since_s

@@ -11,19 +11,19 @@ import math
 from treadline.angles import DEG
 from treadline.signals import TICK_S, ImuSample
 
-SMOOTHED_S = 0.015
+TIME_CONSTANT_S = 0.015
 """In which the rate is smoothed: a chair that slides trembles."""
-FALLS_RAD_S = 1.0 * DEG
+FALL_RATE_RAD_S = 1.0 * DEG
 """Of pitch, either way, from which on it is a fall."""
-EASES_RAD_S = 2.0 * DEG
+DEAD_BAND_RAD_S = 2.0 * DEG
 """From which on the belts go along: they can change their speed but once, and spent at the outset that draws the fall out, …"""
-EASING_M_RAD = 10.0
+GAIN_M_RAD = 10.0
 """… how much faster, per rate beyond it …"""
-MOST_M_S = 0.1
+LIMIT_M_S = 0.1
 """… and at most: half the cruise speed."""
-LASTS_S = 0.4
+MAX_DURATION_S = 0.4
 """For which a fall lasts at most; what goes on for longer is the stair, or a gyro that is off."""
-BACK_M_S2 = 0.2
+DECAY_M_S2 = 0.2
 """At which the speed comes back: that tips the chair the other way, and takes grip."""
 
 
@@ -33,31 +33,31 @@ class TipOverFeedforward:
     def __init__(self) -> None:
         self.rate_rad_s = 0.0
         """Of the chair's pitch going down, smoothed; negative as it falls onto its rear."""
-        self._felt_s = math.nan
-        self._eased_m_s = 0.0
+        self._imu_s = math.nan
+        self._added_m_s = 0.0
         self._since_s: float | None = None
         """When the fall began."""
 
     def update(self, imu: ImuSample) -> None:
         """Take one sample."""
-        dt_s = 0.0 if math.isnan(self._felt_s) else max(imu.t_s - self._felt_s, 0.0)
-        self._felt_s = imu.t_s
-        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHED_S))
+        dt_s = 0.0 if math.isnan(self._imu_s) else max(imu.t_s - self._imu_s, 0.0)
+        self._imu_s = imu.t_s
+        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
 
-    def ease(self, t_s: float, *, may: bool) -> float:
+    def step(self, t_s: float, *, allowed: bool) -> float:
         """Return what is added to both belts at this tick [m/s], uphill positive.
 
         Args:
             t_s: Now.
             may: Whether the belts are free to go along; what they have added comes back all the same.
         """
-        beyond = max(abs(self.rate_rad_s) - EASES_RAD_S, 0.0)
+        beyond = max(abs(self.rate_rad_s) - DEAD_BAND_RAD_S, 0.0)
         if beyond == 0.0:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = t_s
-        falls = may and self._since_s is not None and t_s - self._since_s < LASTS_S
-        asked = math.copysign(min(EASING_M_RAD * beyond, MOST_M_S), self.rate_rad_s) if falls else 0.0
-        kept = math.copysign(max(abs(self._eased_m_s) - BACK_M_S2 * TICK_S, 0.0), self._eased_m_s)
-        self._eased_m_s = asked if abs(asked) > abs(kept) else kept
-        return self._eased_m_s
+        falls = allowed and self._since_s is not None and t_s - self._since_s < MAX_DURATION_S
+        asked = math.copysign(min(GAIN_M_RAD * beyond, LIMIT_M_S), self.rate_rad_s) if falls else 0.0
+        kept = math.copysign(max(abs(self._added_m_s) - DECAY_M_S2 * TICK_S, 0.0), self._added_m_s)
+        self._added_m_s = asked if abs(asked) > abs(kept) else kept
+        return self._added_m_s

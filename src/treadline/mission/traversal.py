@@ -9,10 +9,10 @@ from typing import ClassVar, Literal
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.flipper_planner import ASKEW_RAD, FrontSection, turning_share
-from treadline.mission.grip import SideGrip
+from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
+from treadline.mission.grip import SkidMonitor
 from treadline.mission.level import LevelConfig, LevelSteering
-from treadline.mission.planner import Felt
+from treadline.mission.planner import PlannerInput
 from treadline.mission.stair_tracker import StairTracker
 from treadline.mission.tip_over import TipOverFeedforward
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading
@@ -78,7 +78,7 @@ class Traversal:
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
-        self._front = FrontSection(chair, self.RIDES_RAD)
+        self._flipper_planner = FlipperPlanner(chair, self.RIDES_RAD)
         self._tip_over = TipOverFeedforward()
         self._gauge_m = tracks.gauge_m
         self._flights = flights
@@ -102,11 +102,11 @@ class Traversal:
         """Know nothing yet of the flight ahead."""
         self._where = StairTracker()
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
-        self._grip = SideGrip()
+        self._skid = SkidMonitor()
         self._narrow_maps = 0
-        self._front.forget()
+        self._flipper_planner.forget()
 
-    def update(self, signal: Felt) -> None:
+    def update(self, signal: PlannerInput) -> None:
         """Take one signal."""
         match signal:
             case ImuSample():
@@ -121,14 +121,14 @@ class Traversal:
                 self._tracks = signal
                 if signal.brake_on:  # held: neither belts nor flipper do as they are told
                     self._level.rest()
-                    self._front.forget()
+                    self._flipper_planner.forget()
                 self._where.update(signal)
             case StairMap():
                 if signal.direction == self.DIRECTION:
                     self._where.update(signal)
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case FlipperReading():
-                self._front.update(signal)
+                self._flipper_planner.update(signal)
 
     def _free_m(self) -> float:
         """Return the way from the chair's middle to the nearer wall, infinite where none is in view."""
@@ -172,7 +172,7 @@ class Traversal:
 
     @property
     def _flipper(self) -> FlipperReading | None:
-        return self._front.reading
+        return self._flipper_planner.reading
 
     @property
     def _step_m(self) -> float:
@@ -182,24 +182,26 @@ class Traversal:
     @property
     def _stepping_rad(self) -> float:
         """The flipper's angle at which its tip just clears a step."""
-        return self._front.clears(self._where.rise_m)
+        return self._flipper_planner.clears(self._where.rise_m)
 
     def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> FlipperCommand | None:
         """Return what lays the flipper along the flight: carrying while the chair is square, above the nosings for it to turn."""
         share = self._turning_share(estimate, square_rad)
         catches = self.CATCHES and self._may_follow(t_s, share)
-        return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
+        return self._flipper_planner.ride(t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
 
-    def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, may: bool = True) -> float:
+    def _pitch_feedforward(
+        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, allowed: bool = True
+    ) -> float:
         """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
-        return self._tip_over.ease(t_s, may=may and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
+        return self._tip_over.step(t_s, allowed=allowed and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
 
     def _may_follow(self, t_s: float, share: float) -> bool:
         """Return whether section and belts may go after a fall: not of a chair that turns, nor of one that has lost grip."""
         return share < 1.0 and self._has_grip(t_s)
 
     def _turning_share(self, estimate: HeadingEstimate | None, square_rad: float) -> float:
-        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
+        off_rad = LIFTED_HEADING_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
         return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
 
     def _has_grip(self, t_s: float) -> bool:
@@ -211,7 +213,7 @@ class Traversal:
         """Return whether a chair that wakes up on a flight may drive; while it is held, its flipper is not expected to move."""
         if self._tracks is not None and self._tracks.brake_on:
             return False
-        return self._front.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
+        return self._flipper_planner.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
 
     @property
     def _on_a_flight(self) -> str:
@@ -233,7 +235,11 @@ class Traversal:
         """
         slip_m_s, roll_back_m = (self._where.slip_m_s(t_s), self._where.roll_back_m(t_s) or 0.0) if climbs else (0.0, 0.0)
         spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s, roll_back_m) and not spared else 0.0
+        return (
+            None
+            if self._skid.steering_allowed(t_s, self._tracks, estimate, square_rad, slip_m_s, roll_back_m) and not spared
+            else 0.0
+        )
 
     def _stuck(self) -> str | None:
         """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""

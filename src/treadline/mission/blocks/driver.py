@@ -1,7 +1,7 @@
 """Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan, TrackCommand``."""
 
 from treadline.mission.drivers import Driver
-from treadline.mission.planner import Felt, Planner
+from treadline.mission.planner import Planner, PlannerInput
 from treadline.mission.proposals import Proposals
 from treadline.mission.rates import Rate
 from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
@@ -17,7 +17,7 @@ class DriverBlock:
         self.is_due = False
         """Whether a control period began at the last call of ``propose``."""
 
-    def update(self, signal: Felt) -> None:
+    def update(self, signal: PlannerInput) -> None:
         """Take a reading or a stair map."""
         self._planner.update(signal)
 

@@ -125,7 +125,7 @@ class AheadMonitor:
             return f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead, too long for the track"
         return None
 
-    def doubt(self, travel_m: float) -> str | None:
+    def speed_restriction(self, travel_m: float) -> str | None:
         """Return that a gap is known ahead, or None."""
         gap_m = self._gap_m(travel_m)
         return None if gap_m is None else f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead"

@@ -53,7 +53,7 @@ class GuardConfig:
     """Largest drift of the gyro that may go undetected, half as much again as in row 7."""
     blind_turn_s: float = 6.0
     """Over which: what a steady load asks of the belts adds up slowly."""
-    askew_rad: float = 5.0 * DEG
+    max_heading_error_rad: float = 5.0 * DEG
     """Heading where the chair pitches: it comes there square, and without a fault turns by 3° at most."""
     driver_timeout_s: float = 0.75
     """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""

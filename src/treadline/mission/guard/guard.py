@@ -17,7 +17,7 @@ from treadline.mission.guard.ahead import AheadMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
 from treadline.mission.guard.config import GuardConfig
-from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, askew
+from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import finite, limited, mean_limit, stands
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
@@ -119,7 +119,7 @@ class Guard:
             case HeadingHealth():
                 mended = self._senses.health(signal)
                 if mended is not None:
-                    self._latch.tell(mended.t_s, mended.name, mended.cause)
+                    self._latch.report(mended.t_s, mended.name, mended.cause)
             case _:
                 self._follow(signal)
         return True
@@ -203,7 +203,7 @@ class Guard:
     def _report_rejection(self) -> None:
         rejection = self._admission.timestamps.rejection
         if rejection is not None:
-            self._latch.tell(self._now(math.nan), "rejected", rejection)
+            self._latch.report(self._now(math.nan), "rejected", rejection)
 
     def _update(self, signal: Reading) -> None:
         match signal:
@@ -241,7 +241,7 @@ class Guard:
         frames = self._admission.frames
         if frames.is_dark != self._is_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
-            self._latch.tell(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
+            self._latch.report(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
         self._is_dark = frames.is_dark
         self._senses.refused = frames.refused
         travel_m, _ = self._belts.travel.at(quality.t_s)
@@ -366,11 +366,11 @@ class Guard:
             lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
             yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
             yield CauseKind.HEADING, self._blind.cause
-            yield CauseKind.HEADING, askew(limits, estimate, self._plan)
+            yield CauseKind.HEADING, heading_fault(limits, estimate, self._plan)
 
     def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
         limits, plan = self._config, self._plan
-        kind, cause = self._doubt(t_s, late_s)
+        kind, cause = self._speed_restriction(t_s, late_s)
         self._latch.slow(t_s, kind, cause)
         if plan is not None and stands(plan):
             return TrackCommand(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=plan.phase in ENDS)
@@ -378,19 +378,19 @@ class Guard:
         return limited(
             self._command,
             t_s,
-            mean_limit(limits, estimate, plan, doubt=kind not in ("", "late")),
+            mean_limit(limits, estimate, plan, restricted=kind not in ("", "late")),
             limits.belt_limit_m_s,
             min(max(ramp, 0.0), 1.0),
         )
 
-    def _doubt(self, t_s: float, late_s: float) -> tuple[str, str]:
+    def _speed_restriction(self, t_s: float, late_s: float) -> tuple[str, str]:
         """Return why the chair goes slowly, as a word and a sentence; an empty word if it need not."""
-        senses = self._senses.doubt(t_s) if self._config.needs_heading else None
+        senses = self._senses.speed_restriction(t_s) if self._config.needs_heading else None
         if senses is not None:
             return senses
         if self._slip.slip > 0.0 and self._config.watches_motion:
             return "slip", f"slip {self._slip.slip:.2f}"
-        gap = self._ahead.doubt(self._belts.travel_m)
+        gap = self._ahead.speed_restriction(self._belts.travel_m)
         if gap is not None:
             return "gap", gap
         if late_s > 0.5 * self._config.driver_timeout_s:

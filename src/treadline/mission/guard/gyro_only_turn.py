@@ -85,8 +85,8 @@ class GyroOnlyTurn:
         return OVER_RAD_M if abs(self._pitch_rad) > LEVEL_RAD else LEVEL_RAD_M
 
 
-def askew(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None) -> str | None:
+def heading_fault(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None) -> str | None:
     """Return that a chair that pitches over a nosing, which it began square, is said to be askew; None if not."""
-    if estimate is None or plan is None or plan.phase not in OVER or abs(estimate.heading_rad) <= config.askew_rad:
+    if estimate is None or plan is None or plan.phase not in OVER or abs(estimate.heading_rad) <= config.max_heading_error_rad:
         return None
     return f"heading {estimate.heading_rad / DEG:+.1f}° in {plan.phase}: the chair has turned, or the gyro errs"

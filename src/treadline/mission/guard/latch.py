@@ -32,9 +32,9 @@ class Latch:
             return
         if self.cause is None:
             self.cause, self._ramp = cause, RampedStop(self._drive_lag_s)
-            self.tell(t_s, "hold", cause)
+            self.report(t_s, "hold", cause)
         elif kind in URGENT and not self._ramp.is_over:
-            self.tell(t_s, "brake", cause)
+            self.report(t_s, "brake", cause)
         if kind in URGENT:
             self._ramp.brake()
 
@@ -46,17 +46,17 @@ class Latch:
         """End a hold; say whether there was one."""
         if self.cause is None:
             return False
-        self.tell(t_s, "rearmed", f"by a person, after: {self.cause}")
+        self.report(t_s, "rearmed", f"by a person, after: {self.cause}")
         self.cause = None
         return True
 
     def slow(self, t_s: float, kind: str, cause: str) -> None:
         """Tell that the chair goes slowly, and why; an empty ``kind`` ends it."""
         if kind != self._slow:
-            self.tell(t_s, "slow" if kind else "resumed", cause)
+            self.report(t_s, "slow" if kind else "resumed", cause)
         self._slow = kind
 
-    def tell(self, t_s: float, name: str, cause: str) -> None:
+    def report(self, t_s: float, name: str, cause: str) -> None:
         """Add an event."""
         self._events.append(Event(t_s=t_s, name=name, cause=cause))
 

@@ -1,4 +1,4 @@
-"""How fast the belts may go: by heading, by phase, and while something is in doubt (rows 12 and 18)."""
+"""How fast the belts may go: by heading, by phase, and while something is in restricted (rows 12 and 18)."""
 
 import math
 from dataclasses import replace
@@ -13,7 +13,7 @@ def stands(plan: MotionPlan) -> bool:
     return plan.phase in ENDS or (plan.speed_m_s == 0.0 and plan.turn_m_s == 0.0)
 
 
-def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None, *, doubt: bool) -> float:
+def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None, *, restricted: bool) -> float:
     """Return the largest mean of the belts."""
     turning = estimate is None or abs(estimate.heading_rad) > config.turning_rad
     limit = config.turn_limit_m_s if turning else config.cruise_limit_m_s
@@ -23,7 +23,7 @@ def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: Moti
             limit = min(limit, (1.0 + config.plan_margin) * abs(plan.speed_m_s) + config.plan_spare_m_s)
         if pitching:
             limit = min(limit, config.edge_limit_m_s)
-    return min(limit, config.blind_limit_m_s) if doubt else limit
+    return min(limit, config.blind_limit_m_s) if restricted else limit
 
 
 def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit_m_s: float, share: float) -> TrackCommand:

@@ -85,7 +85,7 @@ class SensorTimeouts:
         """Say whether neither camera nor IMU reports."""
         return self._no_imu(t_s) is not None and t_s - self._frame_s > self._config.frame_timeout_s
 
-    def doubt(self, t_s: float) -> tuple[str, str] | None:
+    def speed_restriction(self, t_s: float) -> tuple[str, str] | None:
         """Return why the chair must go slowly, as a word and a sentence; None if it need not."""
         no_imu = self._no_imu(t_s)
         if no_imu is not None:
