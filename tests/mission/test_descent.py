@@ -550,7 +550,7 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_de
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
 def test_a_chair_askew_on_the_flight_turns_by_climbing_before_it_backs_down(heading_deg: float) -> None:
     world = World(x_m=0.5 * EDGE_M, heading_rad=heading_deg * DEG)
-    assert "askew" in world.run("climb").cause
+    assert "heading error" in world.run("climb").cause
     assert world.run("descend", limit_s=30.0).cause.startswith("square within")
     assert abs(world.heading_rad) < 1.0 * DEG
     assert all(plan.speed_m_s >= 0.0 for plan in world.plans)

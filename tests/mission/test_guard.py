@@ -498,7 +498,7 @@ def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, 
     sign = "+" if apart_m_s > 0.0 else "-"
     assert drive.guard.holding is not None
     assert drive.guard.holding.startswith(f"the belts turned the chair by {sign}3.0° in ")
-    assert drive.guard.holding.endswith("on the word of the gyro alone")
+    assert drive.guard.holding.endswith("with the heading from the gyro alone")
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
     assert drive.run(0.2, blind(phase)).guard.holding is None
 

@@ -298,7 +298,7 @@ def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0))
     assert run(1.0, *[True] * 5, False, *[True] * 4) is None
     assert run(2.0, *[True] * 5) is None
-    assert run(2.3125, True) == "the brake is on, and nobody asked for it: no power, or no orders arrive"
+    assert run(2.3125, True) == "the brake is on without a command: no power, or commands do not arrive"
     watch.forget()
     watch.ask(TrackCommand.stop(0.0))
     assert run(3.0, *[True] * 9) is None
@@ -723,7 +723,7 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
     watch = turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16)
     assert watch.cause is None
     turning(sign * 0.25 / per_metre, phase, 1, watch)
-    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s on the word of the gyro alone"
+    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s with the heading from the gyro alone"
     watch.forget()
     assert turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16, watch).cause is None
 

@@ -18,7 +18,7 @@ class DriverBlock:
         """Whether a control period began at the last call of ``propose``."""
 
     def update(self, signal: PlannerInput) -> None:
-        """Take a reading or a stair map."""
+        """Update the planner with a reading or a stair map."""
         self._planner.update(signal)
 
     def plan(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
