@@ -1,4 +1,4 @@
-"""A chair that turns against its belts is let alone, and for how long."""
+"""A chair that turns against its belts is not steered, and for how long."""
 
 import pytest
 
@@ -61,17 +61,17 @@ def turned(monitor: SkidMonitor, from_rad: float, by_rad: float, apart_m_s: floa
         (-BEYOND * AWAY_RAD, -BEYOND * APART_M_S, True),  # it comes back, as its belts ask
     ],
 )
-def test_only_what_turns_away_against_its_belts_is_let_alone(
+def test_only_what_turns_away_against_its_belts_is_not_steered(
     sign: float, aim_rad: float, by_rad: float, apart_m_s: float, *, steers: bool
 ) -> None:
-    """Test: on either side, also beside a wall that it keeps off, a chair turns from its aim or to it. Expected result: as told."""
+    """Test: on either side, also next to a wall to keep off, a chair turns from its aim or to it. Expected result: as listed."""
     aim = sign * aim_rad
     assert turned(square(aim), aim + sign * 2.0 * DEG, sign * by_rad, sign * apart_m_s, aim) is steers
 
 
 @pytest.mark.parametrize(("at_rad", "steers"), [(WITHIN * SQUARE_RAD, False), (BEYOND * SQUARE_RAD, True)])
-def test_a_chair_that_began_askew_is_turned_back(at_rad: float, *, steers: bool) -> None:
-    """Test: a chair that has come nearly square, or square, turns away against its belts. Expected: steered on, let alone."""
+def test_a_chair_that_began_with_a_heading_error_is_turned_back(at_rad: float, *, steers: bool) -> None:
+    """Test: a chair that has come nearly square, or square, turns away against its belts. Expected: steered on, suspended."""
     monitor = SkidMonitor()
     assert turned(monitor, 0.2, 0.01, -0.1)
     assert monitor.steering_allowed(1.0, tracks(0.0), heading(at_rad))
@@ -79,7 +79,7 @@ def test_a_chair_that_began_askew_is_turned_back(at_rad: float, *, steers: bool)
 
 
 def test_a_chair_that_was_turned_far_is_turned_back() -> None:
-    """Test: square once, let alone, then pushed beyond 8° of its aim. Expected result: steered at once, and on while it skids."""
+    """Test: square once, suspended, then pushed beyond 8° of its aim. Expected result: steered at once, and on while it skids."""
     monitor = square()
     assert not turned(monitor, 0.05, 0.01, -0.1)
     assert not monitor.steering_allowed(1.0, tracks(0.0), heading(WITHIN * LOST_RAD))
@@ -97,7 +97,7 @@ def test_neither_a_better_heading_nor_another_aim_is_a_turn(sign: float) -> None
             assert monitor.steering_allowed(k * TICK_S, tracks(-sign * 0.1 * late), heading(sign * offs[late]), sign * aims[late])
 
 
-def test_what_is_not_known_is_no_reason_to_let_go() -> None:
+def test_missing_data_is_no_reason_to_suspend_steering() -> None:
     """Test: no reading of the belts, no heading, and a jump of the heading over that gap. Expected result: steered on."""
     monitor = square()
     assert monitor.steering_allowed(0.0, tracks(-1.0), heading(0.02))
@@ -110,7 +110,7 @@ def test_what_is_not_known_is_no_reason_to_let_go() -> None:
     assert not turned(monitor, 0.05, BEYOND * AWAY_RAD, -0.1, t_s=1.0), "and it is forgotten"
 
 
-def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
+def test_a_repeated_suspension_lasts_twice_as_long() -> None:
     """Test: grip lost, lost again as soon as it steers, once more, and again long after. Expected result: 5, 10, 10 and 5 s."""
     monitor, suspended, t_s = square(), [], 0.0
     for pause_s in (0.0, 0.5 * REPEAT_S, 0.5 * REPEAT_S, 1.2 * REPEAT_S):
@@ -135,14 +135,14 @@ def test_once_more_in_a_row_it_is_let_alone_for_twice_as_long() -> None:
         (BEYOND * SQUARE_RAD, -WITHIN * TURNS_RAD_S, SLID_M, False),
         (BEYOND * SQUARE_RAD, -BEYOND * TURNS_RAD_S, SLID_M, True),  # it slides as it turns back
         (WITHIN * LOST_RAD, 0.0, SLID_M, False),
-        (BEYOND * LOST_RAD, 0.0, SLID_M, True),  # further askew it would not stand
+        (BEYOND * LOST_RAD, 0.0, SLID_M, True),  # with a larger heading error it would not stop
     ],
 )
-def test_a_chair_that_slips_and_does_not_turn_is_let_alone(
+def test_a_chair_that_slips_and_does_not_turn_is_not_steered(
     sign: float, off_rad: float, rate_rad_s: float, roll_back_m: float, *, steers: bool
 ) -> None:
-    """Test: belts 5 cm/s ahead of a chair that is askew and turns back, or not. Expected result: as told, whether square before or
-    not; and none of it while the belts grip."""
+    """Test: belts 5 cm/s faster than a chair with a heading error that turns back, or not. Expected result: as listed,
+    whether square before or not; and none of it while the belts grip."""
     for slip_m_s, expected in ((BEYOND * SLIPS_M_S, steers), (WITHIN * SLIPS_M_S, True)):
         monitor = SkidMonitor()
         for k in range(TICKS + 1):
@@ -151,10 +151,10 @@ def test_a_chair_that_slips_and_does_not_turn_is_let_alone(
         assert on is expected
 
 
-def test_it_is_let_alone_until_it_grips_or_is_lost() -> None:
-    """Test: let alone for slip, which falls to half and below; again, and pushed beyond 8°. Expected: alone and steered, twice."""
+def test_steering_is_suspended_until_the_chair_grips_or_is_lost() -> None:
+    """Test: steering suspended for slip, which falls to half and below; again, and pushed beyond 8°. Expected: resumed, twice."""
     monitor = SkidMonitor()
-    assert monitor.steering_allowed(0.0, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M), "one reading tells no turn"
+    assert monitor.steering_allowed(0.0, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M), "one reading shows no turn"
     assert not monitor.steering_allowed(0.05, tracks(0.2), heading(0.05), 0.0, BEYOND * SLIPS_M_S, SLID_M)
     assert not monitor.steering_allowed(0.1, tracks(0.0), heading(0.05, -1.0), 0.0, BEYOND * GRIPS_M_S, SLID_M)
     assert not monitor.steering_allowed(0.2, tracks(0.0), None)

@@ -132,8 +132,8 @@ def test_the_latch_keeps_its_first_cause() -> None:
     latch.slow(7.0, "b", "three")
     latch.slow(8.0, "", "well")
     latch.slow(9.0, "", "well")
-    told = [(event.t_s, event.name, event.cause) for event in latch.take()]
-    assert told == [
+    events = [(event.t_s, event.name, event.cause) for event in latch.take()]
+    assert events == [
         (2.0, "hold", "first"),
         (4.0, "rearmed", "by a person, after: first"),
         (5.0, "slow", "one"),
@@ -284,7 +284,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
 
 
-def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
+def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
     """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
     its time, and where it was asked for. Expected result: a cause for its time alone."""
     watch = BeltMonitor(GuardConfig(mismatch_s=0.25))
@@ -336,7 +336,7 @@ def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: 
     return watch
 
 
-def test_slip_is_told_after_its_time_and_held_after_twice() -> None:
+def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
     """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
     from the eighth."""
     config = GuardConfig(slip=0.25)
@@ -379,7 +379,7 @@ def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
-    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or is askew."""
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
     config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
@@ -419,7 +419,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
         assert watch.cause == (None if anew else "rolled back 0.31 m")
 
 
-def test_what_slides_back_unseen_counts_as_far_as_the_nosings_tell_it() -> None:
+def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
     """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
     0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
     slid, climbs, stands = SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig())
@@ -455,7 +455,7 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
 
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
     """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
-    are other nosings, and what was lost is forgotten; the middle of four tells what the chair did."""
+    are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
     watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5
@@ -541,7 +541,7 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
 
 
 def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
-    """Return what five maps tell of one thing ahead, at no travel."""
+    """Return the monitor after five maps of one thing ahead, at no travel."""
     values: dict[str, Any] = {
         "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
         "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
@@ -913,7 +913,7 @@ def test_a_stair_is_missed_beyond_its_time() -> None:
     assert watch.alarm(8.0625, 0.0, None) is None
 
 
-def test_what_clocks_tell_of_the_future_was_told_now() -> None:
+def test_a_stamp_in_the_future_counts_as_now() -> None:
     """Test: each sense speaks of 9 s at 0.25 s. Expected result: missed from 0.25 s on."""
     watch = senses()
     watch.imu(9.0)
@@ -932,7 +932,7 @@ def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
 
 
 def test_a_disagreement_lasts_beyond_its_time() -> None:
-    """Test: told for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
+    """Test: reported for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     assert watch.health(health("disagreement", 1.5, 1.0)) is None
     assert watch.alarm(1.5, 0.0, None) is None
@@ -943,7 +943,7 @@ def test_a_disagreement_lasts_beyond_its_time() -> None:
 
 
 def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
-    """Test: stuck since 1.0 s; for a second and longer. Expected result: doubt at once, an alarm beyond a second only."""
+    """Test: stuck since 1.0 s; for a second and longer. Expected result: slow at once, an alarm beyond a second only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     watch.imu(2.0)
     watch.health(health("stuck", 1.0, 1.0))

@@ -20,8 +20,9 @@ APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
 """Thresholds of a turn against the belts: mean belt speed difference towards square [m/s] and turn away from square [rad], both
 over ``WINDOW_S``."""
 SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
-"""Heading errors below which a chair has been square, and above which it is lost [rad]. Steering is suspended only for a chair
-that has been square and not lost since; a larger heading error must be corrected, however much the belts skid."""
+"""Heading errors below which a chair has been square, and above which it is lost [rad]. A turn against the belts suspends steering
+only of a chair that has been square and not lost since; otherwise the heading error must be corrected, however much the belts skid.
+Slip never suspends steering of a lost chair."""
 SUSPENDED_S, MAX_SUSPENDED_S = 5.0, 10.0
 """Duration of a suspension, three nosings at cruise speed, and of a repeated one [s]."""
 REPEAT_S = 5.0
