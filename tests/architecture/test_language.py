@@ -19,7 +19,6 @@ NOT_YET = frozenset(
         "cli",
         "experiments",
         "io",
-        "mission",
         "nodes",
         "report",
     }

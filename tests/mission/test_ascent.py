@@ -25,7 +25,7 @@ from treadline.mission.flipper_planner import (
     RIDES_RAD_S,
     turning_share,
 )
-from treadline.mission.tip_over import FALLS_RAD_S, MOST_M_S, TipOverFeedforward
+from treadline.mission.tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
@@ -54,7 +54,7 @@ class World:
     grip: float = 0.5
     """Friction over tan β, less one."""
     slip: float = 0.0
-    """Of the belts on the floor."""
+    """Slip ratio of the belts on the floor."""
     flipper_moves: bool = True
     brake_on: bool = False
     knows: bool = True
@@ -268,7 +268,7 @@ def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_driv
 
 @pytest.mark.parametrize("heading_deg", [0.0, 0.9, 1.4])
 def test_nearly_square_a_sound_flipper_planner_is_waited_for_until_it_is_there(heading_deg: float) -> None:
-    """Test: woken up on a flight. Expected result: it climbs once its section is a degree above where it is to be; none is late."""
+    """Test: woken up on a flight. Expected result: it climbs once its flipper is a degree above where it is to be; none is late."""
     world = World(x_m=3.0, heading_rad=heading_deg * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     plan = world.run("climb")
@@ -290,7 +290,7 @@ def test_a_chair_that_is_held_on_a_flight_waits_for_its_flipper_planner_once_it_
     assert world.flipper_rad < LAID_RAD
 
 
-def test_askew_on_a_flight_it_does_not_wait_for_its_flipper_planner() -> None:
+def test_with_a_heading_error_on_a_flight_it_does_not_wait_for_its_flipper() -> None:
     world = World(x_m=3.0, heading_rad=5.0 * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run("climb")
@@ -311,7 +311,7 @@ def test_askew_on_a_flight_it_does_not_wait_for_its_flipper_planner() -> None:
 def test_the_flipper_planner_goes_after_a_chair_that_falls(
     falls_deg_s: float, load: float, slip_m_s: float, goes_down: bool
 ) -> None:
-    """Test: on the flight the pitch goes down by 4 °/s. Expected result: the section faster than that, to meet the nosing under it;
+    """Test: 4 °/s of pitch on the flight. Expected result: the flipper faster than that, to meet the nosing under it;
     not for a tremble, not once it bears, and not on a stair where the belts have slipped."""
     world = World(steps=14)
     world.run("climb")
@@ -329,7 +329,7 @@ def test_the_flipper_planner_goes_after_a_chair_that_falls(
         )
     flipper = world.planner._lie(world.t_s, SQUARE)
     assert flipper is not None
-    expected = -CATCHES * (falls_deg_s * DEG - FALLS_RAD_S) if goes_down else load * RIDES_RAD_S
+    expected = -CATCHES * (falls_deg_s * DEG - FALL_RATE_RAD_S) if goes_down else load * RIDES_RAD_S
     assert flipper.rate_rad_s == pytest.approx(
         expected, rel=0.01, abs=1e-6
     )  # of the rate some 0.2 % is not yet through the smoothing
@@ -350,19 +350,19 @@ def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> No
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 1.6])
-def test_neither_section_nor_belts_go_after_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
+def test_neither_flipper_nor_belts_follow_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
     world = World(steps=14, heading_rad=heading_deg * DEG)
     world.run("climb")
     planner, estimate = world.planner, replace(SQUARE, heading_rad=heading_deg * DEG)
     planner._tip_over.rate_rad_s = 4.0 * DEG
     asked: list[float] = []
-    planner._front.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
+    planner._flipper_planner.ride = lambda *_, falls_rad_s: asked.append(falls_rad_s)  # type: ignore[method-assign]
     planner._lie(world.t_s, estimate)
     assert asked == [4.0 * DEG if heading_deg == 0.0 else 0.0]
-    assert planner._ease(world.t_s, estimate) == (MOST_M_S if heading_deg == 0.0 else 0.0)
+    assert planner._pitch_feedforward(world.t_s, estimate) == (LIMIT_M_S if heading_deg == 0.0 else 0.0)
 
 
-@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, MOST_M_S), (-4.0, -MOST_M_S), (0.5, 0.0)])
+@pytest.mark.parametrize(("falls_deg_s", "pitch_feedforward_m_s"), [(4.0, LIMIT_M_S), (-4.0, -LIMIT_M_S), (0.5, 0.0)])
 def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
     """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add; not where
     they have slipped."""
@@ -442,8 +442,8 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     assert world.run("mount").hold is None
 
 
-@pytest.mark.parametrize(("left_m", "right_m", "told"), [(0.327, 0.87, "left"), (None, 0.327, "right")])
-def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, told: str) -> None:
+@pytest.mark.parametrize(("left_m", "right_m", "wall"), [(0.327, 0.87, "left"), (None, 0.327, "right")])
+def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, wall: str) -> None:
     """Test: a wall nearer than half the chair. Expected result: HOLD, with what would help; moved and re-armed, it goes on."""
     walls = {"left_wall_m": left_m, "right_wall_m": right_m}
     world = World(spoil=lambda seen: replace(seen, **walls))
@@ -451,10 +451,10 @@ def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: 
     while world.tick().hold is None:
         assert world.phases[-1] == "approach"
     assert (
-        f"the {told} wall is 0.33 m from the chair's middle, which needs {CHAIR.half_width_m:.2f} m: set the chair 0.10 m"
+        f"the {wall} wall is 0.33 m from the chair's middle, which needs {CHAIR.half_width_m:.2f} m: set the chair 0.10 m"
         in world.plans[-1].hold
     )
-    assert world.plans[-1].hold.endswith("right" if told == "left" else "left")
+    assert world.plans[-1].hold.endswith("right" if wall == "left" else "left")
     walls.update(left_wall_m=0.60, right_wall_m=0.60)
     world.run(limit_s=0.2)
     assert world.run("climb").hold is None
@@ -606,7 +606,7 @@ def test_near_straight_the_plan_keeps_the_inner_belt_at_half_the_climb_speed() -
 
 
 class Script:
-    """Stands for the crest: plays stages, and keeps what it is told."""
+    """Stand-in for the crest sequence: plays stages, and keeps its inputs."""
 
     made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
     SPEED_M_S = 0.05
@@ -653,14 +653,16 @@ def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(cr
     world.run("crest")
     (made,) = crest.made
     assert made.ahead_m - PIVOT_M == pytest.approx(CONFIG.unseen_end_m, abs=0.01)
-    # No frame tells a better place of it.
+    # No frame corrects its place.
     assert made.seen == 0
 
 
 @pytest.mark.usefixtures("crest")
-def test_slow_before_the_crest_its_section_still_rides_and_it_is_let_alone_nearly_square(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Test: 0.9° askew as the crest's sequencer slows down. Expected result: belts alike, the flipper asked as on the flight and
-    not as the sequencer says."""
+def test_slow_before_the_crest_the_flipper_still_rides_and_small_heading_errors_are_not_steered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Test: 0.9° of heading error as the crest sequence slows down. Expected result: equal belt speeds, the flipper command of the
+    flight and not that of the sequence."""
     monkeypatch.setattr(Script, "stages", ("climb", "slow"))
     world = World(steps=6)
     world.run("climb")
@@ -687,7 +689,7 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
     world.run("crest")
     world.planner._tip_over.rate_rad_s = 4.0 * DEG
     plan = world.planner.step(world.t_s, SQUARE)
-    assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (MOST_M_S if eases else 0.0))
+    assert plan.speed_m_s == pytest.approx(Script.SPEED_M_S + (LIMIT_M_S if eases else 0.0))
     assert plan.pitch_feedforward_m_s == 0.0
 
 
@@ -752,14 +754,14 @@ def test_a_flipper_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a
     assert flipper.rate_rad_s == pytest.approx(CHAIR.flipper.max_rate_deg_s * DEG)
 
 
-@pytest.mark.parametrize(("heading_rad", "let_alone"), [(0.9 * BLIND_RAD, True), (1.1 * BLIND_RAD, False)])
-def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_let_alone(heading_rad: float, let_alone: bool) -> None:
+@pytest.mark.parametrize(("heading_rad", "suspended"), [(0.9 * BLIND_RAD, True), (1.1 * BLIND_RAD, False)])
+def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_not_steered(heading_rad: float, suspended: bool) -> None:
     """Test: a heading a little below and above 1°, with the stair in view and without. Expected result: without, belts run alike up
     to 1°, for a gyro that drifts is not followed at once; with it the controller steers."""
     world = World(steps=14)
     world.run("climb")
     estimate = replace(SQUARE, heading_rad=heading_rad)
-    assert (world.planner._steering(world.t_s, estimate, blind=True) == 0.0) is let_alone
+    assert (world.planner._steering(world.t_s, estimate, blind=True) == 0.0) is suspended
     assert world.planner._steering(world.t_s, estimate) is None
 
 

@@ -17,7 +17,7 @@ from treadline.mission import descent
 from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
 from treadline.mission.flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
-from treadline.mission.tip_over import MOST_M_S
+from treadline.mission.tip_over import LIMIT_M_S
 from treadline.mission.traversal import BLIND_RAD
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
@@ -140,7 +140,7 @@ class World:
 
 
 class Script:
-    """Stands for the edge: approaches, then plays stages, and keeps what it is told."""
+    """Stand-in for the edge sequence: approaches, then plays stages, and keeps its inputs."""
 
     made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
     stages: tuple[str, ...] = ("press", "lift", "settle", "leave", "done")
@@ -254,7 +254,7 @@ def test_an_edge_under_the_chair_holds_it() -> None:
     assert world.tick().hold is not None  # it stands there still: to re-arm alone does not help
 
 
-def test_the_edge_is_told_its_place_and_the_flights_slope_and_kept_up_to_date(edge: type[Script]) -> None:
+def test_the_edge_sequence_gets_place_and_slope_of_the_flight_and_each_update(edge: type[Script]) -> None:
     world = World()
     world.run("approach")
     (made,) = edge.made
@@ -283,7 +283,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     world.planner._tip_over.rate_rad_s = way * 4.0 * DEG
     square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
     plan = world.planner.step(world.t_s, square)
-    assert plan.speed_m_s == pytest.approx(-0.1 + way * (MOST_M_S if eases else 0.0))
+    assert plan.speed_m_s == pytest.approx(-0.1 + way * (LIMIT_M_S if eases else 0.0))
     assert plan.pitch_feedforward_m_s == 0.0
 
 
@@ -326,9 +326,9 @@ def test_it_leaves_with_its_flipper_planner_just_above_a_step_and_stows_it_on_th
 
 
 @pytest.mark.usefixtures("edge")
-def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_let_alone() -> None:
-    """Test: 0.9° askew, slow before the last nosing, where no stair need be seen, and before. Expected result: belts alike there;
-    before, the controller steers."""
+def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_not_steered() -> None:
+    """Test: 0.9° of heading error, slow before the last nosing, with no stair in view, and before. Expected result: equal belt
+    speeds there; before, the controller steers."""
     world = World()
     world.run("descend", limit_s=60.0)
     world.heading_rad = 0.9 * BLIND_RAD
@@ -342,7 +342,7 @@ def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_let_alone() -> No
 @pytest.mark.usefixtures("edge")
 def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() -> None:
     """Test: the section is to be lifted from a degree below the belts' line, and from above it. Expected result: at 3 °/s, whatever
-    its motor feels just then; at 15 °/s."""
+    its motor measures just then; at 15 °/s."""
     world = World()
     world.run("leave", limit_s=120.0)
     for angle_rad, torque_n_m, rate_rad_s in (
@@ -548,9 +548,9 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_de
 
 
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
-def test_a_chair_askew_on_the_flight_turns_by_climbing_before_it_backs_down(heading_deg: float) -> None:
+def test_a_chair_with_a_heading_error_on_the_flight_turns_by_climbing_before_it_backs_down(heading_deg: float) -> None:
     world = World(x_m=0.5 * EDGE_M, heading_rad=heading_deg * DEG)
-    assert "askew" in world.run("climb").cause
+    assert "heading error" in world.run("climb").cause
     assert world.run("descend", limit_s=30.0).cause.startswith("square within")
     assert abs(world.heading_rad) < 1.0 * DEG
     assert all(plan.speed_m_s >= 0.0 for plan in world.plans)

@@ -35,13 +35,13 @@ def with_seat(**changes: object) -> ChairDescription:
 def test_what_check_lets_in_with_its_seat_shift_is_not_refused_at_the_foot(
     rise_m: float, slope_deg: float, kg: float, offset: tuple[float, float, float], slope_error_deg: float
 ) -> None:
-    """A slope that errs by two standard deviations, a passenger who does not sit where the mission believes."""
+    """A slope that errs by two standard deviations, a passenger who does not sit where the mission assumes."""
     run_m = rise_m / math.tan(slope_deg * DEG)
     assume(run_m < 0.45)
     load = Chair(payload_kg=kg, payload_offset_m=offset)
-    told, refused, _ = ready(Scenario(stair=Stair(rise_m=rise_m, run_m=run_m, friction=(0.9, 0.8)), chair=load), CHAIR)
+    setup, refused, _ = ready(Scenario(stair=Stair(rise_m=rise_m, run_m=run_m, friction=(0.9, 0.8)), chair=load), CHAIR)
     assume(refused is None)
-    chair = with_seat_shifted(CHAIR, told.chair.seat_shift_m)
+    chair = with_seat_shifted(CHAIR, setup.chair.seat_shift_m)
     assert reject_reason(chair, kg, rise_m, run_m, (slope_deg + slope_error_deg) * DEG) is None
 
 

@@ -9,14 +9,14 @@ from treadline.controller_files import shipped_controller
 from treadline.experiments.traverse import Traverse, traverse
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
-from treadline.mission.stair_tracker import KNOWN_AFTER, NEXT_MAPS, NEXT_S, TOLD_AFTER, StairTracker
+from treadline.mission.stair_tracker import GAP_KNOWN_AFTER, KNOWN_AFTER, NEXT_MAPS, NEXT_S, StairTracker
 from treadline.scenario import Scenario
 from treadline.signals import StairMap
 
 RISE_M, RUN_M, BETWEEN_M = 0.16, 0.30, 2.5
 STEPS = 6
-FLOOR_M, TOLD = 1.0, 4
-"""Of the first nosing ahead of mid-track, and steps of the first flight, in what the chair is told it sees."""
+FLOOR_M, MAPPED_STEPS = 1.0, 4
+"""Distance of the first nosing ahead of mid-track [m], and number of steps of the first flight, in the scripted maps."""
 
 
 def scenario(direction: str, **stair: object) -> Scenario:
@@ -79,7 +79,7 @@ def test_missing_steps_of_every_flight_are_checked() -> None:
     assert apart.reasons == check(scenario("up", missing_steps=[STEPS - 2], flights=1), chair).reasons
 
 
-def told(t_s: float, places: Sequence[tuple[float, float]], *, ends: bool = False, up: bool = True) -> StairMap:
+def map_of(t_s: float, places: Sequence[tuple[float, float]], *, ends: bool = False, up: bool = True) -> StairMap:
     """Return a map for a chair that stands level at the foot of the first flight, or at the top of the second."""
     return StairMap(
         t_s=t_s,
@@ -95,7 +95,7 @@ def told(t_s: float, places: Sequence[tuple[float, float]], *, ends: bool = Fals
     )
 
 
-FIRST = [(FLOOR_M + k * RUN_M, (k + 1) * RISE_M) for k in range(TOLD)]
+FIRST = [(FLOOR_M + k * RUN_M, (k + 1) * RISE_M) for k in range(MAPPED_STEPS)]
 SECOND = [(FIRST[-1][0] + BETWEEN_M + k * RUN_M, FIRST[-1][1] + (k + 1) * RISE_M) for k in range(3)]
 
 
@@ -109,13 +109,13 @@ def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(
     first, second = (FIRST, SECOND) if up else (downward(FIRST), downward(SECOND))
     where = StairTracker()
     for k in range(KNOWN_AFTER):
-        where.update(told(0.1 * k, first, up=up))
+        where.update(map_of(0.1 * k, first, up=up))
     before = where.ahead_m()
     assert not where.top_ends
     assert not where.bottom_ends
     for k in range(NEXT_MAPS):
         assert not where.shows_another
-        where.update(told(0.3 + 0.1 * k, second, up=up))
+        where.update(map_of(0.3 + 0.1 * k, second, up=up))
     assert where.ahead_m() == before
     assert where.gaps_ahead_m() == []
     assert where.shows_another
@@ -127,8 +127,8 @@ def test_a_flight_across_a_landing_is_another_one_and_shows_where_this_one_ends(
 def test_missing_steps_stay_a_gap_in_this_flight(missing: int) -> None:
     where = StairTracker()
     beyond = [(FIRST[-1][0] + (missing + 1 + k) * RUN_M, FIRST[-1][1] + (missing + 1 + k) * RISE_M) for k in range(3)]
-    for k in range(2 * TOLD_AFTER):
-        where.update(told(0.1 * k, FIRST if k < TOLD_AFTER else beyond))
+    for k in range(2 * GAP_KNOWN_AFTER):
+        where.update(map_of(0.1 * k, FIRST if k < GAP_KNOWN_AFTER else beyond))
     assert where.gaps_ahead_m() == [pytest.approx((FIRST[-1][0], beyond[0][0]))]
     assert not where.shows_another
 
@@ -137,11 +137,11 @@ def test_a_flight_not_seen_for_a_while_is_looked_at_anew() -> None:
     where = StairTracker()
     near = [(x - 1.5, z) for x, z in SECOND]
     for k in range(NEXT_MAPS):
-        where.update(told(0.1 * k, FIRST))
+        where.update(map_of(0.1 * k, FIRST))
     for k in range(NEXT_MAPS):
-        where.update(told(1.0 + 0.1 * k, near))
+        where.update(map_of(1.0 + 0.1 * k, near))
     assert where.shows_another
-    where.update(told(1.5 + NEXT_S, near))
+    where.update(map_of(1.5 + NEXT_S, near))
     assert not where.shows_another
 
 
@@ -149,6 +149,6 @@ def test_a_chair_that_wakes_up_on_a_flight_is_not_on_the_one_it_sees_across_the_
     where = StairTracker()
     where.pitch_rad = float(np.arctan2(RISE_M, RUN_M))
     for k in range(KNOWN_AFTER):
-        where.update(told(0.1 * k, [(2.5 + 0.3 * i, -1.1 + 0.1 * i) for i in range(3)]))
+        where.update(map_of(0.1 * k, [(2.5 + 0.3 * i, -1.1 + 0.1 * i) for i in range(3)]))
     assert where.map_count == 0
     assert where.top_ahead_m() is None

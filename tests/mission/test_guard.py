@@ -220,7 +220,7 @@ def test_a_lost_camera_slows_within_a_third_of_a_second_and_holds_after_three() 
     assert [name for name, _ in drive.events()] == ["slow", "hold"]
 
 
-def test_a_camera_that_comes_back_in_time_is_told() -> None:
+def test_a_camera_that_comes_back_in_time_is_reported() -> None:
     """Test: no frame for a second. Expected result: slow, then resumed at full speed."""
     drive = Drive().run(1.0)
     drive.silent = {"camera"}
@@ -316,7 +316,7 @@ def test_depth_alone_will_do_and_colours_alone_will_not(changes: dict[str, float
     assert guard.admit(frame(0.1, **changes)) is usable
 
 
-def test_darkness_is_told_once_and_so_is_light() -> None:
+def test_darkness_is_reported_once_and_so_is_light() -> None:
     """Test: three dark frames, then light. Expected result: two events with numbers, no speed lost."""
     drive = Drive().run(0.5)
     drive.spoil = lambda reading: replace(reading, brightness=0.01) if isinstance(reading, FrameQuality) else reading
@@ -402,7 +402,7 @@ def test_where_the_flipper_follows_the_pitch_an_imu_must_be_there(phase: Any) ->
 
 
 def test_a_stuck_gyro_is_no_gyro() -> None:
-    """Test: the filter tells that the gyro has stuck, for 0.5 s, later for good. Expected result: slow and resumed; then
+    """Test: the filter reports that the gyro has stuck, for 0.5 s, later for good. Expected result: slow and resumed; then
     HOLD a second after it stuck."""
     drive = Drive().run(1.0)
     stuck_s = drive.t_s
@@ -430,7 +430,7 @@ def test_without_camera_and_imu_it_holds_at_once() -> None:
 
 
 @pytest.mark.parametrize("fault", ["drift", "jump"])
-def test_a_gyro_that_was_mended_is_told_once(fault: Any) -> None:
+def test_a_gyro_that_was_mended_is_reported_once(fault: Any) -> None:
     """Test: the filter has re-referenced the gyro, says so for 2 s, and again later. Expected result: two events, no HOLD."""
     drive = Drive().run(1.0)
     drive.run(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, fault, 1.0, "gyro drifts by 1.0 °/s")))
@@ -487,7 +487,7 @@ def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
 
 
 @pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 1.88), ("descend", -0.05, 1.88), ("land", 0.03, 2.31)])
-def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
+def test_belts_that_turn_the_chair_with_the_heading_from_the_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
     """Test: no stair in view, as planned, and one belt runs faster all the time. Expected result: HOLD after a turn of 3°. On the
     flight belts that do not skid would turn the chair by 4.4 °/s, and the bound stops at the 1.5 °/s by which a gyro may drift; on
     the landing 0.03 m/s turn it by 1.30 °/s."""
@@ -498,14 +498,14 @@ def test_belts_that_turn_the_chair_on_the_word_of_a_gyro_alone_hold(phase: Any, 
     sign = "+" if apart_m_s > 0.0 else "-"
     assert drive.guard.holding is not None
     assert drive.guard.holding.startswith(f"the belts turned the chair by {sign}3.0° in ")
-    assert drive.guard.holding.endswith("on the word of the gyro alone")
+    assert drive.guard.holding.endswith("with the heading from the gyro alone")
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
     assert drive.run(0.2, blind(phase)).guard.holding is None
 
 
-@pytest.mark.parametrize("why", ["seen", "told", "needed", "search", "slowly", "open loop"])
+@pytest.mark.parametrize("why", ["seen", "measured", "needed", "search", "slowly", "open loop"])
 def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
-    """Test: the same with a stair in view, or with a camera that tells headings by itself, or where a stair should be, on the
+    """Test: the same with a stair in view, or with a camera that measures headings itself, or where a stair should be, on the
     floor, by at most 0.44 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own
     row answers later."""
     config = GuardConfig(needs_heading=why != "open loop")
@@ -515,7 +515,7 @@ def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(w
 
     def each(drive: Drive) -> None:
         plan(drive)
-        if why == "told" and drive.tick % FRAME_TICKS == 0:
+        if why == "measured" and drive.tick % FRAME_TICKS == 0:
             drive.guard.admit(heading(drive.t_s, 0.1 * (drive.tick % 7)))
 
     drive.run(5.0, each)
@@ -589,7 +589,7 @@ def test_a_clock_that_leaps_holds(leap_s: float, cause: str | None) -> None:
     admitted = drive.guard.admit(imu(drive.t_s + leap_s))
     assert drive.guard.holding == cause
     assert admitted is (leap_s == 0.1)
-    # Told by the mission's clock, not by the one that leapt.
+    # Stamped by the mission's clock, not by the one that leapt.
     assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)] * (cause is not None)
 
 
@@ -1479,14 +1479,14 @@ def test_an_obstacle_is_held_off(direction: str, sign: float, lead_m: float) -> 
     assert (drive.guard.holding or "").startswith("obstacle 0.4")
 
 
-@pytest.mark.parametrize("told", [1.0, math.nan])
-def test_something_on_the_landing_is_held_off(told: float) -> None:
+@pytest.mark.parametrize("obstacle_m", [1.0, math.nan])
+def test_something_on_the_landing_is_held_off(obstacle_m: float) -> None:
     """Test: over the crest frames show something 1 m from mid-track; a number that is none. Expected result: HOLD; no HOLD."""
     drive = Drive()
-    drive.spoil = lambda reading: replace(reading, obstacle_m=told) if isinstance(reading, FrameQuality) else reading
+    drive.spoil = lambda reading: replace(reading, obstacle_m=obstacle_m) if isinstance(reading, FrameQuality) else reading
     drive.plan = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
     drive.run(1.0)
-    assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(told)
+    assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(obstacle_m)
 
 
 def test_something_seen_once_is_nothing() -> None:
@@ -1528,7 +1528,7 @@ def test_a_map_that_comes_twice_counts_once() -> None:
     ],
 )
 def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
-    """Test: one field of a map is not finite. Expected result: not admitted, not noticed."""
+    """Test: one field of a map is not finite. Expected result: not admitted, without effect."""
     guard = Guard(GuardConfig())
     assert not guard.admit(stair(0.0, [1.0], **bad))
     guard.on_message(stair(0.1, [1.0], **bad))

@@ -15,7 +15,7 @@ from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, Ob
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
 from treadline.mission.guard.frame_monitor import FrameMonitor
-from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, askew
+from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
@@ -53,7 +53,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
     assert config.readings_timeout_s == 0.3
     assert (config.blind_turn_rad, config.blind_turn_s, config.seat_steady_m_s) == (3.0 * deg, 6.0, 0.02)
-    assert (config.askew_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
+    assert (config.max_heading_error_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
@@ -132,8 +132,8 @@ def test_the_latch_keeps_its_first_cause() -> None:
     latch.slow(7.0, "b", "three")
     latch.slow(8.0, "", "well")
     latch.slow(9.0, "", "well")
-    told = [(event.t_s, event.name, event.cause) for event in latch.take()]
-    assert told == [
+    events = [(event.t_s, event.name, event.cause) for event in latch.take()]
+    assert events == [
         (2.0, "hold", "first"),
         (4.0, "rearmed", "by a person, after: first"),
         (5.0, "slow", "one"),
@@ -284,7 +284,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
 
 
-def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
+def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
     """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
     its time, and where it was asked for. Expected result: a cause for its time alone."""
     watch = BeltMonitor(GuardConfig(mismatch_s=0.25))
@@ -298,7 +298,7 @@ def test_a_brake_that_nobody_asked_for_is_told_at_rest_as_well() -> None:
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0))
     assert run(1.0, *[True] * 5, False, *[True] * 4) is None
     assert run(2.0, *[True] * 5) is None
-    assert run(2.3125, True) == "the brake is on, and nobody asked for it: no power, or no orders arrive"
+    assert run(2.3125, True) == "the brake is on without a command: no power, or commands do not arrive"
     watch.forget()
     watch.ask(TrackCommand.stop(0.0))
     assert run(3.0, *[True] * 9) is None
@@ -336,7 +336,7 @@ def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: 
     return watch
 
 
-def test_slip_is_told_after_its_time_and_held_after_twice() -> None:
+def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
     """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
     from the eighth."""
     config = GuardConfig(slip=0.25)
@@ -379,7 +379,7 @@ def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
-    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or is askew."""
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
     config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
@@ -419,7 +419,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
         assert watch.cause == (None if anew else "rolled back 0.31 m")
 
 
-def test_what_slides_back_unseen_counts_as_far_as_the_nosings_tell_it() -> None:
+def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
     """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
     0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
     slid, climbs, stands = SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig())
@@ -455,7 +455,7 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
 
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
     """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
-    are other nosings, and what was lost is forgotten; the middle of four tells what the chair did."""
+    are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
     watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5
@@ -541,7 +541,7 @@ def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
 
 
 def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
-    """Return what five maps tell of one thing ahead, at no travel."""
+    """Return the monitor after five maps of one thing ahead, at no travel."""
     values: dict[str, Any] = {
         "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
         "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
@@ -568,7 +568,7 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
     assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
     assert watch.cause(limit_m + sign * 0.0625, 0.0) is None
     assert watch.cause(limit_m + sign * 0.0625, -sign * 0.25) is None
-    assert watch.doubt(limit_m) is None
+    assert watch.speed_restriction(limit_m) is None
 
 
 @pytest.mark.parametrize("phase", ["climb", "crest", "land", "descend", "edge", "leave"])
@@ -601,19 +601,19 @@ def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
     watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))
     limit_m = 1.75 - 1.0 - 0.125 - 0.125
     assert watch.cause(limit_m, 0.25) is None
-    assert watch.doubt(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
+    assert watch.speed_restriction(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
     assert watch.cause(limit_m + 0.0625, 0.25) == "1.25 m from nosing to nosing 0.19 m ahead, too long for the track"
     assert watch.cause(limit_m + 0.0625, 0.0) is None
     assert watch.cause(1.6875, 0.25) is not None
     assert watch.cause(1.75, 0.25) is None
-    assert watch.doubt(1.75) is None
-    assert AheadMonitor(LENGTHS).doubt(0.0) is None
+    assert watch.speed_restriction(1.75) is None
+    assert AheadMonitor(LENGTHS).speed_restriction(0.0) is None
 
 
 def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
     """Test: gaps that begin 1.9 m from mid-track and further. Expected result: slow for the nearer one alone."""
-    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).doubt(0.0) is not None
-    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).doubt(0.0) is None
+    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).speed_restriction(0.0) is not None
+    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).speed_restriction(0.0) is None
 
 
 def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
@@ -723,7 +723,7 @@ def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, p
     watch = turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16)
     assert watch.cause is None
     turning(sign * 0.25 / per_metre, phase, 1, watch)
-    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s on the word of the gyro alone"
+    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s with the heading from the gyro alone"
     watch.forget()
     assert turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16, watch).cause is None
 
@@ -828,13 +828,13 @@ def test_a_chair_that_swings_is_not_judged() -> None:
 def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: float) -> None:
     """Test: a heading on the limit and beyond, where the chair pitches and on the flight; nothing known. Expected result: a cause
     beyond the limit, where it pitches."""
-    config = GuardConfig(askew_rad=0.125)
-    assert askew(config, estimate(0.0, sign * 0.125), plan(phase)) is None
+    config = GuardConfig(max_heading_error_rad=0.125)
+    assert heading_fault(config, estimate(0.0, sign * 0.125), plan(phase)) is None
     cause = f"heading {sign * 7.4:+.1f}° in {phase}: the chair has turned, or the gyro errs"
-    assert askew(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
-    assert askew(config, estimate(0.0, 0.5), plan("climb")) is None
-    assert askew(config, None, plan(phase)) is None
-    assert askew(config, estimate(0.0, 0.5), None) is None
+    assert heading_fault(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
+    assert heading_fault(config, estimate(0.0, 0.5), plan("climb")) is None
+    assert heading_fault(config, None, plan(phase)) is None
+    assert heading_fault(config, estimate(0.0, 0.5), None) is None
 
 
 def senses(config: GuardConfig | None = None) -> SensorTimeouts:
@@ -856,14 +856,14 @@ def senses(config: GuardConfig | None = None) -> SensorTimeouts:
 def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
     """Test: each sense silent for exactly its time, and longer. Expected result: missed beyond only."""
     watch = senses()
-    assert watch.doubt(0.0625) is None
-    assert watch.doubt(0.125) == ("imu", "no IMU sample for 0.12 s")
+    assert watch.speed_restriction(0.0625) is None
+    assert watch.speed_restriction(0.125) == ("imu", "no IMU sample for 0.12 s")
     watch.imu(1.0)
     watch.imu(0.5)
     watch.frame(0.75, 0.0)
     watch.frame(0.5, 0.0)
-    assert watch.doubt(1.0) is None
-    assert watch.doubt(1.03125) == ("camera", "no frame for 0.28 s")
+    assert watch.speed_restriction(1.0) is None
+    assert watch.speed_restriction(1.03125) == ("camera", "no frame for 0.28 s")
     watch.frame(2.0, 0.0)
     watch.frame(1.75, 0.0)
     watch.seen(2.0)
@@ -913,7 +913,7 @@ def test_a_stair_is_missed_beyond_its_time() -> None:
     assert watch.alarm(8.0625, 0.0, None) is None
 
 
-def test_what_clocks_tell_of_the_future_was_told_now() -> None:
+def test_a_stamp_in_the_future_counts_as_now() -> None:
     """Test: each sense speaks of 9 s at 0.25 s. Expected result: missed from 0.25 s on."""
     watch = senses()
     watch.imu(9.0)
@@ -932,7 +932,7 @@ def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
 
 
 def test_a_disagreement_lasts_beyond_its_time() -> None:
-    """Test: told for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
+    """Test: reported for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     assert watch.health(health("disagreement", 1.5, 1.0)) is None
     assert watch.alarm(1.5, 0.0, None) is None
@@ -943,11 +943,11 @@ def test_a_disagreement_lasts_beyond_its_time() -> None:
 
 
 def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
-    """Test: stuck since 1.0 s; for a second and longer. Expected result: doubt at once, an alarm beyond a second only."""
+    """Test: stuck since 1.0 s; for a second and longer. Expected result: slow at once, an alarm beyond a second only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     watch.imu(2.0)
     watch.health(health("stuck", 1.0, 1.0))
-    assert watch.doubt(1.5) == ("imu", "gyro stuck for 0.50 s")
+    assert watch.speed_restriction(1.5) == ("imu", "gyro stuck for 0.50 s")
     assert watch.alarm(2.0, 0.0, None) is None
     assert watch.alarm(2.0625, 0.0, None) == "gyro stuck for 1.06 s"
 
@@ -963,11 +963,11 @@ def test_an_estimates_age_may_be_its_limit(age_s: float, fault: str | None) -> N
 def test_limits_hold_on_their_very_values() -> None:
     """Test: heading on its limit; shares of one and a half; belts on their limit. Expected result: square; all, half; as asked."""
     config = GuardConfig(turning_rad=0.125)
-    assert mean_limit(config, estimate(heading_rad=0.125), None, doubt=False) == 0.30
-    assert mean_limit(config, estimate(heading_rad=-0.25), None, doubt=False) == 0.55
-    assert mean_limit(config, estimate(heading_rad=0.25), None, doubt=True) == 0.10
+    assert mean_limit(config, estimate(heading_rad=0.125), None, restricted=False) == 0.30
+    assert mean_limit(config, estimate(heading_rad=-0.25), None, restricted=False) == 0.55
+    assert mean_limit(config, estimate(heading_rad=0.25), None, restricted=True) == 0.10
     slow = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.02)
-    assert mean_limit(config, estimate(), slow, doubt=True) == pytest.approx(0.045)
+    assert mean_limit(config, estimate(), slow, restricted=True) == pytest.approx(0.045)
     asked = TrackCommand(t_s=0.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
     assert limited(asked, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
     assert limited(asked, 2.0, 0.25, 1.0, 0.5) == TrackCommand(t_s=2.0, left_m_s=-0.5, right_m_s=0.5, brake=True)

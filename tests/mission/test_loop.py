@@ -10,7 +10,7 @@ import pytest
 from treadline.mission.drivers import ConstantSpeed, Driver
 from treadline.mission.guard import Guard, GuardConfig
 from treadline.mission.loop import Blocks, Mission, Signal
-from treadline.mission.planner import Cruise, Felt, Planner
+from treadline.mission.planner import Cruise, Planner, PlannerInput
 from treadline.mission.rates import Rate
 from treadline.signals import (
     Event,
@@ -92,14 +92,14 @@ class Square:
 
 
 class Scripted:
-    """A planner that plays a script: from each time on its plan, and remembers what it felt."""
+    """A planner that plays a script: from each time on its plan, and remembers its inputs."""
 
     def __init__(self, *plans: MotionPlan) -> None:
         self._plans = plans
-        self.felt: list[str] = []
+        self.inputs: list[str] = []
 
-    def update(self, signal: Felt) -> None:
-        self.felt.append(type(signal).__name__)
+    def update(self, signal: PlannerInput) -> None:
+        self.inputs.append(type(signal).__name__)
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         del estimate
@@ -184,11 +184,11 @@ def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
     mission, _, _ = counting_mission(plant, driver=Dying(0.2, 0.25), log=logged.append)
     for _ in range(150):
         mission.tick()
-    told = [(signal.left_m_s, signal.brake) for signal in logged if isinstance(signal, TrackCommand)]
+    recorded = [(signal.left_m_s, signal.brake) for signal in logged if isinstance(signal, TrackCommand)]
     written = [(tracks.left_m_s, tracks.brake) for tracks, _ in plant.written]
-    assert {value for value, _ in told} == {value for value, _ in written}
-    assert len({value for value, _ in told}) > 20  # a ramp of 0.37 s
-    assert told[-1] == (0.0, True)
+    assert {value for value, _ in recorded} == {value for value, _ in written}
+    assert len({value for value, _ in recorded}) > 20  # a ramp of 0.37 s
+    assert recorded[-1] == (0.0, True)
 
 
 def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() -> None:
@@ -199,7 +199,7 @@ def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() 
     mission, _, _ = counting_mission(plant)
     for _ in range(170):
         mission.tick()
-    # Hazard 6: 50 ms to notice, then vision alone for a second at 0.10 m/s.
+    # Hazard 6: 50 ms to detect, then vision alone for a second at 0.10 m/s.
     assert plant.written[60][0].left_m_s == pytest.approx(0.1)
     assert next(k for k, (tracks, _) in enumerate(plant.written) if tracks.brake) in range(150, 160)
     assert all(np.isfinite([tracks.left_m_s, tracks.right_m_s]).all() for tracks, _ in plant.written)
@@ -230,24 +230,24 @@ def test_the_plans_flipper_passes_the_guard_and_no_flipper_stays_none() -> None:
 
 def test_where_the_plan_knows_no_further_the_guard_holds_with_its_cause() -> None:
     lost = MotionPlan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
-    plant, told = RecordedPlant(stream(0.3)), []
+    plant, recorded = RecordedPlant(stream(0.3)), []
     go = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
-    mission, _, _ = counting_mission(plant, Scripted(go, lost), log=told.append)
+    mission, _, _ = counting_mission(plant, Scripted(go, lost), log=recorded.append)
     for _ in range(30):
         mission.tick()
     assert plant.written[-1][0].brake
-    assert [event.cause for event in told if isinstance(event, Event) and event.name == "hold"] == [lost.hold]
+    assert [event.cause for event in recorded if isinstance(event, Event) and event.name == "hold"] == [lost.hold]
 
 
-def test_each_phase_is_told_once_with_its_cause() -> None:
+def test_each_phase_is_reported_once_with_its_cause() -> None:
     plans = [
         MotionPlan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))
     ]  # type: ignore[arg-type]
-    told: list[Signal] = []
-    mission, _, _ = counting_mission(RecordedPlant(stream(0.3)), Scripted(*plans), log=told.append)
+    recorded: list[Signal] = []
+    mission, _, _ = counting_mission(RecordedPlant(stream(0.3)), Scripted(*plans), log=recorded.append)
     for _ in range(30):
         mission.tick()
-    phases = [signal for signal in told if isinstance(signal, Event) and signal.cause in ("search", "climb", "crest")]
+    phases = [signal for signal in recorded if isinstance(signal, Event) and signal.cause in ("search", "climb", "crest")]
     assert [(event.name, event.t_s) for event in phases] == [("search", 0.0), ("climb", 0.1), ("crest", 0.2)]
 
 
@@ -267,14 +267,14 @@ def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
     assert detector.calls.count("RgbdFrame") == 2
 
 
-def test_the_planner_feels_what_it_needs_and_no_frame() -> None:
+def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
     readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
     readings += [FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0), frame(0.06, 200), stair_map(0.06)]
     planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
     mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     for _ in range(10):
         mission.tick()
-    assert set(planner.felt) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
+    assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
 
 
 def stair_map(t_s: float) -> StairMap:

@@ -36,7 +36,7 @@ def belts(command: TrackCommand | None) -> tuple[float, float] | None:
 
 def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> None:
     """Test: the chair falls between two periods of the driver. Expected result: both belts give way at once, the turn stays,
-    and each change is told with its own time; the driver hears of none of it."""
+    and each change has its own time; the driver hears of none of it."""
     driver = Steering()
     proposals = Proposals(driver)
     assert belts(proposals.step(plan(0.0), KNOWN, held=False, due=True)) == (0.18, 0.22)
@@ -87,7 +87,7 @@ def test_belts_that_are_to_stand_stand(pitch_feedforward_m_s: float) -> None:
 
 def test_a_driver_that_repeats_itself_grows_old_whatever_falls() -> None:
     """Test: a driver says at 0.5 s what it said at 0.25 s; then the chair falls. Expected result: what is asked stays as old as it
-    is, for the guard to tell a driver that has died."""
+    is, for the guard to detect a dead driver."""
 
     class Dead(Steering):
         def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:

@@ -175,9 +175,9 @@ def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: 
     assert len(where.ahead_m()) == 3
 
 
-def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and_forgets_it_as_it_climbs_on() -> None:
+def test_a_chair_that_slides_back_on_belts_that_climb_is_measured_by_the_nosings_and_forgets_it_as_it_climbs_on() -> None:
     """Test: 0.2 m up; 0.06 m back in six maps while the belts run up by as much; 0.1 m up. Expected result: nothing slid, then
-    0.06 m, then nothing; none told once no map has come for half a second."""
+    0.06 m, then nothing; None once no map has come for half a second."""
     chair = Chair(pitch_rad=SLOPE_RAD, first_m=RUN_M)
     where = seen(chair, 1, 2, 3)
     for _ in range(4):
@@ -188,8 +188,8 @@ def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and
         chair.drive(where, 0.01, slip=2.0)
         chair.update(where, 1, 2, 3)
     # Each map takes half of what it differs by: of 1 cm a map, half, three quarters, … of it have been taken after the last one.
-    believed = sum(0.01 * (1.0 - 0.5**k) for k in range(1, 7))
-    assert where.roll_back_m(chair.t_s) == pytest.approx(believed, abs=0.01)
+    expected = sum(0.01 * (1.0 - 0.5**k) for k in range(1, 7))
+    assert where.roll_back_m(chair.t_s) == pytest.approx(expected, abs=0.01)
     for _ in range(4):
         chair.drive(where, 0.025)
         chair.update(where, 1, 2, 3)
@@ -198,7 +198,7 @@ def test_a_chair_that_slides_back_on_belts_that_climb_is_told_by_the_nosings_and
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_belts_that_outrun_the_chair_are_told_by_the_nosings(way: float) -> None:
+def test_belts_that_outrun_the_chair_are_measured_by_the_nosings(way: float) -> None:
     """Test: belts at 0.2 m/s up or down the flight, a map each tenth of a second; for two seconds 0.05 m/s of the way up is lost.
     Expected result: none before, 0.05 m/s at the end of it, none two seconds later nor once no map comes."""
     chair = Chair(pitch_rad=SLOPE_RAD, first_m=RUN_M)
@@ -207,7 +207,7 @@ def test_belts_that_outrun_the_chair_are_told_by_the_nosings(way: float) -> None
         for _ in range(20):
             chair.drive(where, way * 0.02, slip=way * slip_m_s / 0.2)
             chair.update(where, 1, 2, 3)
-        # The nosings are believed to have moved by the rest: each takes a fiftieth or more of where a map shows it.
+        # The nosings are taken to have moved by the rest: each takes a fiftieth or more of where a map shows it.
         assert where.slip_m_s(chair.t_s) == pytest.approx(slip_m_s, abs=0.002)
     chair.drive(where, way * 0.02, slip=1.0)
     chair.update(where, 1, 2, 3)
@@ -335,7 +335,7 @@ def test_each_flickering_place_is_one_nosing_not_many() -> None:
 
 
 @pytest.mark.parametrize("known", [False, True])
-def test_a_map_without_nosings_tells_nothing(*, known: bool) -> None:
+def test_a_map_without_nosings_changes_nothing(*, known: bool) -> None:
     """Test: a map that holds no nosing, before the flight is known and after. Expected result: all stays as it was."""
     chair = Chair()
     where = seen(chair, 0, 1, 2, times=3 * known)

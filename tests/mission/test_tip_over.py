@@ -15,14 +15,14 @@ from treadline.signals import TICK_S, ImuSample
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-def eased(rates_deg_s: list[float], *, may: bool = True) -> list[float]:
+def eased(rates_deg_s: list[float], *, allowed: bool = True) -> list[float]:
     """Return the added speed at each tick for these rates of the pitch, front down positive."""
     falling, added = TipOverFeedforward(), []
     for tick, rate in enumerate(rates_deg_s):
         t_s = tick * TICK_S
         gyro = np.array([0.0, rate * DEG, 0.0])
         falling.update(ImuSample(t_s=t_s, orientation=LEVEL, angular_velocity_rad_s=gyro, linear_acceleration_m_s2=np.zeros(3)))
-        added.append(falling.ease(t_s, may=may))
+        added.append(falling.step(t_s, allowed=allowed))
     return added
 
 
@@ -41,7 +41,7 @@ def test_a_chair_that_trembles_or_that_may_not_is_left_alone() -> None:
     """Test: ±3 °/s from sample to sample; a steady 1.9 °/s; a fall of a chair that may not. Expected result: nothing is added."""
     assert not any(eased([3.0 * (-1.0) ** tick for tick in range(100)])[70:])
     assert not any(eased([1.9] * 100))
-    assert not any(eased([6.0] * 100, may=False))
+    assert not any(eased([6.0] * 100, allowed=False))
 
 
 @pytest.mark.parametrize("rate_deg_s", [3.0, -3.0])
@@ -56,8 +56,8 @@ def test_a_gyro_that_is_off_moves_the_belts_once(rate_deg_s: float) -> None:
 def test_what_was_added_comes_back_where_the_chair_may_no_longer() -> None:
     falling = TipOverFeedforward()
     falling.rate_rad_s = 6.0 * DEG
-    assert falling.ease(0.0, may=True) == 0.1
-    assert falling.ease(TICK_S, may=False) == pytest.approx(0.1 - 0.2 * TICK_S)
+    assert falling.step(0.0, allowed=True) == 0.1
+    assert falling.step(TICK_S, allowed=False) == pytest.approx(0.1 - 0.2 * TICK_S)
 
 
 @given(st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=200))

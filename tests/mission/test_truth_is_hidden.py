@@ -100,16 +100,16 @@ def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest
     assert max(tracks.right_m_s for tracks, *_ in recording.written) > 0.05
 
 
-def test_what_the_mission_is_told_does_not_depend_on_slope_friction_heading_or_where_the_payload_sits() -> None:
+def test_the_mission_configuration_does_not_depend_on_slope_friction_heading_or_where_the_payload_sits() -> None:
     design = controller()
-    told = mission_config(turn(25, 30, 80.0), design)
+    configured = mission_config(turn(25, 30, 80.0), design)
     other = turn(30, -12, 80.0)
     hidden = other.model_dump()
     hidden["stair"] |= {"friction": (0.9, 0.8), "rise_jitter_m": 0.002, "texture": "carpet"}
     hidden["chair"] |= {"payload_offset_m": (0.03, 0.02, 0.1), "belt_mismatch": 0.03}
     hidden["sensors"] |= {"gravity_error_deg": 1.0}
     hidden["stair"].pop("slope_deg", None)
-    assert mission_config(Scenario.model_validate(hidden), design) == told
+    assert mission_config(Scenario.model_validate(hidden), design) == configured
 
 
 def test_a_plant_port_offers_no_truth() -> None:

@@ -112,7 +112,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     while graph.tick() < began_s + 2.0:
         pass
     assert {truth.left_m_s for truth in truths} == {0.0}
-    assert (states[-1].holding or "").startswith("the brake is on, and nobody asked for it")
+    assert (states[-1].holding or "").startswith("the brake is on without a command")
     speak(graph, rearm=True)
     while graph.tick() < began_s + 8.0:  # its flipper is laid first
         speak(graph)

@@ -1,1 +1,1 @@
-"""The machine that turns the blocks, one tick at a time."""
+"""Mission: planners, guard, plug-ins and the in-process loop that connects the blocks, one tick at a time."""

@@ -1,7 +1,8 @@
-"""A traversal up: find the stair, turn square, approach, mount, test the traction, climb, cross the crest, land.
+"""Planner of a traversal up: find the stair, turn square, approach, mount, test the traction, climb, cross the crest, land.
 
-Paper: Section II.A (the track on the stair, the variable angle of attack); the phases are ours. Each phase ends by what the
-camera, the IMU, the belts and the flipper's motor tell; its cause is in the plan and so in the log.
+Paper: Section II.A (the track on the stair, the variable angle of attack); the phases are not in the paper (docs/decisions/0019).
+``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. Measurements of camera, IMU, belts and
+flipper end each phase; the plan carries the reason, which the mission logs as an event.
 """
 
 import math
@@ -12,65 +13,74 @@ from treadline.control.allocate import inner_speed_ratio
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.mission.entry import reject_reason
-from treadline.mission.planner import Felt
+from treadline.mission.planner import PlannerInput
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
 from treadline.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
-"""Heading left alone over the crest, and half the belts' difference per heading beyond. Nothing but the gyro tells it there, and
-one that drifts by 1 °/s would lead the chair along; yet on a single nosing the chair swings round by itself. Six seconds of drift
-cost 6.3° with nothing left alone, 5.0° so; with a sound gyro it is askew by 2.9° at most instead of 2.1° (28, 30°; six runs)."""
+"""Heading error that is not corrected over the crest [rad], and half the belt speed difference per heading error beyond it
+[m/s per rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six seconds caused a heading error of 5.0° with
+this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and 2.1° without (28 and 30°, six runs)."""
 LOSES_GRIP_M_S = 0.012
-"""Of slip, from which on the flipper goes after a fall no more: so low, its tip meets the next nosing as a step. With
-friction of 1.1·tan β 15 of 59 chairs slid for it."""
+"""Slip speed above which the flipper no longer follows a fall on this flight [m/s]. A flipper lowered for a fall meets the next
+nosing as a step: with friction of 1.1·tan β, 15 of 59 chairs slid."""
 BACKED_RAD = 0.7 * DEG
-"""Pitch below which no part of the chair lies on the first nosing any more."""
+"""Pitch below which no part of the chair lies on the first nosing [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AscentConfig(TraversalConfig):
-    """Where and how a way up goes."""
+    """Distances, angles and speeds of a traversal up; distances along the belts unless stated otherwise."""
 
     slow_from_m: float = 0.35
-    """Of the front pulley before the first nosing: the sloping section meets it up to 0.2 m before."""
+    """Distance of the front pulley before the first nosing at which the chair slows down [m]: the flipper meets the nosing up to
+    0.2 m earlier than the pulley."""
     idle_rad: float = 6.0 * DEG
-    """Of the flipper off what is asked of it before the belts touch the stair: no way up begins that could not end over the
-    crest."""
+    """Flipper angle error that counts as a fault while the belts are on the floor [rad]. A traversal up does not begin with a
+    flipper that could not lower the chair over the crest."""
     mount_from_m: float = 0.22
+    """Distance of the front pulley before the first nosing at which mounting begins [m]."""
     touched_rad: float = 4.0 * DEG
-    """Pitch that belts on the first nosing cause, whatever the map said."""
+    """Pitch at which the belts have touched the first nosing [rad], whatever the stair map shows."""
     mounted_rad: float = 4.0 * DEG
-    """Below the slope, from which on the belts lie on two nosings."""
+    """Pitch below the slope at which the belts lie on two nosings [rad]."""
     test_before_m: float = 0.0
-    """Before the rear leaves the floor the traction is tested, by this way: the nosings carry nearly all there."""
+    """Travel before the rear pulley lifts off the floor at which the traction test begins [m]. At lift-off the nosings carry nearly
+    the whole weight."""
     pulses: int = 2
-    """Of the traction test, to be lost before the chair backs off: a step that is met in the middle of one costs it its speed."""
+    """Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
+    pulse loses a quarter of its speed."""
     crest_from_m: float = 1.2
-    """Of the last nosing ahead of the front pulley when the crest's sequencer takes over: it slows down in time by itself."""
+    """Distance of the front pulley before the last nosing at which the crest sequence takes over [m]; it slows the chair down."""
     unseen_end_m: float = 0.10
-    """Of the front pulley before the last nosing ever seen: were there another, frames would have shown it long ago."""
+    """Distance of the front pulley before the last mapped nosing at which the flight counts as ended [m], even if no map showed its
+    end. Earlier frames would have shown a further nosing."""
     landed_m: float = 0.3
-    """To drive on over a landing that is not level before the chair counts as landed all the same."""
+    """Travel on the landing, beyond the flat run of the belts, after which the chair has landed even if the landing is not
+    horizontal [m]."""
     mount_m: float = 1.6
-    """Of the belts while mounting, from which on they slip on the first nosing."""
+    """Belt travel while mounting above which the belts are slipping on the first nosing [m]."""
     back_off_m: float = 0.5
+    """Distance to back off from the stair before the refusal [m]."""
     wall_m: float = 0.50
-    """Free width to a wall below which the chair steers away."""
+    """Distance of the chair's middle from a wall below which the chair steers away [m]."""
     aside_rad_m: float = 10.0 * DEG
-    """Heading per metre of missing width."""
+    """Heading set point per metre of missing distance [rad/m]."""
     aside_limit_rad: float = 2.0 * DEG
+    """Largest such heading set point [rad]."""
     traction: TractionConfig = field(default_factory=TractionConfig)
 
 
 class Ascent(Traversal):
-    """Planner of one traversal up."""
+    """Planner of one traversal up: state machine of the phases in docs/decisions/0019."""
 
     DIRECTION = "up"
     ROLLING = frozenset({"mount", "climb", "approach"})
     CATCHES = True
     RIDES_RAD = -0.75 * DEG
-    """Lower, its tip meets the next nosing as a step: what lifts it there is what little grip a chair has to spare."""
+    """Flipper angle while riding, relative to the belts [rad]. A lower tip meets the next nosing as a step, which takes friction
+    that the chair may not have to spare."""
 
     def __init__(self, config: AscentConfig) -> None:
         super().__init__(config.chair, config.flights)
@@ -84,18 +94,18 @@ class Ascent(Traversal):
         super()._face_flight()
         self._crest: Crest | None = None
         self._is_climbing = True
-        """Whether the crest's sequencer has never yet lowered its flipper."""
+        """Whether the crest sequence has not lowered the flipper yet."""
         self._slipped = False
-        """Whether the belts have, on this flight, under a chair that did not turn."""
+        """Whether the slip speed of a chair that does not turn has exceeded ``LOSES_GRIP_M_S`` on this flight."""
 
-    def update(self, signal: Felt) -> None:
-        """Take one signal."""
+    def update(self, signal: PlannerInput) -> None:
+        """Update the planner, and a running traction test, with one signal."""
         super().update(signal)
         if self._traction is not None and isinstance(signal, ImuSample | TrackReading):
             self._traction.update(signal)
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return what to do now."""
+        """Return the plan of this tick."""
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
         match self._phase:
@@ -141,7 +151,7 @@ class Ascent(Traversal):
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
             cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
-            self._front.forget()
+            self._flipper_planner.forget()
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
 
@@ -168,34 +178,34 @@ class Ascent(Traversal):
             return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         turn = self._level.keep(estimate, self._aside())
-        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._front.to(t_s, self._mounting_rad))
+        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._flipper_planner.to(t_s, self._mounting_rad))
 
     def _idle(self, t_s: float) -> str | None:
-        """Return that the flipper, the belts on the floor, is not where it is asked; re-armed, it has another try."""
+        """Return the fault of a flipper off its commanded angle with the belts on the floor; each re-arm allows another try."""
         if self._flipper is None or self._where.pitch_rad > self._config.touched_rad:
             return None
         stands, asked = self._flipper.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
-        if not self._front.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
+        if not self._flipper_planner.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the flipper {seen}: it would not carry the chair"
 
     @property
     def _mounting_rad(self) -> float:
-        """The flipper's angle at which its tip clears the next step: the more the chair is pitched, the less is left to clear."""
+        """Flipper angle at which the tip clears the next step [rad]: it decreases as the pitch increases."""
         left = 1.0 - self._where.pitch_rad / max(self._where.slope_rad, LEVEL_RAD)
         return max(self._stepping_rad * min(left, 1.0), OVER_BELTS_RAD)
 
     def _lift_off_m(self) -> float:
-        """Return how far ahead of mid-track the first nosing is when belts on two nosings lift the rear pulley off the floor."""
+        """Return the distance of the first nosing ahead of mid-track at which belts on two nosings lift the rear pulley [m]."""
         slope, radius = self._where.slope_rad, self._config.chair.tracks.pulley_radius_m
         return self._where.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - self._pivot_m
 
     def _test_traction(self, t_s: float, test: TractionTest) -> MotionPlan:
         if not test.over:
-            # In line with the belts: it carries nothing yet, and is where it rides before the first fall from a high nosing.
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._front.to(t_s, 0.0))
+            # In line with the belts the flipper carries nothing yet, and is already near its riding angle for the first fall.
+            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._flipper_planner.to(t_s, 0.0))
         if not test.holds and self._pulses < self._config.pulses:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
@@ -210,7 +220,7 @@ class Ascent(Traversal):
         return self._begin(t_s, "back_off", self._refusal)
 
     def _missing(self) -> str | None:
-        """Return that a missing step is so near that the chair must stop, or None."""
+        """Return the missing step within ``gap_m`` ahead of the front pulley, as a reason to stop; None if there is none."""
         gap = self._gap(1.0)
         return None if gap is None or gap[0] > self._config.gap_m else missing_step(gap, "front")
 
@@ -222,12 +232,12 @@ class Ascent(Traversal):
         unseen = top is not None and top - self._pivot_m < config.unseen_end_m
         near = top is not None and top - self._pivot_m < config.crest_from_m
         if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
-            belief = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
-            self._crest = Crest(belief, top)
+            crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
+            self._crest = Crest(crest_config, top)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._end = f"end of the flight, {seen}"
         elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
-            self._crest = None  # a nosing came into view beyond what was taken for the last
+            self._crest = None  # a further nosing came into view
         if self._crest is None or self._imu is None or self._flipper is None or self._tracks is None:
             return self._on_the_flight(t_s, estimate)
         if top is not None and where.top_ends:
@@ -243,7 +253,7 @@ class Ascent(Traversal):
             turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
             heading_rad=aim_rad,
             min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
-            pitch_feedforward_m_s=self._ease(t_s, estimate, aim_rad),
+            pitch_feedforward_m_s=self._pitch_feedforward(t_s, estimate, aim_rad),
             flipper=self._lie(t_s, estimate, aim_rad),
             needs_stair=needs_stair,
         )
@@ -260,7 +270,7 @@ class Ascent(Traversal):
             case "slow":
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
-                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._ease(t_s, estimate)
+                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._pitch_feedforward(t_s, estimate)
                 flipper = self._lie(t_s, estimate)
                 return self._plan(
                     t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=False
@@ -282,12 +292,12 @@ class Ascent(Traversal):
             )
         barred = f"{command.cause}: the chair stands before the crest" if command.stage == "barred" else None
         turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
-        # Until the tip carries, nothing but the belts eases the fall of a chair that rocks on its nosings as it stops.
-        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage == "reach")
+        # Until the flipper's tip carries load, only the belts can soften the rocking of a chair that stops on its nosings.
+        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage == "reach")
         return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Drive on over a landing until the next flight is in view."""
+        """Return the plan that drives on over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if where.travel_m > config.look_m or where.pitch_rad > config.touched_rad:
             return self._stand(t_s, f"no flight in view within {where.travel_m:.1f} m on the landing", needs_stair=False)
@@ -295,18 +305,18 @@ class Ascent(Traversal):
 
     @property
     def _landing_m(self) -> float:
-        """Travel from the landing's first contact to where the chair is clear of the last nosing, and a little more."""
+        """Travel from the first contact with the landing until the chair is clear of the last nosing, plus ``landed_m`` [m]."""
         return 2.0 * self._pivot_m + self._config.landed_m
 
     def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
             return self._begin(t_s, "refused", self._refusal)
-        flipper = self._front.to(t_s, self._stepping_rad)
+        flipper = self._flipper_planner.to(t_s, self._stepping_rad)
         return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
 
     def _aside(self) -> float:
-        """Return the heading that takes the chair off a wall that is near, or to the middle between two."""
+        """Return the heading set point away from a near wall, or towards the middle between two walls [rad]."""
         config, where = self._config, self._where
         left, right = where.left_wall_m, where.right_wall_m
         if left is not None and right is not None:
@@ -315,5 +325,5 @@ class Ascent(Traversal):
             lacking = max(config.wall_m - left, 0.0)
         else:
             lacking = 0.0 if right is None else -max(config.wall_m - right, 0.0)
-        # To the right, away from a wall at the left, is a negative heading.
+        # A negative heading leads to the right, away from a wall on the left.
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)

@@ -1,7 +1,8 @@
-"""A traversal down, rearwards and facing up: find the flight behind, turn square, back to the edge, tip over, descend, leave.
+"""Planner of a traversal down, rearwards: find the flight behind, turn square, back to the edge, tip over, descend, leave.
 
-The rear camera sees where the chair goes: the edge, the flight below, the floor at its foot. Forwards is refused before it begins:
-without a rear section a chair that drives down forwards pitches onto its nose (docs/decisions/0013).
+``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. The chair faces uphill, and the rear camera
+sees the edge, the flight below and the floor at its foot. Driving down forwards is not supported: without a rear flipper the chair
+would pitch onto its front (docs/decisions/0013).
 """
 
 import math
@@ -16,51 +17,56 @@ from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal,
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
 
 LETS_DOWN_RAD_S = 3.0 * DEG
-"""At which the flipper is lifted out of the belts' line: a chair that leans on it must be able to follow."""
+"""Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""
 RESTS = ("settle", "leave")
-"""Stages of the edge in which the chair rests on nosings, its tip bearing little: the belts go with a fall there."""
+"""Stages of the edge sequence with the chair on nosings and little load on the tip: the tip-over feed-forward acts there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescentConfig(TraversalConfig):
-    """Where and how a way down goes."""
+    """Distances, angles and speeds of a traversal down; distances along the belts unless stated otherwise."""
 
     lower: float = 0.6
-    """Of a rise below the belts: a nosing that is no edge of what the chair stands on."""
-    askew_rad: float = 4.0 * DEG
-    """Heading on the flight from which on the chair first turns by climbing: belts that back down and turn let it run away."""
+    """Depth of the highest nosing in view below the belts, as a ratio of the rise, above which that nosing is not the edge of the
+    landing that the chair stands on."""
+    max_heading_error_rad: float = 4.0 * DEG
+    """Heading error on the flight above which the chair first turns by climbing [rad]: belts that back down and turn diverge."""
     square_rad: float = 1.0 * DEG
+    """Heading error below which the turn by climbing ends [rad]."""
     past_m: float = 0.1
-    """Of the front pulley past the edge, at most, when the chair lies on the flight."""
+    """Largest distance of the front pulley past the edge when the chair lies on the flight [m]."""
     stowed_rad: float = 5.0 * DEG
-    """Of the flipper off its rest, on a chair that has been let down on the landing again …"""
+    """Largest angle between the flipper and its rest at which it counts as stowed, after the chair was lowered back onto the
+    landing [rad]."""
     stow_s: float = 8.0
-    """… and how long that may take."""
+    """Time allowed to stow the flipper [s]."""
     slow_from_m: float = 0.5
-    """Of the rear pulley before the last nosing …"""
+    """Distance of the rear pulley before the last nosing at which the chair has slowed down [m]."""
     slows_m: float = 0.1
-    """… and the way on which it slows down: belts that brake downhill tip the chair backwards."""
+    """Travel over which the chair slows down [m]: belts that brake at once downhill tip the chair backwards."""
     lift_from_m: float = 0.28
-    """Of the front pulley before the last nosing but one, where its section is lifted, no longer needed to carry: the rear is about
-    to reach the floor …"""
+    """Distance of the front pulley before the last nosing but one at which the flipper is lifted [m]. The rear is about to reach
+    the floor, so that the flipper no longer has to carry."""
     lifted_m: float = 0.03
-    """… and where it must have been lifted …"""
+    """Distance of the front pulley before that nosing at which the flipper must have been lifted [m]."""
     short_rad: float = 8.0 * DEG
-    """… to within so much of clearing a step: else it would lie on the last nosing as the chair leaves, and drop off it."""
+    """Largest angle below step clearance at which the flipper counts as lifted [rad]. A lower flipper would lie on the last nosing
+    and drop off it as the chair leaves."""
     unseen_m: float = 0.25
-    """Of the rear pulley before a nosing beyond which nothing was seen, neither another nor the floor: there the chair stops."""
+    """Distance of the rear pulley before the last mapped nosing at which the chair stops [m] if no map showed the floor beyond."""
     left_m: float = 0.45
-    """Of the front pulley past the last nosing when the chair, its flipper too, has left the stair."""
+    """Distance of the front pulley past the last nosing at which the chair and its flipper have left the stair [m]."""
 
 
 class Descent(Traversal):
-    """Planner of one traversal down."""
+    """Planner of one traversal down: state machine of the phases in docs/decisions/0019."""
 
     DIRECTION = "down"
     ROLLING = frozenset({"descend"})
     CATCHES = False
     RIDES_RAD = -2.5 * DEG
-    """Nosings come to it from the belts and leave it at its tip: however low, it is lifted smoothly."""
+    """Flipper angle while riding, relative to the belts [rad]. Descending, nosings reach the flipper from the belts and leave it at
+    its tip, so that they lift even a low flipper smoothly."""
 
     def __init__(self, config: DescentConfig) -> None:
         super().__init__(config.chair, config.flights)
@@ -70,11 +76,11 @@ class Descent(Traversal):
         super()._face_flight()
         self._edge: Edge | None = None
         self._turned_back_for = ""
-        """Why the chair is let down on the landing again."""
+        """Reason for lowering the chair back onto the landing; empty if there is none."""
         self._barred_s = math.inf
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return what to do now."""
+        """Return the plan of this tick."""
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
         match self._phase:
@@ -89,7 +95,7 @@ class Descent(Traversal):
             case "descend" | "leave":
                 return self._down(t_s, estimate)
             case "arrived":
-                flipper = self._front.to(t_s, self._front.rest_rad)
+                flipper = self._flipper_planner.to(t_s, self._flipper_planner.rest_rad)
                 return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False)
             case _:
                 return self._stand(t_s, needs_stair=False)
@@ -99,8 +105,10 @@ class Descent(Traversal):
         if where.pitch_rad > ON_THE_FLIGHT_RAD:
             if not where.map_count:
                 return self._stand(t_s)
-            if estimate is not None and abs(estimate.heading_rad) > self._config.askew_rad:
-                return self._begin(t_s, "climb", f"on a flight, {estimate.heading_rad / DEG:+.1f}° askew: it turns by climbing")
+            if estimate is not None and abs(estimate.heading_rad) > self._config.max_heading_error_rad:
+                return self._begin(
+                    t_s, "climb", f"on a flight, heading error {estimate.heading_rad / DEG:+.1f}°: it turns by climbing"
+                )
             if estimate is not None and not self._is_laid(t_s, estimate):
                 return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
             if estimate is not None:
@@ -129,8 +137,8 @@ class Descent(Traversal):
         if below_m > config.lower * where.rise_m:
             hidden = "the edge is nearer, hidden under the camera"
             return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
-        belief = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
-        self._edge = Edge(belief, -edge, where.slope_rad)
+        edge_config = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
+        self._edge = Edge(edge_config, -edge, where.slope_rad)
         to_go_m = -edge - self._pivot_m
         cause = f"square within {estimate.heading_rad / DEG:+.1f}°; edge {to_go_m:.2f} m behind"
         return self._begin(t_s, "approach", cause, to_go_m)
@@ -142,7 +150,7 @@ class Descent(Traversal):
             return self._stand(t_s, stops)
         edge = self._where.top_ahead_m()
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
-        missing = self._missing(self._told_to_m(whole_to_m) - self._pivot_m)
+        missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
             return self._stand(t_s, missing)
         if missing is None and self._unseen(whole_to_m) and self._edge.turn_back():
@@ -156,15 +164,15 @@ class Descent(Traversal):
         self._note(command)
         turn = self._level.keep(estimate)
         barred = self._barred(t_s, self._flipper) if command.stage == "barred" else None
-        speed = command.speed_m_s + self._ease(t_s, estimate, may=command.stage in RESTS)
+        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage in RESTS)
         return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
 
     def _barred(self, t_s: float, flipper: FlipperReading) -> str | None:
-        """Return why the chair stands before the edge for good; None while the level chair still stows its flipper."""
+        """Return the reason for the permanent stop before the edge; None while a horizontal chair still stows its flipper."""
         config, pitch = self._config, self._where.pitch_rad
         self._barred_s = min(self._barred_s, t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(flipper.angle_rad - self._front.rest_rad)
+        off_rad = abs(flipper.angle_rad - self._flipper_planner.rest_rad)
         if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
@@ -172,17 +180,17 @@ class Descent(Traversal):
 
     @property
     def _whole_below_edge_m(self) -> float:
-        """How far below the edge the flight must be whole: there the chair will lie, and its rear must still be able to stop."""
+        """Distance below the edge over which the flight must be complete [m]: length of the chair on it, and stopping distance."""
         return 2.0 * self._pivot_m + self._config.past_m + self._config.gap_m
 
-    def _told_to_m(self, whole_to_m: float) -> float:
-        """Return how far from mid-track the nosing above a gap counts: from afar the one that is missing may be missed alone."""
+    def _checked_to_m(self, whole_to_m: float) -> float:
+        """Return the distance from mid-track up to which a gap counts [m]; further away a detector may miss a single nosing."""
         if self._phase != "approach":
             return whole_to_m
         return min(whole_to_m, NEAR_M - self._step_m)
 
     def _unseen(self, whole_to_m: float) -> bool:
-        """Say whether the chair is lifted, and too little of the flight below has been seen to back onto it."""
+        """Return whether the chair is lifted although maps have shown too little of the flight below."""
         where = self._where
         bottom = where.bottom_ahead_m()
         lifted = where.pitch_rad > where.slope_rad - LEVEL_RAD
@@ -199,7 +207,7 @@ class Descent(Traversal):
         return self._plan(t_s, self._config.cruise_m_s, flipper=self._lie(t_s, estimate))
 
     def _missing(self, within_m: float) -> str | None:
-        """Return that a step is missing so near the rear pulley that the chair must stop, or already under it; None if none is."""
+        """Return the missing step within ``within_m`` of the rear pulley, as a reason to stop; None if there is none."""
         gap = self._gap(-1.0)
         return None if gap is None or gap[0] > within_m else missing_step(gap, "rear")
 
@@ -218,9 +226,9 @@ class Descent(Traversal):
             if self._goes_on:
                 return self._begin_next(t_s, " on the way down")
             return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
-        last_step_m = before + 2.0 * self._pivot_m - self._step_m  # of the front pulley
+        last_step_m = before + 2.0 * self._pivot_m - self._step_m  # front pulley to the last nosing but one
         low_rad = self._low_rad if last_step_m < config.lifted_m else 0.0
-        is_late = self._front.is_late(t_s, low_rad, self._gently_s)
+        is_late = self._flipper_planner.is_late(t_s, low_rad, self._gently_s)
         if low_rad > 0.0:
             return self._raise(t_s, is_late=is_late)
         slow = before < config.slow_from_m
@@ -229,32 +237,32 @@ class Descent(Traversal):
         flipper = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
-        turn, easing = self._steering(t_s, estimate, blind=slow), self._ease(t_s, estimate)
+        turn, easing = self._steering(t_s, estimate, blind=slow), self._pitch_feedforward(t_s, estimate)
         return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=not slow)
 
     def _lift(self, t_s: float) -> FlipperCommand | None:
-        """Return what lifts the flipper: gently as long as the chair may lean on it."""
+        """Return the command that lifts the flipper: slowly while the chair may lean on it."""
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
-        return self._front.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
+        return self._flipper_planner.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
 
     @property
     def _low_rad(self) -> float:
-        """How far the flipper still has to be lifted for a step; zero without one."""
+        """Angle by which the flipper still has to be lifted to clear a step [rad]; zero without a flipper."""
         return 0.0 if self._flipper is None else max(self._stepping_rad - self._config.short_rad - self._flipper.angle_rad, 0.0)
 
     @property
     def _gently_s(self) -> float:
-        """How long the flipper takes out of the belts' line."""
+        """Time that the flipper needs to reach the belts' line [s]."""
         return 0.0 if self._flipper is None else max(-self._flipper.angle_rad, 0.0) / LETS_DOWN_RAD_S
 
     def _raise(self, t_s: float, *, is_late: bool) -> MotionPlan:
-        """Wait for the flipper; hold if it does not follow, and wait once more: a person who re-arms gives it another try."""
+        """Return the plan that waits for the flipper, with a hold if the flipper is late; each re-arm allows another try."""
         stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
         flipper = self._lift(t_s)
         return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False, hold=stays if is_late else None)
 
     def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Back on over a landing until the next flight is in view."""
+        """Return the plan that backs over a landing until the next flight is in view."""
         config, where = self._config, self._where
         if -where.travel_m > config.look_m or where.pitch_rad > LEVEL_RAD:
             return self._stand(t_s, f"no flight in view behind within {-where.travel_m:.1f} m on the landing", needs_stair=False)

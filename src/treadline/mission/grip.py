@@ -1,8 +1,8 @@
-"""Whether belts that run apart still turn the chair.
+"""Skid monitor: suspends steering while different belt speeds do not turn the chair. ``TrackReading, HeadingEstimate -> bool``.
 
-Belts that steer on nosings skid, and what skids grips less. Where grip is short, or one belt has lost some, a chair that steers
-slides, and turns against its belts: the more it steers, the faster. Once both belts outrun the chair they pull it up alike, however
-far apart they run: it slides on, and does not turn. Belts that run alike grip again. docs/decisions/0022.
+Belts that steer on nosings skid. With little friction, or after one belt has lost friction, a chair that steers slides and turns
+against its belts, faster the more it steers. Once both belts run faster than the chair, each pulls with its full friction whatever
+its speed: the chair keeps sliding and does not turn. Belts at equal speeds grip again (docs/decisions/0022).
 """
 
 import math
@@ -13,36 +13,40 @@ from treadline.control.heading import usable
 from treadline.signals import HeadingEstimate, TrackReading
 
 WINDOW_S = 0.2
+"""Window over which turn and belt speed difference are averaged [s]."""
 SLID_M = 0.03
-"""Roll-back beyond which a chair off its heading counts as sliding."""
+"""Roll-back above which a chair with a heading error counts as sliding [m]."""
 APART_M_S, AWAY_RAD = 0.01, 0.15 * DEG
-"""Of the belts in the mean of this window, and of a chair that has turned away from square against them in it."""
+"""Thresholds of a turn against the belts: mean belt speed difference towards square [m/s] and turn away from square [rad], both
+over ``WINDOW_S``."""
 SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
-"""Within which a chair has been, and beyond which it has not come since, that may be let alone: one that is further askew must be
-turned back, however much it skids."""
-ALONE_S, MOST_ALONE_S = 5.0, 10.0
-"""For which it is let alone, three nosings at cruise; twice as long if it turns away anew …"""
-AGAIN_S = 5.0
-"""… within so long."""
+"""Heading errors below which a chair has been square, and above which it is lost [rad]. A turn against the belts suspends steering
+only of a chair that has been square and not lost since; otherwise the heading error must be corrected, however much the belts skid.
+Slip never suspends steering of a lost chair."""
+SUSPENDED_S, MAX_SUSPENDED_S = 5.0, 10.0
+"""Duration of a suspension, three nosings at cruise speed, and of a repeated one [s]."""
+REPEAT_S = 5.0
+"""Time after a suspension within which the next one is a repetition [s]."""
 SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
-"""By which belts outrun a chair that is let alone for it, and up to which it grips again. One that is more than nearly square is
-not, unless it has slid back, …"""
+"""Slip-speed hysteresis [m/s]: steering is suspended above ``SLIPS_M_S`` and resumed below ``GRIPS_M_S``. With a heading error
+above ``SQUARE_RAD`` this applies only after a roll-back of ``SLID_M``."""
 TURNS_RAD_S = 0.5 * DEG
-"""… nor while it comes back to its aim as fast as this, nor if it is lost."""
+"""Turn rate towards the set point above which a slipping chair with a heading error above ``SQUARE_RAD`` is still steered
+[rad/s]."""
 
 
-class SideGrip:
-    """Says when a chair does not turn as it steers, and is better let alone."""
+class SkidMonitor:
+    """Detects a chair that turns against its belts, or slips without turning. Call ``steering_allowed`` at each tick."""
 
     def __init__(self) -> None:
         self._until_s = -math.inf
-        self._alone_s = ALONE_S
+        self._suspended_s = SUSPENDED_S
         self._was_square = False
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float, float]] = deque()
         self._slips = False
 
-    def steers(
+    def steering_allowed(
         self,
         t_s: float,
         tracks: TrackReading | None,
@@ -51,15 +55,15 @@ class SideGrip:
         slip_m_s: float = 0.0,
         roll_back_m: float = 0.0,
     ) -> bool:
-        """Return whether to steer on.
+        """Return whether the chair may steer at this tick.
 
         Args:
-            t_s: Now.
-            tracks: What the belts do.
-            estimate: Where the chair heads.
-            square_rad: The heading that the chair steers to.
-            slip_m_s: By which the belts outrun the chair up the flight: those of all tracks do that turn as they climb.
-            roll_back_m: How far it has come back along the flight.
+            t_s: Mission time.
+            tracks: Latest belt reading, if any.
+            estimate: Latest heading estimate, if any.
+            square_rad: Heading set point.
+            slip_m_s: Belt speed minus chair speed up the flight; all tracks slip that turn while climbing.
+            roll_back_m: Distance slid down the flight.
         """
         if tracks is None or estimate is None or not usable(estimate):
             self._window.clear()
@@ -68,7 +72,7 @@ class SideGrip:
         if abs(off_rad) > LOST_RAD:
             self._was_square, self._until_s = False, -math.inf
         self._was_square |= abs(off_rad) < SQUARE_RAD
-        # By its rate: neither a better heading nor another aim is a turn.
+        # The yaw rate is integrated, because a correction of the heading or of the set point is not a turn.
         self._turned_rad += estimate.heading_rate_rad_s * (t_s - self._window[-1][0] if self._window else 0.0)
         self._window.append((t_s, self._turned_rad, tracks.right_m_s - tracks.left_m_s))
         while t_s - self._window[0][0] > WINDOW_S:
@@ -77,9 +81,9 @@ class SideGrip:
         against_m_s = -side * sum(apart for *_, apart in self._window) / len(self._window)
         away_rad = side * (self._turned_rad - self._window[0][1])
         if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
-            again = t_s < self._until_s + AGAIN_S
-            self._alone_s = min(2.0 * self._alone_s, MOST_ALONE_S) if again else ALONE_S
-            self._until_s = t_s + self._alone_s
+            again = t_s < self._until_s + REPEAT_S
+            self._suspended_s = min(2.0 * self._suspended_s, MAX_SUSPENDED_S) if again else SUSPENDED_S
+            self._until_s = t_s + self._suspended_s
         returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
         self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=roll_back_m >= SLID_M)
         return t_s >= self._until_s and not self._slips

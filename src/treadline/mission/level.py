@@ -1,6 +1,7 @@
-"""On floor and landing: find the stair, turn square to it, keep square while driving at it.
+"""Steering on flat ground: search for the stair, turn square to it, keep square while approaching. ``HeadingEstimate -> turn``.
 
-Tracks that turn on the spot skid; how far they turn for what the belts do is no constant, so the turn is closed on the heading.
+Tracks that turn on the spot skid. The ratio of turn to belt travel is not constant, so the heading closes the loop. Turns are
+given as half the belt speed difference, right minus left [m/s].
 """
 
 import math
@@ -12,31 +13,35 @@ from treadline.signals import TICK_S, HeadingEstimate
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelConfig:
-    """How the chair moves where nothing can tip it."""
+    """Gains, limits and search angles of the steering on flat ground."""
 
     gauge_m: float
+    """Distance between the belts' centre lines [m]."""
     square_rad: float = 1.0 * DEG
-    """Within this the chair counts as square to the stair …"""
+    """Heading error below which the chair counts as square to the stair [rad]."""
     square_s: float = 0.5
-    """… once it has been for so long."""
+    """Time below that error before the chair is square [s]."""
     turn_gain_per_s: float = 1.5
+    """Turn rate per heading error on the spot [1/s]."""
     turn_rad_s: float = 7.5 * DEG
-    """Faster, belts of high friction chatter: 110 kg on friction 1.0 feel 3.6 to 4.7 m/s² at 10 °/s, 2.0 at this. From
-    30° the chair is within 3° after 7.7 s at most."""
+    """Largest turn rate on the spot [rad/s]. At 10 °/s belts with friction 1.0 chatter: 110 kg got 3.6 to 4.7 m/s² at the
+    passenger, and 2.0 at this rate. From 30° the heading error is below 3° after 7.7 s at most."""
     turn_m_s2: float = 0.12
-    """How fast the belts are set apart: a turn that begins at once breaks loose with a jolt of 4 m/s² where friction is high."""
+    """Rate of change of half the belt speed difference [m/s²]: with high friction a sudden turn breaks loose with 4 m/s²."""
     skid: float = 1.4
-    """Belt speed over what rolling without skidding would need: one track drags the other."""
+    """Ratio of belt speed to that of a turn without skidding: the belts drag each other sideways."""
     keep_m_s_rad: float = 1.5
-    """Half the belts' difference per heading error while the belts are on more than one level."""
+    """Half the belt speed difference per heading error while the belts stand on several heights [m/s per rad]."""
     keep_limit_m_s: float = 0.10
+    """Largest half of the belt speed difference while keeping a heading [m/s]."""
     look_s: float = 1.0
-    """To look for a stair before turning to find one."""
+    """Time to look for a stair before the search turns [s]."""
     sweep_rad: float = 40.0 * DEG
+    """Search angle to each side [rad]."""
 
 
 class LevelSteering:
-    """Steering on the level, closed on the estimate; the search for a stair is closed on the gyro alone."""
+    """Heading loop on flat ground. The search for a stair uses the gyro instead of the heading estimate."""
 
     def __init__(self, config: LevelConfig) -> None:
         self._config = config
@@ -47,7 +52,7 @@ class LevelSteering:
         self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]
 
     def towards(self, estimate: HeadingEstimate, target_rad: float = 0.0) -> float:
-        """Return half the belts' difference that turns the chair on the spot to a heading."""
+        """Return the turn on the spot towards ``target_rad`` [m/s]."""
         config = self._config
         rate = config.turn_gain_per_s * (target_rad - estimate.heading_rad)
         return self._half(min(max(rate, -config.turn_rad_s), config.turn_rad_s))
@@ -60,11 +65,13 @@ class LevelSteering:
         spare_rad: float = 0.0,
         keep_m_s_rad: float | None = None,
     ) -> float:
-        """Return half the belts' difference that keeps a heading while the chair drives or pitches; gently.
+        """Return the turn that keeps a heading while the chair drives or pitches [m/s]; 0 without an estimate.
 
         Args:
-            spare_rad: How far off the chair may be.
-            keep_m_s_rad: Gain beyond ``spare_rad``, in place of the configured one.
+            estimate: Latest heading estimate, if any.
+            target_rad: Heading set point.
+            spare_rad: Dead band of the heading error.
+            keep_m_s_rad: Gain beyond ``spare_rad``; None for the configured gain.
         """
         if estimate is None:
             return 0.0
@@ -75,7 +82,7 @@ class LevelSteering:
         return min(max(half, -config.keep_limit_m_s), config.keep_limit_m_s)
 
     def is_square(self, estimate: HeadingEstimate, t_s: float) -> bool:
-        """Say whether the chair has been square to the stair for long enough."""
+        """Return whether the chair has been square to the stair for ``square_s``."""
         if abs(estimate.heading_rad) > self._config.square_rad:
             self._square_since_s = None
             return False
@@ -84,10 +91,11 @@ class LevelSteering:
         return t_s - self._square_since_s >= self._config.square_s
 
     def sweep(self, t_s: float, turned_rad: float) -> float | None:
-        """Return half the belts' difference of a search to either side; None when all has been looked at.
+        """Return the turn of a search to both sides [m/s]; None at its end, after which the search starts again.
 
         Args:
-            turned_rad: Since the last call, by the gyro.
+            t_s: Mission time.
+            turned_rad: Turn since the last call, by the gyro.
         """
         config = self._config
         if self._looked_since_s is None:
@@ -98,16 +106,16 @@ class LevelSteering:
         if self._legs and abs(self._legs[0] - self._swept_rad) < 2.0 * DEG:
             self._legs.pop(0)
         if not self._legs:
-            self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]  # a person may re-arm, and it looks again
+            self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]  # a person may re-arm, and the search starts again
             return None
         return self._half(math.copysign(config.turn_rad_s, self._legs[0] - self._swept_rad))
 
     def rest(self) -> None:
-        """Begin the next turn from rest: the belts are braked."""
+        """Start the next turn from rest, because the belts are braked."""
         self._half_m_s = 0.0
 
     def _half(self, rate_rad_s: float) -> float:
-        """Return half the belts' difference for a rate of turn; called at each tick of a turn."""
+        """Return half the belt speed difference for a turn rate; call at each tick of a turn."""
         wanted = 0.5 * self._config.gauge_m * self._config.skid * rate_rad_s
         change = self._config.turn_m_s2 * TICK_S
         self._half_m_s = min(max(wanted, self._half_m_s - change), self._half_m_s + change)

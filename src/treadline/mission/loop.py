@@ -65,7 +65,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
-    """Contents of the blocks of Fig. 2; each keeps its own memory."""
+    """Blocks of Fig. 2; each keeps its own state."""
 
     detector: Detector
     estimator: Estimator
@@ -164,7 +164,7 @@ class Mission:
         return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)
 
     def _take(self, signal: Reading) -> None:
-        """Hand an admitted reading, or what the camera block made of a frame, to the blocks that use it."""
+        """Pass an admitted reading, or a detection in a frame, to the blocks that use it."""
         match signal:
             case ImuSample():
                 self._estimate = self._estimator.step(signal)
@@ -189,7 +189,7 @@ class Mission:
                 self._guard.on_message(self._restamp(signal))
                 self._driver.update(signal)
             case _:
-                pass  # the guard alone uses it
+                pass  # used by the guard only
 
     def _plan(self, t_s: float) -> MotionPlan:
         plan = self._driver.plan(t_s, self._estimate)
@@ -200,7 +200,7 @@ class Mission:
         return plan
 
     def _propose(self, plan: MotionPlan) -> bool:
-        """Hand proposed belt speeds to the guard; return whether they are the belt controller's, new at this tick."""
+        """Pass proposed belt speeds to the guard; return whether the belt controller computed them at this tick."""
         if self._is_dead(plan.t_s):
             return False
         command = self._driver.propose(plan, self._estimate, held=self._guard.holding is not None)
@@ -212,12 +212,12 @@ class Mission:
         self._log(signal, self._t_s)
 
     def _report(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
-        """Log what the tick came to."""
+        """Log the results of the tick."""
         if self._estimate is not None:
             self._record(self._estimate)
         belts = (tracks.left_m_s, tracks.right_m_s)
         if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._belts:
-            self._record(tracks)  # each change of the belts' command, also by a guard that ramps down
+            self._record(tracks)  # each change of the belt command, also during a ramp of the guard
         self._belts = belts
         if flipper is not None:
             self._record(flipper)

@@ -1,38 +1,38 @@
-"""What a traversal is about from moment to moment: the interface of its planners, and the one that only drives on.
+"""Interface of the planners, and the planner of a single flight.
 
-``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent`` goes up, ``descent`` comes down;
-both end in ``arrived``, in ``refused`` after backing off, or in a plan that asks the guard to hold.
+``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent`` climbs, ``descent`` descends; both
+end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
 """
 
 from typing import Protocol, runtime_checkable
 
 from treadline.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
-Felt = ImuSample | TrackReading | FlipperReading | StairMap
-"""What a planner listens to."""
+PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap
+"""Signals that a planner receives."""
 
 
 @runtime_checkable
 class Planner(Protocol):
-    """Decides the phase; called at each tick, after what was read."""
+    """State machine that sets phase and motion; ``step`` is called at each tick, after the tick's readings."""
 
-    def update(self, signal: Felt) -> None:
-        """Take one signal."""
+    def update(self, signal: PlannerInput) -> None:
+        """Update with one signal."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return what to do now."""
+        """Return the plan of this tick; ``estimate`` is None before the first heading."""
 
 
 class Cruise:
-    """On the flight and nowhere else: the heading controller, or an experiment's own driver, at one speed."""
+    """Planner of a single flight: constant speed, steered by the belt controller."""
 
     def __init__(self, speed_m_s: float) -> None:
         self._speed_m_s = speed_m_s
 
-    def update(self, signal: Felt) -> None:
-        """Need nothing."""
+    def update(self, signal: PlannerInput) -> None:
+        """Ignore the signal."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return the same plan again."""
+        """Return the plan ``drive`` at the configured speed."""
         del estimate
         return MotionPlan(t_s=t_s, phase="drive", speed_m_s=self._speed_m_s)

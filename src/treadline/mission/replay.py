@@ -15,9 +15,9 @@ from treadline.estimation.tilt import Tilt
 from treadline.signals import FlipperCommand, ImuSample, Reading, SeatCommand, TrackCommand
 
 ROUNDING_S = 0.5e-9
-"""Stamps are whole nanoseconds."""
+"""Half of the resolution of stamps, one nanosecond [s]."""
 UNIT = 0.01
-"""How far the length of a unit quaternion may be off one: a few digits were kept."""
+"""Largest deviation of a squared quaternion norm from one; recordings keep few digits."""
 
 
 class ReplayPlant:
@@ -62,7 +62,7 @@ class ReplayPlant:
         """Ignore commands."""
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Do nothing: a recording holds no resources."""
 
     def _attitude_of(self, sample: ImuSample) -> ImuSample | None:
         """Return a sample in the chair's frame with an orientation, or None while there can be none."""

@@ -1,9 +1,8 @@
-"""Where the nosings lie about the chair: stair maps, carried on by belts and pitch between frames.
+"""Stair tracker: positions of the nosings around the chair, from stair maps, with odometry between frames.
 
-``ImuSample, TrackReading, StairMap -> StairTracker``. Everything is kept in a level frame that the odometry moves through, x
-up the flight and level, z up: a nosing stands still in it while the chair turns and pitches. Maps correct the odometry's
-slip as long as a nosing is in view; one that the chair has passed stays where it was last seen. A flight seen across a landing
-is kept apart, in whereabouts of its own.
+``ImuSample, TrackReading, StairMap -> StairTracker``. Positions are in a frame fixed to the stair, x horizontal and up the flight,
+z up. Nosings are at rest in this frame, and odometry moves the chair. Maps correct the slip of the odometry while a nosing is in
+view; a nosing that the chair has passed keeps its last position. A flight seen across a landing has a tracker of its own.
 """
 
 import itertools
@@ -15,63 +14,70 @@ from treadline.mission.recent import DEPTH, Recent
 from treadline.signals import ImuSample, StairMap, TrackReading
 
 SAME = 0.45
-"""Of a run: nosings nearer than this are one."""
+"""Horizontal distance, as a ratio of the run, below which two detections are the same nosing."""
 SAME_RISE_M = 0.08
+"""Height difference below which two detections are the same nosing [m]."""
 MISSING = 1.6
-"""Pitches between neighbouring nosings from which on one is missing between them."""
+"""Distance of neighbouring nosings, as a ratio of the pitch of the stair, above which a nosing is missing between them."""
 LANDING_RUNS = 2.5
-"""Between neighbouring nosings that a landing lies between: a chair that stands on one needs more, a missing step or two less …"""
+"""Distance to the next nosing, as a ratio of the run, above which a landing lies between: one or two missing steps make a shorter
+gap, a landing that a chair stands on a longer one."""
 LANDING_SLOPE = 0.6
-"""… of the flight's slope at most, for a landing is one rise high however long; missing steps keep to the slope."""
+"""Slope to that nosing, as a ratio of the flight's slope, below which a landing lies between: a landing is one rise high whatever
+its length, while missing steps keep to the slope."""
 OFF_BELTS_M = 0.4
-"""Off the belts' line, and on a landing's side of it: no nosing of the flight on which the chair lies."""
+"""Height of the first nosing off the belts' line, on the side of a landing, above which it is not of the flight under the chair
+[m]."""
 PITCHED_RAD = 10.0 * DEG
-"""From which on the chair lies on a flight."""
+"""Pitch above which the chair lies on a flight [rad]."""
 NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
-"""Maps that must have shown the next flight, the time without one after which it is looked at anew, and how near it must be."""
+"""Number of maps that must have shown the next flight, time without a map after which its tracker starts again [s], and largest
+distance of its nearest nosing [m]."""
 MISSED_SHARE = 2.0
-"""Maps that pass over a nosing, per map that shows it, from which on it was never there."""
+"""Ratio of maps without a nosing to maps with it, from which the nosing counts as a false detection."""
 MISSED_MOST = 20
-"""Of those maps that count: one that is missed as long as the chair stands, and seen at each frame as it comes nearer, is known
-again within a second."""
+"""Largest number of counted maps without a nosing: a nosing that was missed while the chair stood still, and is detected in each
+frame as it comes nearer, is known again within a second."""
 KNOWN_AFTER = 2
-"""Maps that must show a nosing, or the flight's end, before it counts."""
+"""Number of maps that must show a nosing, or the end of the flight, before it counts."""
 NEAR_M = 1.9
-"""From mid-track: further away a nosing is missed too often to be called missing, and a metre is enough to stop in."""
-TOLD_AFTER = 6
-"""Maps that must show both nosings at a gap: by then two of them would have shown one between."""
+"""Distance from mid-track beyond which a gap is not yet called a missing step [m]: further away nosings are often not detected, and
+one metre suffices to stop."""
+GAP_KNOWN_AFTER = 6
+"""Number of maps that must show both nosings at a gap before it counts; by then two of them would have shown a nosing between."""
 MAPS_MAX = 50
-"""Weight of the mean shape: five seconds of frames."""
+"""Weight of the mean shape of the stair, in maps: five seconds of frames."""
 BLEND_LEAST = 0.02
-"""Share of a new sight in a nosing's place, at least."""
-TELLING_S = 0.35
-"""After a map, for which belts alone carry on what it told about slip."""
+"""Smallest weight of a new detection in the position of a nosing."""
+SLIP_VALID_S = 0.35
+"""Time after a map for which the measured slip is valid, with odometry alone [s]."""
 SLIP_SHARE = 0.5
-"""Share of a frame in where the chair is against the nosings: belts slip by a few per cent, a frame errs by millimetres."""
+"""Weight of a frame in the position of the chair relative to the nosings: belts slip by a few per cent, a frame errs by
+millimetres."""
 SLIP_LAG_S = 0.3
-"""Of the speed at which the belts slip: a frame that errs by 2 mm makes 3 mm/s of it."""
+"""Time constant of the slip speed [s]: a frame error of 2 mm makes 3 mm/s."""
 
 
 @dataclass(slots=True)
 class _Nosing:
-    """One nosing in the level frame."""
+    """One nosing in the frame of the tracker."""
 
     x_m: float
     z_m: float
     count: int = 1
     missed: int = 0
-    """Maps that showed nosings nearer and further, and not this one."""
+    """Number of maps that showed nearer and further nosings, but not this one."""
     end_count: int = 0
 
     @property
     def known(self) -> bool:
-        """Whether it has been seen often enough to be believed."""
+        """Whether enough maps have shown the nosing."""
         return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
 
 
 @dataclass(frozen=True, slots=True)
 class _Pose:
-    """Pose of the chair by odometry alone, in the level frame."""
+    """Pose of the chair by odometry alone, in the frame of the tracker."""
 
     x_m: float
     z_m: float
@@ -80,36 +86,39 @@ class _Pose:
 
 
 class StairTracker:
-    """Nosings about the chair, the stair's shape, walls, pitch and distance driven."""
+    """Nosings around the chair, shape of the stair, walls, pitch and travel.
+
+    Distances ahead are negative behind mid-track.
+    """
 
     def __init__(self) -> None:
         self.heading_rad = 0.0
-        """As the mission believes it; whoever turns the planner sets it."""
+        """Heading estimate of the mission [rad], set by the planner."""
         self.pitch_rad = 0.0
         self.travel_m = 0.0
-        """Along the belts since the start, backing down negative."""
+        """Belt travel since the start [m], negative backwards."""
         self.speed_m_s = 0.0
         self.rise_m = self.run_m = self.slope_rad = 0.0
-        """Of the flight, mean of the maps; zero before the first."""
+        """Rise [m], run [m] and slope [rad] of the flight, means of the maps; zero before the first map."""
         self.left_wall_m: float | None = None
         self.right_wall_m: float | None = None
         self.map_count = 0
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
         self._odometry_x_m = self._odometry_z_m = 0.0
-        """Distance by belts and pitch alone: no map corrects it, so that a difference is travel."""
+        """Position by belts and pitch alone [m]; maps do not correct it, so that differences are travel."""
         self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
         self._highest_m = -math.inf
         self._slip_m_s = 0.0
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
         self._known: list[_Nosing] = []
-        """Those that are believed, since the last map, the lowest of the flight first."""
+        """Nosings with enough detections, at the last map, the lowest of the flight first."""
         self._next: StairTracker | None = None
-        """The next flight, across a landing."""
+        """Tracker of the next flight, across a landing."""
 
     def update(self, signal: ImuSample | TrackReading | StairMap) -> None:
-        """Take one signal."""
+        """Update with one signal."""
         match signal:
             case TrackReading():
                 self._drive(signal)
@@ -129,7 +138,7 @@ class StairTracker:
 
     @property
     def shows_another(self) -> bool:
-        """Whether frames have shown another flight near, across a landing."""
+        """Whether maps have shown another flight nearby, across a landing."""
         beyond = self._next
         if beyond is None or beyond.map_count < NEXT_MAPS:
             return False
@@ -137,38 +146,38 @@ class StairTracker:
 
     @property
     def known(self) -> bool:
-        """Whether the stair has been seen more than once."""
+        """Whether more than one map has shown the stair."""
         return self.map_count >= KNOWN_AFTER
 
     def ahead_m(self) -> list[float]:
-        """Return how far along the belts each known nosing is ahead of mid-track, the lowest of the flight first."""
+        """Return the distance of each known nosing ahead of mid-track along the belts [m], the lowest of the flight first."""
         return [self._ahead_m(nosing) for nosing in self._known]
 
     def first_ahead_m(self) -> float | None:
-        """Return how far the flight's lowest known nosing is ahead of mid-track, level."""
+        """Return the horizontal distance of the lowest known nosing ahead of mid-track [m]; None without nosings."""
         return self._known[0].x_m - self._x_m if self._known else None
 
     def top_ahead_m(self) -> float | None:
-        """Return how far the highest known nosing is ahead of mid-track, along the belts."""
+        """Return the distance of the highest known nosing ahead of mid-track along the belts [m]; None without nosings."""
         ahead = self.ahead_m()
         return ahead[-1] if ahead else None
 
     def top_above_m(self) -> float | None:
-        """Return how far the highest known nosing is above mid-track, level."""
+        """Return the height of the highest known nosing above mid-track [m]; None without nosings."""
         return self._known[-1].z_m - self._z_m if self._known else None
 
     def bottom_ahead_m(self) -> float | None:
-        """Return how far the lowest known nosing is ahead of mid-track, along the belts; negative once the chair is above it."""
+        """Return the distance of the lowest known nosing ahead of mid-track along the belts [m]; None without nosings."""
         ahead = self.ahead_m()
         return ahead[0] if ahead else None
 
     def roll_back_m(self, t_s: float) -> float | None:
-        """Return how far the chair has come back along the flight from where it was furthest up; None where no nosings tell."""
-        return self._highest_m - self._up_m if t_s - self.map_s <= TELLING_S else None
+        """Return the distance from the highest position on the flight back to the present one [m]; None without a recent map."""
+        return self._highest_m - self._up_m if t_s - self.map_s <= SLIP_VALID_S else None
 
     def slip_m_s(self, t_s: float) -> float:
-        """Return how much faster the belts run up the flight than the chair; backing down, how much faster the chair comes down."""
-        return self._slip_m_s if t_s - self.map_s <= TELLING_S else 0.0
+        """Return belt speed minus chair speed, both up the flight [m/s]; 0 without a recent map."""
+        return self._slip_m_s if t_s - self.map_s <= SLIP_VALID_S else 0.0
 
     @property
     def _up_m(self) -> float:
@@ -176,21 +185,21 @@ class StairTracker:
 
     @property
     def top_ends(self) -> bool:
-        """Whether frames have shown that nothing follows the highest known nosing."""
+        """Whether maps have shown the end of the flight at the highest known nosing."""
         return self._ends(-1)
 
     @property
     def bottom_ends(self) -> bool:
-        """Whether frames have shown that nothing follows the lowest known nosing."""
+        """Whether maps have shown the end of the flight at the lowest known nosing."""
         return self._ends(0)
 
     def gaps_ahead_m(self) -> list[tuple[float, float]]:
-        """Return where steps are missing: nosings below and above each, ahead of mid-track along the belts, the lowest first."""
+        """Return the gaps with missing steps: distances of the nosings below and above ahead of mid-track along the belts [m]."""
         far_m = MISSING * math.hypot(self.rise_m, self.run_m)
         gaps = [
             (low, high)
             for low, high in itertools.pairwise(self._known)
-            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= TOLD_AFTER
+            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= GAP_KNOWN_AFTER
         ]
         return [(self._ahead_m(low), self._ahead_m(high)) for low, high in gaps]
 
@@ -199,7 +208,7 @@ class StairTracker:
         return (nosing.x_m - self._x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
 
     def _ends(self, index: int) -> bool:
-        """Say whether frames have shown the flight's end at a nosing or its double: after a blind lift it may be there twice."""
+        """Return whether maps have shown the flight's end at a nosing, or at its duplicate after motion without a stair in view."""
         if not self._known:
             return False
         place_m, same_m = self._known[index].x_m, SAME * self.run_m
@@ -220,7 +229,7 @@ class StairTracker:
         self._highest_m = max(self._highest_m, self._up_m)
 
     def _is_across(self, seen: StairMap) -> bool:
-        """Say whether a map shows another flight than this one, across a landing."""
+        """Return whether a map shows another flight, across a landing."""
         way = 1.0 if seen.direction == "up" else -1.0
         if not self._known:
             return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
@@ -229,7 +238,7 @@ class StairTracker:
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
 
     def _see_across(self, seen: StairMap) -> None:
-        """Take a map of the next flight: this one ends there. What is old is forgotten, for the chair may have tipped meanwhile."""
+        """Update with a map of the next flight, which also shows the end of this one; after ``NEXT_S`` its tracker starts again."""
         if self._next is None or seen.t_s - self._next.map_s > NEXT_S:
             self._next = StairTracker()
             self._next._odometry_x_m, self._next._odometry_z_m = self._odometry_x_m, self._odometry_z_m  # noqa: SLF001
@@ -259,7 +268,7 @@ class StairTracker:
             self._note_end(last, seen)
 
     def _places(self, seen: StairMap) -> list[tuple[float, float]]:
-        """Return the nosings of a map in the level frame, the nearest first, by the chair's pose at the exposure."""
+        """Return the nosings (x, z) of a map in the tracker's frame [m], by the chair's pose at the exposure, nearest first."""
         exposed = self._poses.at(seen.t_s) or self._pose()
         c, s, across = math.cos(exposed.pitch_rad), math.sin(exposed.pitch_rad), math.cos(exposed.heading_rad)
         x_m = self._x_m - (self._odometry_x_m - exposed.x_m)
@@ -270,10 +279,10 @@ class StairTracker:
         return _Pose(self._odometry_x_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
 
     def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> float:
-        """Let the nosings seen again tell how far the belts have slipped: all that is known moves on together.
+        """Correct the position of the chair by the nosings that were detected again.
 
         Returns:
-            By how much it was moved up the flight.
+            Correction up the flight [m]; negative if the belts slipped.
         """
         known = [(nosing, place) for nosing, place in matched if nosing.known]
         if not known:
@@ -284,21 +293,21 @@ class StairTracker:
         return self._up_m - up_m
 
     def _note_slip(self, since_s: float, moved_up_m: float) -> None:
-        if not 0.0 < since_s <= TELLING_S:
+        if not 0.0 < since_s <= SLIP_VALID_S:
             self._slip_m_s = 0.0
             return
         slip_m_s = -moved_up_m / since_s
         self._slip_m_s += (1.0 - math.exp(-since_s / SLIP_LAG_S)) * (slip_m_s - self._slip_m_s)
 
     def _find(self, x_m: float, z_m: float) -> _Nosing | None:
-        """Return the nosing that stands at a place, or None."""
+        """Return the tracked nosing at a position, or None."""
         for nosing in self._nosings:
             if abs(nosing.x_m - x_m) < SAME * self.run_m and abs(nosing.z_m - z_m) < SAME_RISE_M:
                 return nosing
         return None
 
     def _place(self, x_m: float, z_m: float) -> _Nosing:
-        """Return the nosing that was seen at a place, new or bettered."""
+        """Return the nosing detected at a position, a new one or a tracked one with its position updated."""
         nosing = self._find(x_m, z_m)
         if nosing is None:
             nosing = _Nosing(x_m, z_m)
@@ -311,7 +320,7 @@ class StairTracker:
         return nosing
 
     def _note_missed(self, shown: list[_Nosing]) -> None:
-        """Count against nosings that a map passes over: nearer and further ones are in it."""
+        """Count a miss for each nosing between the nearest and the furthest of a map that the map does not show."""
         if len(shown) < KNOWN_AFTER:
             return
         low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
@@ -320,7 +329,7 @@ class StairTracker:
                 nosing.missed = min(nosing.missed + 1, MISSED_MOST)
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
-        """Count the frames that show the flight's end at a nosing; another that is known beyond takes all back."""
+        """Count the maps that show the flight's end at a nosing; a known nosing beyond resets the count."""
         if seen.ends:
             last.end_count += 1
         if not last.known:

@@ -1,9 +1,8 @@
-"""A chair that falls over a nosing: told by the gyro, eased by its belts.
+"""Tip-over feed-forward: belt speed that follows a chair tipping over a nosing. ``ImuSample -> pitch rate, added belt speed``.
 
-``ImuSample -> rate of the fall, speed added to both belts``. A rigid chair tips about a nosing that its centre of mass has
-passed, onto the next. Belts that change their speed by a shift the weight's line by a/g of its height above them: they go the way
-in which the chair falls, downhill as its rear drops, uphill as its front does, so that it falls more slowly and stops less hard
-(docs/decisions/0019).
+A rigid chair tips about a nosing that its centre of mass has passed, onto the next nosing. A belt acceleration a moves the line of
+the weight by a/g of its height above the belts. The belts move in the direction of the fall, downhill as the rear drops and uphill
+as the front drops, so that the chair falls more slowly and stops less hard (docs/decisions/0019).
 """
 
 import math
@@ -11,53 +10,54 @@ import math
 from treadline.angles import DEG
 from treadline.signals import TICK_S, ImuSample
 
-SMOOTHED_S = 0.015
-"""In which the rate is smoothed: a chair that slides trembles."""
-FALLS_RAD_S = 1.0 * DEG
-"""Of pitch, either way, from which on it is a fall."""
-EASES_RAD_S = 2.0 * DEG
-"""From which on the belts go along: they can change their speed but once, and spent at the outset that draws the fall out, …"""
-EASING_M_RAD = 10.0
-"""… how much faster, per rate beyond it …"""
-MOST_M_S = 0.1
-"""… and at most: half the cruise speed."""
-LASTS_S = 0.4
-"""For which a fall lasts at most; what goes on for longer is the stair, or a gyro that is off."""
-BACK_M_S2 = 0.2
-"""At which the speed comes back: that tips the chair the other way, and takes grip."""
+TIME_CONSTANT_S = 0.015
+"""Time constant of the pitch rate filter [s]: a sliding chair vibrates."""
+FALL_RATE_RAD_S = 1.0 * DEG
+"""Absolute pitch rate above which the chair is falling, for the flipper to follow [rad/s]."""
+DEAD_BAND_RAD_S = 2.0 * DEG
+"""Absolute pitch rate above which the belts act [rad/s]. The belts can change their speed only once; an earlier action would
+prolong the fall (sensitivity from 1 to 4 °/s: docs/evidence/0019-traversal-phases.md)."""
+GAIN_M_RAD = 10.0
+"""Added belt speed per pitch rate beyond the dead band [m/s per rad/s]."""
+LIMIT_M_S = 0.1
+"""Largest added belt speed [m/s]: half the cruise speed."""
+MAX_DURATION_S = 0.4
+"""Longest fall [s]; a longer pitch motion is the stair itself or a gyro bias."""
+DECAY_M_S2 = 0.2
+"""Rate at which the added speed decreases [m/s²]: the decrease tips the chair in the other direction and takes friction."""
 
 
 class TipOverFeedforward:
-    """What is felt of a chair's fall, and what its belts do about it."""
+    """Filters the pitch rate and computes the added belt speed, positive uphill."""
 
     def __init__(self) -> None:
         self.rate_rad_s = 0.0
-        """Of the chair's pitch going down, smoothed; negative as it falls onto its rear."""
-        self._felt_s = math.nan
-        self._eased_m_s = 0.0
+        """Filtered pitch rate [rad/s], positive as the front drops, negative as the rear drops."""
+        self._imu_s = math.nan
+        self._added_m_s = 0.0
         self._since_s: float | None = None
-        """When the fall began."""
+        """Time at which the fall began [s]."""
 
     def update(self, imu: ImuSample) -> None:
-        """Take one sample."""
-        dt_s = 0.0 if math.isnan(self._felt_s) else max(imu.t_s - self._felt_s, 0.0)
-        self._felt_s = imu.t_s
-        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHED_S))
+        """Update with one IMU sample."""
+        dt_s = 0.0 if math.isnan(self._imu_s) else max(imu.t_s - self._imu_s, 0.0)
+        self._imu_s = imu.t_s
+        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
 
-    def ease(self, t_s: float, *, may: bool) -> float:
-        """Return what is added to both belts at this tick [m/s], uphill positive.
+    def step(self, t_s: float, *, allowed: bool) -> float:
+        """Return the speed added to both belts at this tick [m/s], positive uphill.
 
         Args:
-            t_s: Now.
-            may: Whether the belts are free to go along; what they have added comes back all the same.
+            t_s: Mission time.
+            allowed: Whether speed may be added; speed that was added before still decreases.
         """
-        beyond = max(abs(self.rate_rad_s) - EASES_RAD_S, 0.0)
+        beyond = max(abs(self.rate_rad_s) - DEAD_BAND_RAD_S, 0.0)
         if beyond == 0.0:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = t_s
-        falls = may and self._since_s is not None and t_s - self._since_s < LASTS_S
-        asked = math.copysign(min(EASING_M_RAD * beyond, MOST_M_S), self.rate_rad_s) if falls else 0.0
-        kept = math.copysign(max(abs(self._eased_m_s) - BACK_M_S2 * TICK_S, 0.0), self._eased_m_s)
-        self._eased_m_s = asked if abs(asked) > abs(kept) else kept
-        return self._eased_m_s
+        falls = allowed and self._since_s is not None and t_s - self._since_s < MAX_DURATION_S
+        asked = math.copysign(min(GAIN_M_RAD * beyond, LIMIT_M_S), self.rate_rad_s) if falls else 0.0
+        kept = math.copysign(max(abs(self._added_m_s) - DECAY_M_S2 * TICK_S, 0.0), self._added_m_s)
+        self._added_m_s = asked if abs(asked) > abs(kept) else kept
+        return self._added_m_s

@@ -1,8 +1,8 @@
-"""The traction test: on two nosings, the rear still on the floor, ask the belts for a little more than the stair will.
+"""Traction test: accelerate on two nosings, the rear still on the floor, with slightly more friction demand than the flight needs.
 
-Hazard 15. Pitched by θ and speeding up at a, belts ask friction for tan θ + a/(g·cos θ) of the normal force; a is chosen such that
-this is (1 + share)·tan β. Where friction gives less, the chair falls behind its belts. The IMU tells by how much: specific force
-along the chair, less what gravity and the sensor's bias were at rest.
+``ImuSample, TrackReading -> belt speed, slip, verdict``; hazard 15. At pitch θ and acceleration a the belts need friction of
+tan θ + a/(g·cos θ); a is chosen such that this equals (1 + share)·tan β. With less friction the chair falls behind its belts. Its
+speed is the integral of the IMU's specific force along the chair, minus gravity and the bias measured at rest.
 """
 
 import math
@@ -12,29 +12,37 @@ from treadline.mechanics.chair import GRAVITY_M_S2
 from treadline.signals import ImuSample, TrackReading
 
 LEAST_M_S2 = 0.15
-"""Asked at least: of a chair that is pitched more than the stair gravity alone asks for what is wanted; less could not be told."""
+"""Smallest test acceleration [m/s²]. With the chair pitched more than the stair, gravity alone demands the required friction; a
+smaller acceleration is below the resolution of the measurement."""
 MOST_SLIP = 0.7
-"""A chair that follows less of its belts has shown no grip, whatever it was asked for."""
+"""Slip ratio above which the test is lost, whatever acceleration was commanded."""
 STALLED_M_S = 0.02
-"""Belts that the pulse has brought no further have shown nothing, whatever the IMU's noise adds up to."""
+"""Belt speed below which the pulse has not moved the belts [m/s]; the test is lost, because it measured no friction."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TractionConfig:
-    """How hard the belts ask, and what counts as no."""
+    """Friction demand, limit and timing of the traction test."""
 
     share: float = 0.085
-    """Over tan β."""
+    """Friction demand of the pulse in excess of tan β, as a share of tan β."""
     wanted: float = 0.065
-    """Over tan β, which friction must give: between the 1.05 that must be refused and the 1.10 that must not."""
+    """Required friction in excess of tan β, as a share of tan β: between 0.05, which must be refused, and 0.10, which must not."""
     rest_s: float = 0.6
-    """To rest before the pulse; its second half is what gravity and bias are taken from."""
+    """Rest before the pulse [s]; gravity and bias are averaged over its second half."""
     pulse_s: float = 0.6
+    """Duration of the pulse [s]."""
     brake_s: float = 0.3
+    """Duration of the stop after a lost pulse [s]."""
 
 
 class TractionTest:
-    """One pulse of the belts and its verdict."""
+    """One test pulse of the belts and its verdict.
+
+    Args:
+        config: Friction demand, limit and timing.
+        slope_rad: Slope β of the flight [rad].
+    """
 
     def __init__(self, config: TractionConfig, slope_rad: float) -> None:
         self._config = config
@@ -51,7 +59,7 @@ class TractionTest:
         self._slip: float | None = None
 
     def update(self, signal: ImuSample | TrackReading) -> None:
-        """Take one signal. A test whose belts are braked has shown nothing, and begins again once they are free."""
+        """Update with one signal; a test during which the belts were braked begins again."""
         if isinstance(signal, TrackReading):
             if signal.brake_on:
                 self._begin()
@@ -73,7 +81,7 @@ class TractionTest:
 
     @property
     def speed_m_s(self) -> float:
-        """What the belts are to do now."""
+        """Belt speed to command at present [m/s]."""
         since = 0.0 if self._began_s is None else self._t_s - self._began_s - self._config.rest_s
         if since <= 0.0 or since > self._config.pulse_s:
             return 0.0
@@ -84,22 +92,22 @@ class TractionTest:
         return max(self._speeding_up(self._config.share), LEAST_M_S2)
 
     def _speeding_up(self, share: float) -> float:
-        """Return the acceleration along the belts at which they ask for friction of (1 + share)·tan β."""
+        """Return the acceleration along the belts that needs friction of (1 + share)·tan β [m/s²]."""
         friction = (1.0 + share) * math.tan(self._slope_rad)
         return GRAVITY_M_S2 * (friction * math.cos(self._pitch_rad) - math.sin(self._pitch_rad))
 
     @property
     def over(self) -> bool:
-        """Whether the pulse is over, and the stop after one that did not hold: belts that hold go on, a stop would be a jolt."""
+        """Whether the pulse has ended, and after a lost pulse the stop; after a passed test the belts continue without a jolt."""
         since = -math.inf if self._began_s is None else self._t_s - self._began_s - self._config.rest_s - self._config.pulse_s
         return self._slip is not None and since > (0.0 if self.holds else self._config.brake_s)
 
     @property
     def slip(self) -> float:
-        """Share of the belts' speed that the chair did not follow, at the pulse's end."""
+        """Slip ratio at the end of the pulse; 0 before."""
         return 0.0 if self._slip is None else self._slip
 
     @property
     def holds(self) -> bool:
-        """Whether friction gave what was wanted."""
+        """Whether the friction suffices."""
         return self.slip < min(1.0 - self._speeding_up(self._config.wanted) / self._asked_m_s2, MOST_SLIP)

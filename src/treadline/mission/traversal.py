@@ -1,6 +1,6 @@
-"""What a way up and a way down have in common: what is felt, the search, the next flight, the plan.
+"""Base class of the planners up and down: sensor state, search, next flight, flipper and steering on the flight, plan.
 
-``ascent`` and ``descent`` add the phases of their own; see docs/decisions/0019.
+``ascent`` and ``descent`` add their phases; see docs/decisions/0019.
 """
 
 import math
@@ -9,76 +9,89 @@ from typing import ClassVar, Literal
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
-from treadline.mission.flipper_planner import ASKEW_RAD, FrontSection, turning_share
-from treadline.mission.grip import SideGrip
+from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
+from treadline.mission.grip import SkidMonitor
 from treadline.mission.level import LevelConfig, LevelSteering
-from treadline.mission.planner import Felt
+from treadline.mission.planner import PlannerInput
 from treadline.mission.stair_tracker import StairTracker
 from treadline.mission.tip_over import TipOverFeedforward
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading
 
 ON_THE_FLIGHT_RAD = 10.0 * DEG
-"""Pitch from which a chair that wakes up stands on a flight."""
+"""Pitch above which a chair that starts stands on a flight [rad]."""
 LEVEL_RAD = 2.0 * DEG
+"""Absolute pitch below which the chair is horizontal [rad]."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5
-"""Of the way that was to go, and further, run by the belts of a chair that has not got there: something holds it."""
+"""Ratio of belt travel to the distance to go, and additional belt travel [m], above which something blocks the chair."""
 NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
-"""Maps in a row in which a wall stands nearer than half the chair's width less so much (they err by 5 cm for half a second), before
-its first nosing: it would drive onto the wall's end. In a stair 1.2 m wide, askew by 30° and 0.15 m off the middle, it did, and
-rolled by 21°. Past the wall it is to be set aside by so much more."""
+"""Number of consecutive maps in which a wall is nearer than half the chair's width less ``NARROW_M`` [m], and lateral shift
+proposed in excess of that width [m]. Measured walls err by 5 cm for half a second. In a stair 1.2 m wide a chair that started with
+30° of heading error, 0.15 m off the middle, drove onto the wall's end and rolled by 21°."""
 BLIND_RAD = 1.0 * DEG
-"""Heading left alone on the flight where no stair is in view: belts that follow a gyro that drifts turn the chair, and where one
-has lost grip they run apart and turn nothing, which the guard takes for the former."""
+"""Heading error that is not corrected on the flight while no stair is in view [rad]. Belts that follow a drifting gyro turn the
+chair; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift."""
 
 
 def beside(before_m: float) -> str:
-    """Say how far something is before a pulley, or behind it."""
+    """Return a distance in words: before a pulley if positive, behind the pulley if negative."""
     return f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m behind"
 
 
 def on_the_tip(load_n: float) -> str:
-    """Say what the flipper's tip carries."""
+    """Return the load on the flipper's tip in words."""
     return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
 
 
 def missing_step(gap: tuple[float, float], pulley: str) -> str:
-    """Say that a step is missing, by the nosings before a pulley; negative where the pulley has passed."""
+    """Return a missing step in words.
+
+    Args:
+        gap: Distances of the nearer and the further nosing before the pulley [m], negative behind the pulley.
+        pulley: Name of the pulley.
+    """
     near_m, far_m = gap
     return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {pulley} pulley"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraversalConfig:
-    """The chair, what its user entered, and the pace."""
+    """Chair, entered payload, speeds and distances common to both directions; distances along the belts."""
 
     chair: ChairDescription
     payload_kg: float
+    """Weight of the passenger as entered by the operator [kg]."""
     cruise_m_s: float = 0.2
+    """Mean belt speed on the flight [m/s]."""
     flights: int | None = None
-    """To be driven; None goes on as long as another flight is seen from the one before."""
+    """Number of flights to traverse; None continues while another flight is seen across a landing."""
     look_m: float = 2.5
-    """To drive on over a landing to see the next flight: from far away its first step alone is in view, or its edge hides it."""
+    """Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
     slow_m_s: float = 0.1
-    """Onto the stair and off it."""
+    """Mean belt speed onto the stair and off the stair [m/s]."""
     gap_m: float = 0.45
-    """Of the leading pulley before the nosing in front of a missing step, where the chair stops for good."""
+    """Distance of the leading pulley before the nosing at a missing step at which the chair stops for good [m]."""
 
 
 class Traversal:
-    """Senses, phase and plan of one traversal."""
+    """Sensor state, phase and plan of one traversal.
+
+    Args:
+        chair: Chair to plan for.
+        flights: Number of flights to traverse; None continues while another flight is seen.
+    """
 
     DIRECTION: ClassVar[Literal["up", "down"]]
-    """Of the flights that the camera sees; maps of others are not for this planner."""
+    """Direction of the flights in view of the camera in use; maps of the other direction are ignored."""
     ROLLING: ClassVar[frozenset[Phase]]
     """Phases that begin without a stop."""
     CATCHES: ClassVar[bool]
-    """Whether the section goes down under a chair that falls onto it."""
+    """Whether the flipper follows a chair that falls onto its front."""
     RIDES_RAD: ClassVar[float]
-    """Where a flipper that rides on the nosings is asked to be: they push it up, and the chair rocks on a spring."""
+    """Angle command of a riding flipper relative to the belts [rad]; nosings push the flipper up, as a spring and damper."""
 
     def __init__(self, chair: ChairDescription, flights: int | None) -> None:
         tracks = chair.tracks
-        self._front = FrontSection(chair, self.RIDES_RAD)
+        self._flipper_planner = FlipperPlanner(chair, self.RIDES_RAD)
         self._tip_over = TipOverFeedforward()
         self._gauge_m = tracks.gauge_m
         self._flights = flights
@@ -89,25 +102,25 @@ class Traversal:
         self._cause = "woken up"
         self._flights_done = 0
         self._from_m = 0.0
-        """Travel at which the phase began."""
+        """Travel at which the phase began [m]."""
         self._ran_m = 0.0
-        """Of the belts since then, whatever the camera says of the way made."""
+        """Absolute belt travel since the phase began [m], slip included."""
         self._to_go_m = math.inf
-        """Of belts, when the phase began."""
+        """Belt travel expected for the phase when it began [m]; infinite if unknown."""
         self._imu: ImuSample | None = None
         self._tracks: TrackReading | None = None
         self._turned_rad = 0.0
 
     def _face_flight(self) -> None:
-        """Know nothing yet of the flight ahead."""
+        """Reset everything that belongs to one flight."""
         self._where = StairTracker()
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
-        self._grip = SideGrip()
+        self._skid = SkidMonitor()
         self._narrow_maps = 0
-        self._front.forget()
+        self._flipper_planner.forget()
 
-    def update(self, signal: Felt) -> None:
-        """Take one signal."""
+    def update(self, signal: PlannerInput) -> None:
+        """Update with one signal."""
         match signal:
             case ImuSample():
                 dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
@@ -119,23 +132,23 @@ class Traversal:
                 dt_s = 0.0 if self._tracks is None else signal.t_s - self._tracks.t_s
                 self._ran_m += 0.5 * dt_s * abs(signal.left_m_s + signal.right_m_s)
                 self._tracks = signal
-                if signal.brake_on:  # held: neither belts nor flipper do as they are told
+                if signal.brake_on:  # held: belts and flipper do not follow commands
                     self._level.rest()
-                    self._front.forget()
+                    self._flipper_planner.forget()
                 self._where.update(signal)
             case StairMap():
                 if signal.direction == self.DIRECTION:
                     self._where.update(signal)
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case FlipperReading():
-                self._front.update(signal)
+                self._flipper_planner.update(signal)
 
     def _free_m(self) -> float:
-        """Return the way from the chair's middle to the nearer wall, infinite where none is in view."""
+        """Return the distance from the chair's middle to the nearer wall [m]; infinite without a wall in view."""
         return min((wall for wall in (self._where.left_wall_m, self._where.right_wall_m) if wall is not None), default=math.inf)
 
     def _narrow(self) -> str | None:
-        """Return that the chair, square to the stair, does not fit past a wall, and what would help; None where it does."""
+        """Return the wall that the chair, square to the stair, does not clear, with the remedy; None if the chair fits."""
         if self._narrow_maps < NARROW_MAPS:
             return None
         free_m, needs_m = self._free_m(), self._half_width_m
@@ -144,16 +157,16 @@ class Traversal:
         return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {helps}"
 
     def _gap(self, way: float) -> tuple[float, float] | None:
-        """Return the next gap that the leading pulley has not passed: its nearer and its further nosing before that pulley.
+        """Return the next gap before the leading pulley: distances of its nearer and further nosing [m]; None without a gap.
 
         Args:
-            way: 1 for a chair that goes up, -1 for one that backs down.
+            way: 1 climbing, -1 backing down.
         """
         sides = [(way * low - self._pivot_m, way * high - self._pivot_m) for low, high in self._where.gaps_ahead_m()]
         return min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
 
     def _sweep(self, t_s: float, nowhere: str) -> MotionPlan:
-        """Turn to either side to find the stair; hold if it is nowhere."""
+        """Return the plan that turns to both sides to find the stair; at the end it holds with the reason ``nowhere``."""
         turned, self._turned_rad = self._turned_rad, 0.0
         turn = self._level.sweep(t_s, turned)
         return self._plan(t_s, 0.0, turn_m_s=turn or 0.0, needs_stair=False, hold=nowhere if turn is None else None)
@@ -164,7 +177,7 @@ class Traversal:
         return self._where.shows_another if self._flights is None else self._flights_done + 1 < self._flights
 
     def _begin_next(self, t_s: float, on_the_way: str = "") -> MotionPlan:
-        """Begin anew with the flight across the landing."""
+        """Return the plan that starts again with the flight across the landing."""
         seen = "seen" if self._where.shows_another else "not yet seen"
         self._face_flight()
         self._flights_done += 1
@@ -172,71 +185,77 @@ class Traversal:
 
     @property
     def _flipper(self) -> FlipperReading | None:
-        return self._front.reading
+        return self._flipper_planner.reading
 
     @property
     def _step_m(self) -> float:
-        """From nosing to nosing; 0 as long as no stair is known."""
+        """Distance from nosing to nosing [m]; 0 while no stair is known."""
         return math.hypot(self._where.rise_m, self._where.run_m)
 
     @property
     def _stepping_rad(self) -> float:
-        """The flipper's angle at which its tip just clears a step."""
-        return self._front.clears(self._where.rise_m)
+        """Flipper angle at which the tip clears a step [rad]."""
+        return self._flipper_planner.clears(self._where.rise_m)
 
     def _lie(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0) -> FlipperCommand | None:
-        """Return what lays the flipper along the flight: carrying while the chair is square, above the nosings for it to turn."""
+        """Return the flipper command on the flight: riding on the nosings while the chair is square, lifted above them to turn."""
         share = self._turning_share(estimate, square_rad)
         catches = self.CATCHES and self._may_follow(t_s, share)
-        return self._front.ride(t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
+        return self._flipper_planner.ride(t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
 
-    def _ease(self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, may: bool = True) -> float:
-        """Return what both belts add to go with a chair that falls over a nosing, square to the stair and gripping."""
-        return self._tip_over.ease(t_s, may=may and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
+    def _pitch_feedforward(
+        self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, allowed: bool = True
+    ) -> float:
+        """Return the tip-over feed-forward [m/s]; no speed is added to a turning or slipping chair."""
+        return self._tip_over.step(t_s, allowed=allowed and self._may_follow(t_s, self._turning_share(estimate, square_rad)))
 
     def _may_follow(self, t_s: float, share: float) -> bool:
-        """Return whether section and belts may go after a fall: not of a chair that turns, nor of one that has lost grip."""
+        """Return whether flipper and belts may follow a fall: not while the chair turns, nor after the belts have slipped."""
         return share < 1.0 and self._has_grip(t_s)
 
     def _turning_share(self, estimate: HeadingEstimate | None, square_rad: float) -> float:
-        off_rad = ASKEW_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
+        off_rad = LIFTED_HEADING_RAD if estimate is None else abs(estimate.heading_rad - square_rad)
         return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
 
     def _has_grip(self, t_s: float) -> bool:
-        """Return whether the belts have lost no grip on this flight."""
+        """Return whether the belts have not slipped on this flight."""
         del t_s
         return True
 
     def _is_laid(self, t_s: float, estimate: HeadingEstimate) -> bool:
-        """Return whether a chair that wakes up on a flight may drive; while it is held, its flipper is not expected to move."""
+        """Return whether a chair that starts on a flight may drive; a held chair may not, since its flipper cannot move."""
         if self._tracks is not None and self._tracks.brake_on:
             return False
-        return self._front.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
+        return self._flipper_planner.is_laid(t_s, self._step_m, turning_share(abs(estimate.heading_rad), 0.0))
 
     @property
     def _on_a_flight(self) -> str:
-        """What a chair that wakes up on a flight sees and feels."""
+        """Observations of a chair that starts on a flight, in words."""
         flipper = "" if self._flipper is None else f", flipper {self._flipper.angle_rad / DEG:+.0f}° off the belts"
         return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{flipper}, the stair in view"
 
     def _steering(
         self, t_s: float, estimate: HeadingEstimate | None, square_rad: float = 0.0, *, climbs: bool = False, blind: bool = False
     ) -> float | None:
-        """Return the turn on the flight: None for the controller to steer; 0 where the chair is let alone.
+        """Return the turn on the flight: None for the heading controller to steer, 0 while steering is suspended.
 
         Args:
-            t_s: Now.
-            estimate: Where the chair heads.
-            square_rad: The heading that the chair steers to.
-            climbs: Whether belts that outrun the chair are made to run alike, so that they grip again.
+            t_s: Mission time.
+            estimate: Latest heading estimate, if any.
+            square_rad: Heading set point.
+            climbs: Whether slip and roll-back suspend steering too, so that belts at equal speeds grip again.
             blind: Whether no stair is in view.
         """
         slip_m_s, roll_back_m = (self._where.slip_m_s(t_s), self._where.roll_back_m(t_s) or 0.0) if climbs else (0.0, 0.0)
         spared = blind and estimate is not None and abs(estimate.heading_rad - square_rad) < BLIND_RAD
-        return None if self._grip.steers(t_s, self._tracks, estimate, square_rad, slip_m_s, roll_back_m) and not spared else 0.0
+        return (
+            None
+            if self._skid.steering_allowed(t_s, self._tracks, estimate, square_rad, slip_m_s, roll_back_m) and not spared
+            else 0.0
+        )
 
     def _stuck(self) -> str | None:
-        """Return why the chair must stop, if it does not get where it drives to; a person who re-arms gives it another try."""
+        """Return the reason to stop a chair that does not arrive where it drives to, or None; each re-arm allows another try."""
         ran_m, to_go_m = self._ran_m, self._to_go_m
         if ran_m < STUCK_SHARE * to_go_m + STUCK_M:
             return None
@@ -244,11 +263,11 @@ class Traversal:
         return f"the belts ran {ran_m:.1f} m for the {to_go_m:.1f} m to go: something is in the chair's way"
 
     def _stand(self, t_s: float, hold: str | None = None, *, needs_stair: bool = True) -> MotionPlan:
-        """Let the belts stand."""
+        """Return the plan that stops the belts."""
         return self._plan(t_s, 0.0, turn_m_s=0.0, needs_stair=needs_stair, hold=hold)
 
     def _begin(self, t_s: float, phase: Phase, cause: str, to_go_m: float = math.inf) -> MotionPlan:
-        """Enter a phase; for this one tick the belts go on as they are, or stand."""
+        """Enter a phase and return the plan of this tick: the belts keep their speed, or stop."""
         self._phase, self._cause, self._from_m = phase, cause, self._where.travel_m
         self._ran_m, self._to_go_m = 0.0, to_go_m
         return self._plan(t_s, self._where.speed_m_s if phase in self.ROLLING else 0.0, turn_m_s=0.0)
@@ -266,7 +285,7 @@ class Traversal:
         needs_stair: bool = True,
         hold: str | None = None,
     ) -> MotionPlan:
-        """Return what to do now; ``hold`` is said anew at each tick: after a person has re-armed it counts if it is still so."""
+        """Return the plan of this tick; ``hold`` is repeated at each tick, so that it holds again after a re-arm if still valid."""
         return MotionPlan(
             t_s=t_s,
             phase=self._phase,

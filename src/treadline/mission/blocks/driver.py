@@ -1,7 +1,7 @@
 """Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan, TrackCommand``."""
 
 from treadline.mission.drivers import Driver
-from treadline.mission.planner import Felt, Planner
+from treadline.mission.planner import Planner, PlannerInput
 from treadline.mission.proposals import Proposals
 from treadline.mission.rates import Rate
 from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
@@ -17,8 +17,8 @@ class DriverBlock:
         self.is_due = False
         """Whether a control period began at the last call of ``propose``."""
 
-    def update(self, signal: Felt) -> None:
-        """Take a reading or a stair map."""
+    def update(self, signal: PlannerInput) -> None:
+        """Update the planner with a reading or a stair map."""
         self._planner.update(signal)
 
     def plan(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:

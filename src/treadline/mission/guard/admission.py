@@ -71,7 +71,7 @@ class ReadingAdmission:
                 # Two maps without any nosing are equal although the camera is not frozen.
                 return self.frames.accept_measurement("map", value if len(value) > 1 else signal.t_s, self._travel.travel_m)
             case _:
-                return True  # of a frame the FrameQuality is judged, of a person everything counts
+                return True  # images are judged by their FrameQuality; every operator input is valid
 
 
 def is_finite_map(stair: StairMap) -> bool:

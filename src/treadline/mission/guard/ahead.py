@@ -1,4 +1,4 @@
-"""What lies ahead: something in the way (row 25), and steps too far apart for the track (row 17)."""
+"""Monitors of the way ahead: obstacles (row 25), and nosings too far apart for the track (row 17). ``StairMap -> cause``."""
 
 import itertools
 import math
@@ -9,55 +9,62 @@ from treadline.mission.guard.phases import FLIGHT, OVER
 from treadline.signals import MotionPlan, StairMap
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 5
-"""That must show a thing in a row, or a gap more often than not: a nosing that a detector loses is lost for three or four maps."""
+"""Number of consecutive maps that must show an obstacle, and net number of maps that must show a gap: a nosing that a detector
+misses is missed in three or four maps."""
 SAME_M = 0.15
-"""Half a nosing pitch: within it, two findings are of one gap."""
+"""Distance within which two detections are the same gap [m]: half the pitch of a stair."""
 NEAR_M = 1.9
-"""Of a gap from mid-track, as the planner's (``mission.stair_tracker``), of which the guard must not know."""
+"""Largest distance of a gap from mid-track [m]; equal to the planner's limit in ``mission.stair_tracker``, on which the guard does
+not depend."""
 OUT_OF_VIEW_M = 1.2
-"""From mid-track: nearer the camera sees a thing's upper part at best."""
+"""Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 
 
 class ObstacleMonitor:
-    """Remembers where something stands, and says how far the chair's leading end is from it."""
+    """Position of an obstacle, kept by belt travel between maps."""
 
     def __init__(self) -> None:
         self._count = 0
         self._place_m = 0.0
 
     def look(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Take one map's answer: a distance from mid-track towards where the camera looks."""
+        """Update with the obstacle of one map: its distance from mid-track in the direction of the camera [m], or None."""
         self._count = 0 if obstacle_m is None else self._count + 1
         self._place_m = travel_m + (obstacle_m or 0.0)
 
     def distance_m(self, travel_m: float) -> float:
-        """Return the distance from mid-track, or infinity."""
+        """Return the distance from mid-track [m]; infinite if nothing is known."""
         return self._place_m - travel_m if self._count >= OBSTACLE_MAPS else math.inf
 
 
 class FlatGroundMonitor(ObstacleMonitor):
-    """The same for the level beyond the stair: what has come too near to be in view is still there."""
+    """Position of an obstacle on flat ground beyond the stair; it is kept when it is too near to be in view."""
 
     def look(self, obstacle_m: float | None, travel_m: float) -> None:
-        """Take one frame's answer."""
+        """Update with the obstacle of one frame: its distance from mid-track [m], or None."""
         if obstacle_m is not None or self._place_m - travel_m > OUT_OF_VIEW_M:
             super().look(obstacle_m, travel_m)
 
 
 class GapMonitor:
-    """Remembers where the track would rest on one nosing: the nosing before the gap, by the belts' travel."""
+    """Position of the nosing before a gap on which the track would rest alone, kept by belt travel between maps.
+
+    Args:
+        span_m: Flat run of the belts [m].
+    """
 
     def __init__(self, span_m: float) -> None:
         self._span_m = span_m
         self._count = 0
         self._place_m = 0.0
         self.width_m = 0.0
+        """Distance between the nosings at the gap [m]."""
 
     def look(self, nosings: Sequence[Sequence[float]], travel_m: float) -> None:
-        """Take the nosings (distance from mid-track, height) of one map, the nearest first."""
+        """Update with the nosings of one map, the nearest first: distance from mid-track and height [m]."""
         gap = self._gap(nosings)
         if gap is None or gap[0] > NEAR_M:
-            # One that is no longer in view is not gone; it is while the nosing before it is, give or take.
+            # A gap that is out of view is kept; a gap counts as in view while the nosing before it is, within ``SAME_M``.
             in_view = bool(nosings) and nosings[0][0] - SAME_M < self._place_m - travel_m < nosings[-1][0] - SAME_M
             self._count = max(self._count - in_view, 0)
             return
@@ -69,11 +76,11 @@ class GapMonitor:
         self._place_m, self.width_m = place_m, gap[1]
 
     def distance_m(self, travel_m: float) -> float:
-        """Return the distance from mid-track, or infinity."""
+        """Return the distance from mid-track [m]; infinite if nothing is known."""
         return self._place_m - travel_m if self._count >= GAP_MAPS else math.inf
 
     def _gap(self, nosings: Sequence[Sequence[float]]) -> tuple[float, float] | None:
-        """Return where the first gap begins, and the span of the three nosings, or of two, that make it."""
+        """Return the distance of the first gap, and the span of the three, or two, nosings that form it [m]; None without a gap."""
         apart = [math.dist(near, far) for near, far in itertools.pairwise(nosings)]
         for k, width in enumerate(apart):
             if width > self._span_m:
@@ -84,7 +91,7 @@ class GapMonitor:
 
 
 class AheadMonitor:
-    """Both, on the side that the camera looks to."""
+    """Obstacles and gaps in the direction of the camera."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -94,24 +101,30 @@ class AheadMonitor:
         self._gap = GapMonitor(config.track_span_m)
 
     def look(self, stair: StairMap, places: Sequence[Sequence[float]], travel_m: float) -> None:
-        """Take one map, its nosings as distance from mid-track and height, and the belts' travel towards them."""
+        """Update with one map.
+
+        Args:
+            stair: The map.
+            places: Its nosings: distance from mid-track in the direction of the camera, and height [m].
+            travel_m: Belt travel in the direction of the camera.
+        """
         self._sign = 1.0 if stair.direction == "up" else -1.0
         self._obstacle.look(stair.obstacle_m, travel_m)
         self._gap.look(places, travel_m)
 
     def look_on(self, obstacle_m: float | None, plan: MotionPlan | None, travel_m: float) -> None:
-        """Take what one frame shows on the level where the camera looks; at a stair's foot that is its first step."""
+        """Update with the obstacle of one frame on flat ground; ignored at the foot of a stair, where it is the first step."""
         if plan is None or plan.needs_stair or plan.phase not in FLIGHT + OVER:
             self._level = FlatGroundMonitor()
         else:
             self._level.look(obstacle_m, self._sign * travel_m)
 
     def cause(self, travel_m: float, speed_m_s: float) -> str | None:
-        """Return what the chair would come too near to, driving on; None if nothing.
+        """Return the obstacle or gap from which the chair would not keep its distance at this speed; None if there is none.
 
         Args:
-            travel_m: Of the belts, backwards negative.
-            speed_m_s: Asked of the belts.
+            travel_m: Belt travel, negative backwards.
+            speed_m_s: Commanded mean belt speed.
         """
         limits, speed = self._config, self._sign * speed_m_s
         if speed <= 0.0:
@@ -125,8 +138,8 @@ class AheadMonitor:
             return f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead, too long for the track"
         return None
 
-    def doubt(self, travel_m: float) -> str | None:
-        """Return that a gap is known ahead, or None."""
+    def speed_restriction(self, travel_m: float) -> str | None:
+        """Return the reason of a speed restriction, a gap ahead; None if there is none."""
         gap_m = self._gap_m(travel_m)
         return None if gap_m is None else f"{self._gap.width_m:.2f} m from nosing to nosing {gap_m:.2f} m ahead"
 

@@ -1,4 +1,4 @@
-"""How the chair lies and turns (row 18), and how its seat does (row 19)."""
+"""Limits of pitch, roll and pitch rate of the chair (row 18), and of the pitch of its seat (row 19)."""
 
 from collections.abc import Sequence
 
@@ -6,15 +6,15 @@ from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.config import GuardConfig
 
 LASTING_S = 0.05
-"""A shock is over by then, a fall is not."""
+"""Duration beyond a limit after which it is a fault [s]: longer than a shock, shorter than a fall."""
 BETTER_RAD = 2.0 * DEG
-"""A seat that comes nearer to level by this within its time is being levelled. One that leaves it by this moves with the chassis,
-11° in a second over a crest: the guard holds at once."""
+"""Change of the seat's error that is judged within its time [rad]. A decrease by this much starts the time again, as the seat is
+being levelled. An increase holds at once: the seat moves with the chassis, 11° in a second over a crest."""
 ROUNDING_S = 1e-6
 
 
 class TiltMonitor:
-    """Pitch, roll and pitch rate against their limits."""
+    """Compares pitch, roll and pitch rate of the chair with their limits."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -22,7 +22,7 @@ class TiltMonitor:
         self.cause: str | None = None
 
     def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
-        """Take one sample: the attitude's quaternion (w, x, y, z) and the rate, front up positive."""
+        """Update with one sample: attitude quaternion (w, x, y, z) and pitch rate [rad/s], positive front up."""
         fault = self._fault(orientation, pitch_rate_rad_s)
         if fault is None:
             self._since_s = None
@@ -32,7 +32,7 @@ class TiltMonitor:
             self.cause = fault
 
     def forget(self) -> None:
-        """Start anew."""
+        """Reset the monitor."""
         self._since_s = self.cause = None
 
     def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
@@ -48,7 +48,7 @@ class TiltMonitor:
 
 
 class SeatMonitor:
-    """The seat's error over time."""
+    """Compares the seat's pitch over time with its limit."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -56,7 +56,7 @@ class SeatMonitor:
         self.cause: str | None = None
 
     def update(self, t_s: float, pitch_rad: float) -> None:
-        """Take one reading."""
+        """Update with the seat's pitch [rad]; zero is horizontal."""
         error = abs(pitch_rad)
         if error <= self._config.seat_rad:
             self._since = None
@@ -66,5 +66,5 @@ class SeatMonitor:
             self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
 
     def forget(self) -> None:
-        """Start anew."""
+        """Reset the monitor."""
         self._since = self.cause = None

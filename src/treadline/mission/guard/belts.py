@@ -1,4 +1,7 @@
-"""Belts that do what they are told: as fast as asked (rows 13 and 14), and as far as the nosings show (row 14)."""
+"""Monitors of the belts: speed against the command (rows 13, 14 and 24), and travel against the nosings (row 14).
+
+``TrackCommand, TrackReading, nosing distances -> cause``.
+"""
 
 import math
 from collections import deque
@@ -9,12 +12,12 @@ from treadline.mission.guard.config import GuardConfig
 from treadline.signals import TrackCommand, TrackReading
 
 BRAKE_M_S2 = 10.0
-"""Deceleration of a belt when the brake falls in; the guard's own number, not the plant's: it judges the drives."""
+"""Deceleration of a belt by the brake [m/s²]; a parameter of the guard, independent of the plant."""
 ROUNDING_S = 1e-6
 
 
 class BeltMonitor:
-    """Compares each belt with what its drive should make of the command: a lag within an acceleration limit."""
+    """Compares each belt speed with a model of its drive: first-order lag with an acceleration limit."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -25,26 +28,26 @@ class BeltMonitor:
         self._since_s: list[float | None] = [None, None]
         self._braked_s: float | None = None
         self.cause: str | None = None
-        """Which belt does not obey, or that the brake does not."""
+        """Fault of a belt or of the brake; None if there is none."""
 
     @property
     def expected_m_s(self) -> tuple[float, float]:
-        """Belt speeds that the drives should have reached, left and right, within the belts' limit."""
+        """Left and right belt speed expected by the drive model, within the belts' limit [m/s]."""
         limit = self._config.belt_limit_m_s
         left, right = (min(max(speed, -limit), limit) for speed in self._expected)
         return left, right
 
     @property
     def travel_m(self) -> float:
-        """Distance driven by the belts, backwards negative [m]."""
+        """Belt travel, negative backwards [m]."""
         return self.travel.travel_m
 
     def ask(self, command: TrackCommand) -> None:
-        """Note what the belts are told."""
+        """Record the command to the belts."""
         self._asked = command
 
     def update(self, reading: TrackReading) -> None:
-        """Take what the drives report."""
+        """Update with one reading of the drives."""
         dt_s = self.travel.update(reading)
         self._t_s = reading.t_s
         belts = (reading.left_m_s, reading.right_m_s)
@@ -59,18 +62,18 @@ class BeltMonitor:
             self._compare(side, belts[side])
 
     def forget(self) -> None:
-        """Take the next reading as it is."""
+        """Start again: the next reading sets the expected speeds."""
         self.travel.forget()
         self.cause = None
 
     def _note_brake(self, *, on: bool) -> None:
-        """Tell a brake that nobody asked for: power is cut, or orders do not arrive, even where the belts are to stand."""
+        """Detect a brake without a command: no power, or commands do not arrive, even if zero speed is commanded."""
         if not on or self._asked.brake:
             self._braked_s = None
         elif self._braked_s is None:
             self._braked_s = self._t_s
         elif self._t_s - self._braked_s >= self._config.mismatch_s - ROUNDING_S:
-            self.cause = "the brake is on, and nobody asked for it: no power, or no orders arrive"
+            self.cause = "the brake is on without a command: no power, or commands do not arrive"
 
     def _driven(self, speed: float, asked: float, dt_s: float) -> float:
         if self._asked.brake:
@@ -93,25 +96,26 @@ class BeltMonitor:
 
 
 MATCH_M = 0.14
-"""Between a nosing and where it was expected: less than half of the shortest pitch."""
+"""Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""
 MATCH_S = 0.35
-"""Between two maps whose nosings are compared."""
+"""Longest time between two maps whose nosings are compared [s]."""
 DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
-"""Of travel in a window: below, noise of the nosings' places would be slip."""
+"""Smallest belt travel and smallest slip in a window that are judged [m]; below, noise of the nosings would count as slip."""
 FALLING = 0.6
-"""Share of the way slid in a window, with which a wait began; below it the chair catches up. A steady one is noisy by less than a
-fifth."""
+"""Ratio to the slip at the start of a wait below which the chair catches up with its belts and the wait starts again; the noise of
+a constant slip is below a fifth."""
 
 
 class SlipMonitor:
-    """Compares the travel of the belts with that of the nosings, modulo their pitch: each is matched with its nearest.
+    """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
 
-    A chair that turns on nosings skids, and keeps little of its belts' travel: slip is judged only where it is square and does not
-    turn, rolling back wherever it does. Nosings out of view start the slip anew, but not what was rolled back: what the chair came
-    forward unseen does not make good for it, and what it slid back meanwhile counts as far as a nosing is told from its neighbour.
-    Slip that falls belongs to a chair that catches up with its belts, as where they slow down after a turn: the wait begins anew
-    with each fall, at most four times from belts at 0.2 m/s and a chair that stands to the least that is called slip. It is the way
-    slid that must fall, not its share of the belts' way: belts that are slowed down for it would keep that up.
+    A chair that turns on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back
+    always. When the nosings go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward
+    travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
+
+    A decreasing slip distance belongs to a chair that catches up with its belts, for example after a turn. Each decrease below
+    ``FALLING`` restarts the wait, at most four times between a standing chair with belts at 0.2 m/s and the smallest slip. The
+    criterion is the slip distance and not the slip ratio, which stays constant when the guard slows the belts down.
     """
 
     def __init__(self, config: GuardConfig) -> None:
@@ -125,15 +129,17 @@ class SlipMonitor:
         self._since_s: float | None = None
         self._since_slid_m = 0.0
         self.slip = 0.0
-        """Share of the belts' travel, if it is too much; else zero."""
+        """Slip ratio if it exceeds the limit, otherwise 0."""
         self.cause: str | None = None
 
     def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float) -> None:
-        """Take one map.
+        """Update with the nosings of one map.
 
         Args:
-            places_m: Of the nosings from mid-track, square to them.
-            travel_m: Of the belts towards them.
+            t_s: Time of the exposure.
+            places_m: Distances of the nosings from mid-track, perpendicular to them.
+            travel_m: Travel of the slower belt towards the nosings.
+            heading_rad: Heading estimate.
         """
         if not places_m:
             self._lose()
@@ -152,23 +158,23 @@ class SlipMonitor:
         self._roll(came_m)
 
     def begin(self) -> None:
-        """Count from here on what is rolled back."""
+        """Reset the roll-back."""
         self._back_m = 0.0
         self._places = ()
 
     def forget(self) -> None:
-        """Start anew."""
+        """Reset slip and roll-back."""
         self.begin()
         self._lose()
 
     def _lose(self) -> None:
-        """Start the slip anew: the nosings are not in view."""
+        """Reset the slip, because the nosings are not in view."""
         self._window.clear()
         self._since_s = self.cause = None
         self.slip = 0.0
 
     def _slid(self, places_m: Sequence[float], driven_m: float) -> float | None:
-        """Return what the nosings do not show of the belts' travel since the last map; None where these are other nosings."""
+        """Return belt travel minus travel of the nosings since the last map [m]; None if the nosings cannot be matched."""
         expected = [place - driven_m for place in self._places]
         if not expected:
             return None
@@ -195,7 +201,7 @@ class SlipMonitor:
             self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
 
     def _roll(self, came_m: float) -> None:
-        """Note how far the chair has come by the nosings since the last map."""
+        """Update the roll-back with the travel by the nosings since the last map."""
         self._back_m = max(self._back_m - came_m, 0.0)
         if self._back_m > self._config.roll_back_m:
             self.cause = f"rolled back {self._back_m:.2f} m"

@@ -7,131 +7,144 @@ from treadline.angles import DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardConfig:
-    """Limits, each with its reason; "row" is one of the table of hazards in docs/decisions/0014."""
+    """Limits of the guard, each with its reason; "row" is a row of the table of hazards in docs/evidence/0014-guard.md."""
 
     belt_limit_m_s: float = 1.0
-    """Table I: v_system(max)."""
+    """Largest speed of one belt [m/s]: Table I, v_system(max)."""
     cruise_limit_m_s: float = 0.30
-    """Mean of the belts when square to the stair: what can be stopped within a step."""
+    """Largest mean belt speed of a chair square to the stair [m/s]: it can stop within one step."""
     turn_limit_m_s: float = 0.55
-    """Mean of the belts while turning back to square: a turn with one belt at its limit needs it."""
+    """Largest mean belt speed while turning back to square [m/s]: a turn with one belt at its limit needs this speed."""
     turning_rad: float = 5.0 * DEG
-    """Beyond this heading the turn limit holds instead of the cruise limit."""
+    """Heading error above which the turn limit replaces the cruise limit [rad]."""
     blind_limit_m_s: float = 0.10
-    """Mean of the belts while a sense is missing, or something is wrong that may pass."""
+    """Largest mean belt speed while a speed restriction applies: a missing sensor, slip, or a gap ahead [m/s]."""
     edge_limit_m_s: float = 0.10
-    """Mean of the belts where the chair pitches: mounting, over crest and edge, off the last step (row 18)."""
+    """Largest mean belt speed while the chair pitches: mounting, crest, edge, last step (row 18) [m/s]."""
     plan_margin: float = 0.25
-    """By how much the mean may exceed the plan's speed: steering on a stair adds to it."""
+    """Largest mean belt speed above the planned speed, as a share of the planned speed: steering on a stair adds to the mean."""
     plan_spare_m_s: float = 0.02
+    """Absolute part of that margin [m/s]."""
 
     imu_timeout_s: float = 0.05
-    """Five samples of 100 Hz: a late one is no loss (row 6)."""
+    """Time without an IMU sample after which the IMU counts as missing [s]: five samples at 100 Hz, so that one may be late (row
+    6)."""
     vision_only_s: float = 1.0
-    """Without IMU (row 6)."""
+    """Time without the IMU after which the guard holds [s] (row 6)."""
     frame_timeout_s: float = 0.3
-    """Three frames of 10 Hz (row 1)."""
+    """Time without a frame after which the camera counts as missing [s]: three frames at 10 Hz (row 1)."""
     blind_timeout_s: float = 3.0
-    """Without any frame."""
+    """Time without a frame after which the guard holds [s]."""
     blind_travel_m: float = 0.5
-    """Of the belts, without any frame."""
+    """Belt travel without a frame after which the guard holds [m]."""
     ahead_s: float = 0.1
-    """A message stamped further ahead of the guard's clock is rejected: ten ticks, so that a late tick rejects nothing, and a third
-    of the shortest timeout, so that no stamp hides a silence for long."""
+    """Largest lead of a stamp over the guard's clock [s]; a message with a larger lead is rejected. Ten ticks, so that a late tick
+    rejects nothing, and a third of the timeouts of frames, plans and the link, so that no stamp conceals a silence for long."""
     plan_timeout_s: float = 0.3
-    """Age of a plan, as of an estimate and of the operator's link: beyond it the planner has failed."""
+    """Largest age of a plan [s], the same as of an estimate and of the operator's link; an older plan is a fault of the planner."""
     estimate_timeout_s: float = 0.3
-    """Between the estimate's own time and now, either way: a clock that leapt, a gyro that is dead."""
+    """Largest difference between the stamp of the estimate and the clock [s]: a leap of a clock, or a dead gyro."""
     lost_timeout_s: float = 12.0
-    """Frames arrive but none shows a stair: the gyro carries the heading this long."""
+    """Time with frames but without a stair after which the guard holds [s]; the gyro carries the heading meanwhile."""
     disagreement_s: float = 0.5
-    """Vision and gyro differ, and nobody knows who errs (row 7)."""
+    """Time of a disagreement between camera and gyro after which the guard holds [s]; either may be wrong (row 7)."""
     blind_turn_rad: float = 3.0 * DEG
-    """Largest turn by the belts while no stair is seen; without a fault it is at most 1.9° in runs at 22 and 28° with friction
-    0.62/0.5 and 0.9/0.5 (row 7: true error of 5°)."""
+    """Largest turn by the belts while no stair is in view [rad]. Without a fault it is at most 1.9° in runs at 22 and 28° with
+    friction 0.62/0.5 and 0.9/0.5 (row 7: true heading error of 5°)."""
     gyro_drift_rad_s: float = 1.5 * DEG
-    """Largest drift of the gyro that may go undetected, half as much again as in row 7."""
+    """Largest gyro drift that may go undetected [rad/s]: half as much again as in row 7."""
     blind_turn_s: float = 6.0
-    """Over which: what a steady load asks of the belts adds up slowly."""
-    askew_rad: float = 5.0 * DEG
-    """Heading where the chair pitches: it comes there square, and without a fault turns by 3° at most."""
+    """Window of that turn [s]: a constant load causes a slowly growing turn by the belts."""
+    max_heading_error_rad: float = 5.0 * DEG
+    """Largest heading error where the chair pitches over crest or edge [rad]: it arrives there square, and turns by 3° at most
+    without a fault."""
     driver_timeout_s: float = 0.75
-    """Three control periods: without a command or a tick for half of them the belts ramp down, then the guard holds (row 11)."""
+    """Time without a command, or without a tick, after which the guard holds [s]: three control periods. From half of this time the
+    belts ramp down (row 11)."""
     readings_timeout_s: float = 0.3
-    """Of belts, seat or flipper that have spoken once: as long as the actuators' own watchdog waits for a command."""
+    """Longest silence of belts, seat or flipper after their first reading [s]: the actuators' own watchdog waits as long for a
+    command."""
     heartbeat_timeout_s: float = 0.75
-    """Of a process that has spoken once (row 22)."""
+    """Longest silence of a process after its first heartbeat [s] (row 22)."""
     link_timeout_s: float = 0.3
-    """Of an operator who has spoken once (row 21)."""
+    """Longest silence of the operator's link after its first message [s] (row 21)."""
     clock_jump_s: float = 1.0
-    """A clock that leaps further is no longer believed (row 10)."""
+    """Largest leap of a clock [s]; a larger one is a fault (row 10)."""
     frozen_travel_m: float = 0.05
-    """Of the belts, under headings or maps that repeat themselves (row 2)."""
+    """Belt travel with unchanged headings or maps above which the camera counts as frozen [m] (row 2)."""
 
     valid_least: float = 0.15
-    """Share of a depth image without which nothing is seen in it (row 4)."""
+    """Smallest share of valid depth pixels of a frame (row 4)."""
     valid_least_dark: float = 0.3
-    """The same where the colours do not help (row 3)."""
+    """Smallest share of valid depth pixels of a frame without usable colours (row 3)."""
     alive_least: float = 0.02
-    """Share of a depth image below which a camera is dead, even over a crest, where it looks across a landing and sees no stair."""
+    """Share of valid depth pixels below which, without usable colours, a camera counts as dead. Over a crest the camera looks
+    across a landing and detects no stair, but is alive."""
     dark: float = 0.02
-    """Mean of the colours below which, or above one less which, they say nothing."""
+    """Mean colour, 0 to 1, below which a frame is too dark, and above one minus which it is too bright, for its colours to be
+    used."""
     contrast_least: float = 0.008
-    """Standard deviation of the colours below which they say nothing: two of 256 steps, a sensor's own noise."""
+    """Standard deviation of the colours, 0 to 1, below which they are not used: two of 256 steps, the noise of a sensor."""
 
     drive_lag_s: float = 0.15
+    """Time constant of the belt drives [s]."""
     drive_acceleration_m_s2: float = 4.0
-    """The belts' drives: what they may lag behind a command."""
+    """Largest acceleration of the belt drives [m/s²]."""
     mismatch: float = 0.3
-    """Share by which a belt's speed may differ from what its drive should make of the command (rows 13 and 14)."""
+    """Largest deviation of a belt from the speed expected of its drive, as a share of that speed (rows 13 and 14)."""
     mismatch_spare_m_s: float = 0.03
+    """Absolute part of that deviation [m/s]."""
     mismatch_s: float = 0.2
-    """For which it must last: longer than a drive's lag of 0.15 s."""
+    """Duration of a deviation after which it is a fault [s]: longer than the drives' lag of 0.15 s."""
     slip: float = 0.3
-    """Share of the belts' travel that the nosings do not show (row 14): a sound chair that drives straight shows 1 mm in 60."""
+    """Largest slip ratio by the nosings (row 14); a sound chair that drives straight shows 1 mm in 60."""
     slip_s: float = 0.5
-    """Over which slip is measured, and for which it may last."""
+    """Window of the slip ratio, and duration of slip after which it is a fault [s]."""
 
     slip_turn_rad: float = 0.25 * DEG
-    """A chair that turns by more meanwhile skids, as all tracks do: what slips is not told from it."""
+    """Change of heading in that window above which slip is not judged [rad]: all tracks skid in a turn."""
     roll_back_m: float = 0.25
-    """By the nosings, turning or not: 0.30 m when it stands."""
+    """Largest roll-back by the nosings, turning or not [m]; the chair then stops within 0.30 m."""
 
     pitch_rate_rad_s: float = 25.0 * DEG
-    """Row 18: never above."""
+    """Largest pitch rate [rad/s] (row 18)."""
     front_up_rad: float = 40.0 * DEG
-    """The steepest flight of 32° and what a chair rocks when it mounts."""
+    """Largest pitch [rad]: the steepest flight, 32°, and the rocking of a chair that mounts."""
     front_down_rad: float = 15.0 * DEG
-    """Nothing on a stair lowers the front: it is backed down, and the crest is let down to the level."""
+    """Largest negative pitch [rad]. No phase lowers the front below horizontal: the chair descends rearwards, and the crest ends
+    horizontally."""
     roll_rad: float = 20.0 * DEG
-    """At 35° across a flight of 30° it is 17°."""
+    """Largest roll [rad]; a chair with 35° of heading on a flight of 30° has 17°."""
     seat_steady_m_s: float = 0.02
-    """Of the seat's stroke on the level and on the flight itself: a seat that follows each rocking of the chair on uneven steps
-    drives it (a payload of 104 kg to 33 °/s, where 10 °/s are left without)."""
+    """Largest rate of the seat's stroke, nearly level, on flat ground and on the flight [m/s]. A seat that follows the rocking on
+    uneven steps excites it: to 33 °/s with a payload of 104 kg, 10 °/s with this limit."""
     seat_near_rad: float = 2.0 * DEG
-    """Off level by more, it has all its actuator gives."""
+    """Seat pitch above which that limit does not apply [rad]."""
     seat_rad: float = 5.0 * DEG
-    """Off level for ``seat_s``, which the table of hazards asks for (row 19): 1.8° is the most in a thousand sound traversals."""
+    """Largest seat pitch over ``seat_s`` [rad], from the table of hazards (row 19); a thousand sound traversals had at most
+    1.8°."""
     seat_s: float = 1.0
+    """Duration of a larger seat pitch after which it is a fault [s]."""
 
     front_m: float = 0.995
-    """From mid-track to the foremost part of the chair, its flipper laid in line with the belts."""
+    """Distance from mid-track to the foremost part of the chair, with the flipper in line with the belts [m]."""
     rear_m: float = 0.55
-    """From mid-track to the rearmost part of the tracks."""
+    """Distance from mid-track to the rearmost part of the tracks [m]."""
     gauge_m: float = 0.65
-    """Between the belts: how far they turn the chair goes with its inverse."""
+    """Distance between the belts' centre lines [m]; the turn by the belts is inversely proportional to it."""
     track_span_m: float = 0.95
-    """Flat run: three neighbouring nosings lie closer together, or the track would rest on one (row 17)."""
+    """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
     gap_clear_m: float = 0.2
-    """Before a gap."""
+    """Distance to keep from a gap, in addition to the stopping distance [m]."""
     obstacle_clear_m: float = 0.34
-    """Before whatever stands in the way (row 25): 0.3 m is asked, and its distance is known to some centimetres."""
+    """Distance to keep from an obstacle, in addition to the stopping distance [m]: 0.3 m are required (row 25), and the distance is
+    known to a few centimetres."""
     stopping_s: float = 0.4
-    """Two frames' time, a control tick and the brake: the way of the chair in it is added to both."""
+    """Time of the stopping distance [s]: two frames, a control tick and the brake."""
 
     needs_heading: bool = True
-    """False only for runs whose purpose is to drive without: open loop. Senses and attitude are not watched then."""
+    """Whether sensor timeouts, attitude and heading are monitored; False for open-loop runs."""
     watches_slip: bool = True
-    """False where a chair is meant to skid: random belts, the paper's allocation."""
+    """Whether slip is monitored; False for runs that skid by design: excitation, and the paper's allocation."""
     watches_motion: bool = True
-    """False only where no command moves the chair: a recording."""
+    """Whether motion is compared with the commands; False for recordings, in which commands have no effect."""

@@ -17,7 +17,7 @@ from treadline.mission.guard.ahead import AheadMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
 from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
 from treadline.mission.guard.config import GuardConfig
-from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, askew
+from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import finite, limited, mean_limit, stands
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
@@ -85,12 +85,12 @@ class Guard:
         return self._admission.timestamps.rejected
 
     def advance(self, t_s: float) -> None:
-        """Set the guard's clock at the begin of a tick: the tick's messages are compared with it."""
+        """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
         if math.isfinite(t_s):
             self._admission.advance(t_s)
 
     def admit(self, signal: Reading | FrameQuality) -> bool:
-        """Return whether anybody may use a reading; the guard gets each reading before all others."""
+        """Return whether other blocks may use a reading; the guard receives each reading first."""
         if isinstance(signal, OperatorInput):
             return self._obey(signal)
         if not self._is_new(signal):
@@ -105,10 +105,10 @@ class Guard:
         return usable
 
     def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
-        """Take what others computed from the readings; return whether its stamp is acceptable."""
+        """Update with a message that other blocks computed from readings; return whether its stamp is acceptable."""
         if not self._is_timely(signal):
             if isinstance(signal, MotionPlan):
-                self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a stop counts, whatever its stamp
+                self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a hold is valid whatever its stamp
             return False
         match signal:
             case HeadingMeasurement():
@@ -119,17 +119,17 @@ class Guard:
             case HeadingHealth():
                 mended = self._senses.health(signal)
                 if mended is not None:
-                    self._latch.tell(mended.t_s, mended.name, mended.cause)
+                    self._latch.report(mended.t_s, mended.name, mended.cause)
             case _:
                 self._follow(signal)
         return True
 
     def beat(self, process: str, t_s: float) -> None:
-        """Note that a process is alive; one that has spoken once must go on."""
+        """Record the heartbeat of a process; its next ones are then expected."""
         self._processes.heard(process, t_s)
 
     def propose(self, command: TrackCommand) -> None:
-        """Take the driver's newest command; one that was overtaken counts no more."""
+        """Update with the driver's command; a command older than the last one is ignored."""
         if not finite(command.t_s, command.left_m_s, command.right_m_s):
             self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "command is not finite")
             return
@@ -140,7 +140,7 @@ class Guard:
             self._command = command
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:
-        """Return what may reach the belts at ``t_s``."""
+        """Return the command to the belts at ``t_s``: the proposal within its limits, or that of a held chair."""
         if not math.isfinite(t_s):
             t_s = self._now(t_s)
             self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
@@ -159,9 +159,9 @@ class Guard:
         return passed
 
     def pass_seat(self, command: SeatCommand) -> SeatCommand:
-        """Return what may reach the seat: the leveller goes on under HOLD, but a seat that does not follow is left alone.
+        """Return the command to the seat. Levelling continues under HOLD; a faulty seat is stopped.
 
-        Where the chair keeps its pitch, but for its rocking over uneven steps, a seat nearly level moves slowly.
+        In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
         """
         if not finite(command.t_s, command.rate_m_s):
             self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "seat rate is not finite")
@@ -174,7 +174,7 @@ class Guard:
         return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
 
     def pass_flipper(self, command: FlipperCommand | None) -> FlipperCommand | None:
-        """Return what may reach the flipper: under HOLD it stands."""
+        """Return the command to the flipper; under HOLD the flipper is stopped."""
         if command is None:
             return None
         if not finite(command.t_s, command.rate_rad_s):
@@ -191,7 +191,9 @@ class Guard:
     def _is_new(self, signal: Reading | FrameQuality) -> bool:
         new = self._admission.is_new(signal)
         stamps = self._admission.timestamps
-        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, stamps.leap)  # by the guard's clock, not the one that leapt
+        self._latch.hold(
+            self._now(math.nan), CauseKind.CLOCK, stamps.leap
+        )  # stamped by the guard's clock, not by the clock that leapt
         self._report_rejection()
         return new
 
@@ -203,7 +205,7 @@ class Guard:
     def _report_rejection(self) -> None:
         rejection = self._admission.timestamps.rejection
         if rejection is not None:
-            self._latch.tell(self._now(math.nan), "rejected", rejection)
+            self._latch.report(self._now(math.nan), "rejected", rejection)
 
     def _update(self, signal: Reading) -> None:
         match signal:
@@ -228,7 +230,7 @@ class Guard:
                 self._update_sight(signal.t_s)
                 self._look_ahead(signal)
             case _:
-                pass  # a frame's pixels: its FrameQuality stands for them
+                pass  # images are judged by their FrameQuality
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation.tolist(), -float(sample.angular_velocity_rad_s[1])
@@ -241,7 +243,7 @@ class Guard:
         frames = self._admission.frames
         if frames.is_dark != self._is_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
-            self._latch.tell(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
+            self._latch.report(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
         self._is_dark = frames.is_dark
         self._senses.refused = frames.refused
         travel_m, _ = self._belts.travel.at(quality.t_s)
@@ -252,12 +254,12 @@ class Guard:
             self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
 
     def _update_sight(self, t_s: float) -> None:
-        """Take a measurement of a camera without images: it stands for a frame."""
+        """Record a measurement of a camera without images as a frame."""
         self._senses.refused = self._admission.frames.refused
         self._senses.frame(t_s, self._belts.travel.at(t_s)[0])
 
     def _look_ahead(self, stair: StairMap) -> None:
-        # A map may come twice: as a reading, and as what was made of it.
+        # A map may arrive twice: as a reading, and as a message.
         if not stair.t_s > self._map_s or not is_finite_map(stair):
             return
         self._map_s = stair.t_s
@@ -268,9 +270,9 @@ class Guard:
         travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
         places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
         self._ahead.look(stair, places, sign * travel_m)
-        # Elsewhere the chair pitches, or stands on a floor: nosings do not pass as the belts run.
+        # In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed.
         plan = self._plan
-        # A chair that first climbs to turn square, its camera on the flight below, does not roll back.
+        # A chair that climbs to turn square, with its camera on the flight below, does not roll back.
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
             across = math.cos(self._heading_rad)
@@ -279,7 +281,7 @@ class Guard:
             self._slip.forget()
 
     def _obey(self, operator: OperatorInput) -> bool:
-        """Obey the person: stop and a released dead-man hold, however old; re-arm ends a hold."""
+        """Update with the operator: stop and a released dead-man switch hold whatever their age; re-arm ends a hold."""
         new = self._is_new(operator)
         pressed = new and self._button.press(down=operator.rearm)
         if new:
@@ -291,9 +293,9 @@ class Guard:
         return new
 
     def _restart(self, t_s: float) -> None:
-        """Wait for every source anew, and judge the chair anew; what stands ahead still stands there.
+        """Start all timeouts and monitors again, except those of obstacles and gaps.
 
-        The chair stands until somebody drives: what was proposed before the hold is long past.
+        The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
         self._driver_s, self._plan_s, self._planned_s = t_s, -math.inf, None
         self._command = TrackCommand.stop(t_s)
@@ -317,7 +319,7 @@ class Guard:
         ):
             self._latch.hold(self._now(plan.t_s), CauseKind.NOT_FINITE, "plan is not finite")
             return
-        self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # however old
+        self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # whatever its age
         if plan.t_s < self._plan_s:
             return
         self._plan, self._plan_s, self._planned_s = plan, plan.t_s, plan.t_s
@@ -327,7 +329,7 @@ class Guard:
             self._senses.seen(plan.t_s)
 
     def _lateness(self, t_s: float) -> float:
-        """Note a tick; return how long ago the last one, or the last command, was."""
+        """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
         before_s, self._t_s = self._t_s, t_s
         if before_s is None:
             self._senses.begin(t_s)
@@ -337,7 +339,7 @@ class Guard:
         if t_s < before_s - self._config.clock_jump_s:
             self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {t_s - before_s:+.2f} s")
         if t_s - before_s > self._config.readings_timeout_s:
-            # Nobody knows who was silent while the guard itself did not run.
+            # Silence cannot be attributed to a source while the guard itself did not run.
             self._drives.restart(t_s)
             self._planned_s = None if self._planned_s is None else t_s
         if t_s - before_s > self._config.driver_timeout_s:
@@ -345,7 +347,7 @@ class Guard:
         return max(t_s - before_s, t_s - self._driver_s)
 
     def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[CauseKind, str | None]]:
-        """Yield every kind of cause and the cause, if there is one; the first is the one that is held for."""
+        """Yield each kind of cause with its cause or None; the guard holds for the first cause."""
         limits = self._config
         command_s = 0.0 if self._driver_s is None else t_s - self._driver_s
         if abs(command_s) > limits.driver_timeout_s:
@@ -366,11 +368,11 @@ class Guard:
             lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
             yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
             yield CauseKind.HEADING, self._blind.cause
-            yield CauseKind.HEADING, askew(limits, estimate, self._plan)
+            yield CauseKind.HEADING, heading_fault(limits, estimate, self._plan)
 
     def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
         limits, plan = self._config, self._plan
-        kind, cause = self._doubt(t_s, late_s)
+        kind, cause = self._speed_restriction(t_s, late_s)
         self._latch.slow(t_s, kind, cause)
         if plan is not None and stands(plan):
             return TrackCommand(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=plan.phase in ENDS)
@@ -378,19 +380,19 @@ class Guard:
         return limited(
             self._command,
             t_s,
-            mean_limit(limits, estimate, plan, doubt=kind not in ("", "late")),
+            mean_limit(limits, estimate, plan, restricted=kind not in ("", "late")),
             limits.belt_limit_m_s,
             min(max(ramp, 0.0), 1.0),
         )
 
-    def _doubt(self, t_s: float, late_s: float) -> tuple[str, str]:
-        """Return why the chair goes slowly, as a word and a sentence; an empty word if it need not."""
-        senses = self._senses.doubt(t_s) if self._config.needs_heading else None
+    def _speed_restriction(self, t_s: float, late_s: float) -> tuple[str, str]:
+        """Return the speed restriction, as a word and a reason; an empty word if there is none."""
+        senses = self._senses.speed_restriction(t_s) if self._config.needs_heading else None
         if senses is not None:
             return senses
         if self._slip.slip > 0.0 and self._config.watches_motion:
             return "slip", f"slip {self._slip.slip:.2f}"
-        gap = self._ahead.doubt(self._belts.travel_m)
+        gap = self._ahead.speed_restriction(self._belts.travel_m)
         if gap is not None:
             return "gap", gap
         if late_s > 0.5 * self._config.driver_timeout_s:
@@ -398,7 +400,7 @@ class Guard:
         return "", "nothing is missing any more"
 
     def _now(self, t_s: float) -> float:
-        """Return a time for an event: the given one if it is a number, else that of the last tick."""
+        """Return the time of an event: the given one if finite, otherwise that of the last tick."""
         if math.isfinite(t_s):
             return t_s
         return 0.0 if self._t_s is None else self._t_s

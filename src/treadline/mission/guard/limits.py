@@ -1,4 +1,4 @@
-"""How fast the belts may go: by heading, by phase, and while something is in doubt (rows 12 and 18)."""
+"""Limits of the belt speeds: by heading, by phase, and by speed restrictions (rows 12 and 18)."""
 
 import math
 from dataclasses import replace
@@ -9,12 +9,19 @@ from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 
 def stands(plan: MotionPlan) -> bool:
-    """Say whether the plan asks for belts at rest, whatever the driver said last."""
+    """Return whether the plan requires belts at rest, whatever the last proposal."""
     return plan.phase in ENDS or (plan.speed_m_s == 0.0 and plan.turn_m_s == 0.0)
 
 
-def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None, *, doubt: bool) -> float:
-    """Return the largest mean of the belts."""
+def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: MotionPlan | None, *, restricted: bool) -> float:
+    """Return the largest mean belt speed [m/s].
+
+    Args:
+        config: Limits.
+        estimate: Heading estimate; None counts as a large heading error.
+        plan: Latest plan, if any.
+        restricted: Whether a speed restriction applies.
+    """
     turning = estimate is None or abs(estimate.heading_rad) > config.turning_rad
     limit = config.turn_limit_m_s if turning else config.cruise_limit_m_s
     if plan is not None:
@@ -23,11 +30,21 @@ def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: Moti
             limit = min(limit, (1.0 + config.plan_margin) * abs(plan.speed_m_s) + config.plan_spare_m_s)
         if pitching:
             limit = min(limit, config.edge_limit_m_s)
-    return min(limit, config.blind_limit_m_s) if doubt else limit
+    return min(limit, config.blind_limit_m_s) if restricted else limit
 
 
 def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit_m_s: float, share: float) -> TrackCommand:
-    """Return the command within its limits: common speed yields, steering keeps; then a ``share`` of both belts."""
+    """Return the command within its limits.
+
+    The belt speed difference has precedence over the mean.
+
+    Args:
+        command: Proposed belt speeds.
+        t_s: Time of the tick.
+        mean_limit_m_s: Largest mean belt speed.
+        belt_limit_m_s: Largest speed of one belt.
+        share: Factor on both belts, 0 to 1.
+    """
     left, right = 0.5 * command.left_m_s, 0.5 * command.right_m_s
     turn = min(max(right - left, -belt_limit_m_s), belt_limit_m_s)
     limit = min(mean_limit_m_s, belt_limit_m_s - abs(turn))
@@ -38,5 +55,5 @@ def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit
 
 
 def finite(*values: float) -> bool:
-    """Say whether every value is a number."""
+    """Return whether every value is finite."""
     return all(map(math.isfinite, values))

@@ -1,13 +1,14 @@
-"""A traversal's phases, as the guard groups them."""
+"""Groups of the traversal's phases, for the rules of the guard."""
 
 FLIGHT = ("drive", "climb", "descend")
-"""On the flight itself: there the cruise limit holds, whatever the plan's speed, for steering adds to the mean."""
+"""Phases on the flight; the cruise limit holds instead of the planned speed, because steering adds to the mean."""
 TIPPING = ("crest", "edge")
-"""On one nosing and the flipper's tip: a chair that does not know its pitch there must stand at once."""
+"""Phases on one nosing and the flipper's tip; without a measured pitch the chair must stop at once."""
 OVER = (*TIPPING, "land", "leave")
-"""From the flight's end to the level: no stair is in view."""
+"""Phases from the end of the flight to flat ground, with no stair in view."""
 PITCHING = ("mount", *TIPPING, "leave")
-"""The chair pitches; there steering gives way to a slow mean even while it turns."""
+"""Phases in which the chair pitches; the mean belt speed stays low even during a turn."""
 STEADY = ("search", "align", "approach", *FLIGHT)
-"""The chair keeps its pitch: its seat, once level, needs no haste."""
+"""Phases with constant pitch; a seat near horizontal moves slowly."""
 ENDS = ("arrived", "refused")
+"""Final phases."""

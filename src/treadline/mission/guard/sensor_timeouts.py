@@ -1,4 +1,4 @@
-"""Senses that are missing: camera, IMU, both, and what the filter knows of them (rows 1, 6, 7, 8 and 9)."""
+"""Timeouts of camera and IMU, and faults reported by the heading filter (rows 1, 6, 7, 8 and 9)."""
 
 import math
 
@@ -9,7 +9,7 @@ from treadline.signals import Event, HeadingEstimate
 
 
 class SensorTimeouts:
-    """When each sense last told something, and how far the chair has come since."""
+    """Time of the last data of each sensor, and belt travel since the last frame."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -20,34 +20,34 @@ class SensorTimeouts:
         self._mended_s: float | None = None
         self._health_s = -math.inf
         self.refused = ""
-        """What was wrong with the last frame; empty if nothing."""
+        """Reason for rejecting the last frame; empty if it was accepted."""
 
     def begin(self, t_s: float) -> None:
-        """Wait from now on for each sense that has told nothing yet."""
+        """Start the timeout of each sensor that has delivered nothing yet."""
         heard = (self._imu_s, self._frame_s, self._seen_s)
         self._imu_s, self._frame_s, self._seen_s = (t_s if last_s == -math.inf else last_s for last_s in heard)
 
     def restart(self, t_s: float, travel_m: float) -> None:
-        """Wait for each sense anew."""
+        """Start all timeouts again."""
         self._imu_s = self._frame_s = self._seen_s = t_s
         self._health_s = -math.inf
         self._frame_m = travel_m
 
     def imu(self, t_s: float) -> None:
-        """Note an IMU sample that is a number."""
+        """Record a finite IMU sample."""
         self._imu_s = max(self._imu_s, t_s)
 
     def frame(self, t_s: float, travel_m: float) -> None:
-        """Note a frame that something can be seen in."""
+        """Record a usable frame, and the belt travel at its exposure."""
         self._frame_s = max(self._frame_s, t_s)
         self._frame_m = travel_m
 
     def seen(self, t_s: float) -> None:
-        """Note a heading measured from a frame, or that none is expected."""
+        """Record a heading measured from a frame, or a plan that needs no stair in view."""
         self._seen_s = max(self._seen_s, t_s)
 
     def health(self, health: HeadingHealth) -> Event | None:
-        """Take what the heading filter knows, unless it was overtaken; return an event if it has mended a fault."""
+        """Update with the heading filter's faults, unless older than the last; return an event if the filter corrected one."""
         if health.t_s < self._health_s:
             return None
         self._health_s = health.t_s
@@ -60,9 +60,9 @@ class SensorTimeouts:
         return Event(t_s=health.t_s, name="re-referenced", cause=health.cause or health.fault)
 
     def alarm(self, t_s: float, travel_m: float, phase: str | None) -> str | None:
-        """Return why the chair must stop, or None."""
+        """Return the reason to hold, or None."""
         limits = self._config
-        # What a clock that is ahead tells of the future was told now.
+        # A stamp in the future, from a clock that is ahead, counts as now.
         self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
         frame_s, imu_s = t_s - self._frame_s, self._without_imu(t_s)
         no_imu, no_frame = self._no_imu(t_s), self._no_frame(f"{frame_s:.1f}")
@@ -82,11 +82,11 @@ class SensorTimeouts:
         return None
 
     def both_lost(self, t_s: float) -> bool:
-        """Say whether neither camera nor IMU reports."""
+        """Return whether both camera and IMU are missing."""
         return self._no_imu(t_s) is not None and t_s - self._frame_s > self._config.frame_timeout_s
 
-    def doubt(self, t_s: float) -> tuple[str, str] | None:
-        """Return why the chair must go slowly, as a word and a sentence; None if it need not."""
+    def speed_restriction(self, t_s: float) -> tuple[str, str] | None:
+        """Return the speed restriction, as a word and a reason; None if there is none."""
         no_imu = self._no_imu(t_s)
         if no_imu is not None:
             return "imu", no_imu
@@ -109,7 +109,7 @@ class SensorTimeouts:
 
 
 def estimate_fault(estimate: HeadingEstimate | None, t_s: float, timeout_s: float) -> str | None:
-    """Return what is wrong with an estimate, or None."""
+    """Return the fault of a heading estimate, or None."""
     if estimate is None:
         return None
     if not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
