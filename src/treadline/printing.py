@@ -1,8 +1,11 @@
-"""Printed form of results: a short table in a terminal, the same table in a notebook."""
+"""Printed form of results: p-values, and a short table for a terminal or a notebook."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from html import escape
+
+P_VALUE_LEAST = 1e-3
+"""p-value below which only this bound is printed: the tests are asymptotic, and their far tails carry no information."""
 
 
 class Printable(ABC):
@@ -28,3 +31,10 @@ class Printable(ABC):
             for name, value in rows
         )
         return f"<table><caption>{escape(title)}</caption>{cells}</table>"
+
+
+def p_text(value: float | None) -> str:
+    """Return a p-value as text: ``p = 0.29``, ``p < 0.001``, or a dash for None."""
+    if value is None:
+        return "–"
+    return f"p < {P_VALUE_LEAST:g}" if value < P_VALUE_LEAST else f"p = {value:.2g}"

@@ -94,7 +94,7 @@ KEPT_PARTS = re.compile(r"(lever|moment|re)_?arms?(_|$)|(^|_)butterfly")
 """Names in which such a part has its usual meaning."""
 
 RETIRED_TERMS = {
-    r"(?<!re-)(?<!lever )(?<!moment )(?<!robot )(?<!CD )\barms?\b": "flipper",
+    r"(?<!re-)(?<!lever )(?<!moment )(?<!robot )(?<!CD )(?<!CD player )\barms?\b": "flipper",
     r"\bfront sections?\b": "flipper",
     r"\b(feels?|felt)\b": "measures, update",
     r"\b(tells?|told)\b": "report, declare, state",

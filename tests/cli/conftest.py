@@ -29,7 +29,7 @@ Run = Callable[..., Outcome]
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setattr("treadline.cli.compiling._write_notice", lambda: None)  # whether this machine has compiled before
+    monkeypatch.setattr("treadline.cli.compiling._write_compiling", lambda: None)  # whether this machine has compiled before
 
     def call(*arguments: object) -> Outcome:
         code = main([str(argument) for argument in arguments])

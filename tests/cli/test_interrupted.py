@@ -58,7 +58,7 @@ def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: P
     assert json.loads((out / "manifest.json").read_text())["seed"] == 0
     truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
     assert truth
-    assert sorted(path.name for path in out.iterdir()) == ["flown-controller.json", "log.mcap", "manifest.json", "notes.txt"]
+    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "notes.txt", "run-controller.json"]
 
 
 def test_a_climb_that_is_asked_to_end_leaves_a_readable_log(tmp_path: Path) -> None:

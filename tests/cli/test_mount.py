@@ -151,8 +151,8 @@ def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path
         return replace(signal, depth_m=np.full_like(signal.depth_m, 2.0)) if isinstance(signal, RgbdFrame) else signal
 
     for change, words in (
-        (stands, "the chair stands"),
-        (level, "the slope seen is more than 3° from the one felt"),
+        (stands, "the chair is at rest"),
+        (level, "the slope by vision is more than 3° from the IMU's"),
         (dark, "no gravity, and no treads to estimate it from"),
     ):
         outcome = run("mount", changed(driven, tmp_path / "log.mcap", change), "--out", tmp_path / "camera.toml", "--json")
@@ -160,7 +160,7 @@ def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path
         values = outcome.values
         assert not values["accepted"]
         assert values["path"] is values["pitch_deg"] is values["change_deg"]["pitch"] is None
-        assert f"0 of {SECONDS + 1} frames count" in values["reason"]
+        assert f"0 of {SECONDS + 1} frames are usable" in values["reason"]
         assert words in values["reason"]
         assert sum(values["left_out"].values()) == SECONDS + 1
         assert not (tmp_path / "camera.toml").exists()
@@ -173,10 +173,10 @@ def test_a_drive_that_is_too_short_says_how_much_is_missing(run, driven: Path, t
     outcome = run("mount", changed(driven, tmp_path / "log.mcap", early), "--out", tmp_path / "camera.toml", "--json")
     assert outcome.code == 1
     values = outcome.values
-    # Five stretches of three seconds are there, eight are needed.
-    assert "5 stretches of 3 s" in values["reason"]
+    # Five blocks of three seconds are there, eight are needed.
+    assert "5 blocks of 3 s" in values["reason"]
     assert "drive and record at least 9 s more" in values["reason"]
-    assert f"{values['counted']} of {values['frames']} frames count" in values["reason"]
+    assert f"{values['counted']} of {values['frames']} frames are usable" in values["reason"]
     assert 0 < values["counted"] == values["frames"] - sum(values["left_out"].values())
 
 
@@ -186,7 +186,7 @@ def test_a_mount_far_from_the_one_meant_is_said_to_be(run, driven: Path, tmp_pat
     outcome = run("mount", driven, "--camera", told, "--out", tmp_path / "camera.toml")
     assert outcome.code == 1
     assert len(outcome.out.splitlines()) == 1
-    assert "more than 15° from where the mount as meant has it" in outcome.out
+    assert "more than 15° from its direction with the nominal mount" in outcome.out
 
 
 def test_a_log_that_cannot_tell_is_one_line(run, driven: Path, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, scenario: Path,
     first, again = tmp_path / "first", tmp_path / "again"
     assert run("climb", scenario, "--controller", PID, "--out", first).code == 0
     assert json.loads((first / "manifest.json").read_text())["plugins"] == {"controller": PID}
-    assert not (first / "flown-controller.json").exists()
+    assert not (first / "run-controller.json").exists()
     refused = run("replay", first, "--out", again)
     assert refused.code == 2
     assert f"give --controller {PID}, or --controller shipped" in refused.err
@@ -30,7 +30,7 @@ def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, scenario: Path,
     assert played.values["largest_command_gap_m_s"] == pytest.approx(0.0, abs=1e-9)  # the same readings, the same controller
     shipped = run("replay", first, "--controller", "shipped", "--out", tmp_path / "shipped", "--json")
     assert shipped.code == 0
-    assert (tmp_path / "shipped" / "flown-controller.json").is_file()
+    assert (tmp_path / "shipped" / "run-controller.json").is_file()
 
 
 @pytest.mark.parametrize("verb", ["climb", "sweep", "replay"])

@@ -36,7 +36,7 @@ duration_s = 0.8
 """
 FRAMES = 8
 """Frames that arrive in 0.8 s: the ninth, exposed at 0.8 s, is still under way when the run ends."""
-RUN_FOLDER = ["flown-controller.json", "log.mcap", "manifest.json", "result.json", "series.csv"]
+RUN_FOLDER = ["log.mcap", "manifest.json", "result.json", "run-controller.json", "series.csv"]
 KEYS = {
     "rms_heading_deg", "steady_rms_heading_deg", "settle_s", "max_abs_heading_deg", "seat_rms_deg", "seat_max_deg",
     "verdict", "cause", "events", "duration_s", "frames", "accepted", "rejected", "refusals", "rms_difference_deg",
@@ -286,7 +286,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
     assert not (out / "result.json").exists()
 
 
-def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
+def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
     from treadline.controller_files import shipped_controller
 
     shipped = shipped_controller("wheelchair")
@@ -294,17 +294,18 @@ def test_the_controller_that_flew_is_used_again_whatever_became_of_its_file(run,
     mine, other = tmp_path / "mine.json", tmp_path / "other.json"
     replace(shipped, K=0.5 * shipped.K).save(mine)
     replace(shipped, K=0.8 * shipped.K).save(other)
-    flown = tmp_path / "flown"
-    assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", flown, "--log-images").code == 0
-    assert (flown / "flown-controller.json").read_bytes() == mine.read_bytes()
+    first = tmp_path / "first"
+    assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", first, "--log-images").code == 0
+    assert (first / "run-controller.json").read_bytes() == mine.read_bytes()
     mine.unlink()
+    (first / "run-controller.json").rename(first / "flown-controller.json")  # the former name is still read
     again = tmp_path / "again"
-    assert run("replay", flown, "--out", again, "--json").values["largest_command_gap_m_s"] == 0.0
+    assert run("replay", first, "--out", again, "--json").values["largest_command_gap_m_s"] == 0.0
     settings = json.loads((again / "manifest.json").read_text())["settings"]
     assert settings["replay"]["controller"] == "flown-controller.json"
     # Another one can be asked for, and a replay of that replay is driven by it, too.
     changed = tmp_path / "changed"
-    values = run("replay", flown, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values
+    values = run("replay", first, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values
     assert values["largest_command_gap_m_s"] > 0.001
     other.unlink()
     values = run("replay", changed, "--out", again, "--force", "--json").values
@@ -316,7 +317,7 @@ def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blin
 
     named = tmp_path / "named"
     shutil.copytree(blind, named)
-    (named / "flown-controller.json").unlink()
+    (named / "run-controller.json").unlink()
     manifest = json.loads((named / "manifest.json").read_text())
     manifest["command"] = "treadline climb short.toml --controller mine.json --out run"
     (named / "manifest.json").write_text(json.dumps(manifest))
@@ -331,7 +332,7 @@ def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blin
 def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, blind: Path, tmp_path: Path) -> None:
     paper = tmp_path / "paper"
     shutil.copytree(blind, paper / "runs" / "turn-28")
-    (paper / "runs" / "turn-28" / "flown-controller.json").unlink()
+    (paper / "runs" / "turn-28" / "run-controller.json").unlink()
     manifest = json.loads((blind / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
     (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
     (paper / "controller.json").write_text("{}")

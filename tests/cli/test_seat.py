@@ -35,7 +35,7 @@ def test_the_seat_levels_itself_within_seconds(run, tmp_path: Path, model: str, 
     assert run("report", out).code == 0
     page = (out / "report.html").read_text()
     assert f"level within 1° after {values['settle_s']:.2f} s" in page
-    assert page.index("furthest off level once settled") < page.index("RMS over the whole run")
+    assert page.index("largest seat pitch after settling") < page.index("RMS over the whole run")
 
 
 def test_a_seat_whose_stroke_ends_before_level_is_answered_with_1(run, tmp_path: Path) -> None:

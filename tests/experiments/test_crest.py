@@ -118,7 +118,7 @@ def test_a_motor_that_dies_half_way_over_the_edge_lets_the_chair_back_onto_the_l
     case = CrestCase(direction="down", slope_deg=26.0, payload_kg=110.0, motor_lost_at_deg=14.0, duration_s=20.0)
     crossing = ride(case)
     assert last_stage(crossing) == "barred"
-    assert abs(crossing.moments[-1].truth.pitch_rad) < 0.01
+    assert abs(crossing.ticks[-1].truth.pitch_rad) < 0.01
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
@@ -126,14 +126,14 @@ def test_a_motor_that_dies_as_the_rear_comes_down_leaves_the_chair_on_the_flight
     # Lifted to 29.5°, it settles from 29.0° on; the dead flipper holds it up there until its brake has let it down.
     crossing = ride(CrestCase(direction="down", motor_lost_at_deg=29.1, duration_s=30.0))
     assert last_stage(crossing) == "done"
-    assert crossing.moments[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
+    assert crossing.ticks[-1].truth.pitch_rad == pytest.approx(28.0 * DEG, abs=0.2 * DEG)
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
 def test_a_motor_that_dies_as_the_front_is_nearly_lifted_lets_it_down_on_the_landing_again(ride: Ride) -> None:
     crossing = ride(CrestCase(direction="down", motor_lost_at_deg=27.0, duration_s=40.0))
     assert last_stage(crossing) == "barred"
-    assert abs(crossing.moments[-1].truth.pitch_rad) < 0.01
+    assert abs(crossing.ticks[-1].truth.pitch_rad) < 0.01
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
 
 
@@ -190,7 +190,7 @@ def test_a_flipper_too_short_in_range_stays_before_the_crest_when_it_knows_where
 def test_less_of_a_flipper_that_is_heeded_goes_back_onto_the_landing(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)
     assert last_stage(crossing) == "barred"
-    assert crossing.moments[-1].truth.x_m > crossing.moments[0].truth.x_m - 1.0  # still on the landing
+    assert crossing.ticks[-1].truth.x_m > crossing.ticks[0].truth.x_m - 1.0  # still on the landing
     assert_gentle(crossing, NOMINAL_DEG_S)
 
 
@@ -204,5 +204,5 @@ def test_at_the_foot_a_tenth_of_a_metre_a_second_is_gentle_with_no_flipper_at_wo
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_the_same_case_gives_the_same_crossing_and_another_seed_another(direction: Direction) -> None:
     first, again, other = (cross(CrestCase(direction=direction, seed=seed, duration_s=1.0)) for seed in (3, 3, 4))
-    assert first.moments == again.moments
-    assert first.moments != other.moments
+    assert first.ticks == again.ticks
+    assert first.ticks != other.ticks

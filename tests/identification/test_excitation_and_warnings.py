@@ -110,8 +110,8 @@ def test_the_right_model_passes_both_tests_on_data_it_has_not_seen(draw: Draw) -
 def test_a_wrong_model_is_reported_with_both_p_values(draw: Draw) -> None:
     wrong = identify(draw(0, noise=0.1), order=1, method="okid-era").report
     assert max(wrong.crosscorrelation_p, wrong.whiteness_p) < 1e-6
-    assert any(f"not white (p = {wrong.whiteness_p:.1e})" in warning for warning in wrong.warnings)
-    assert any(f"still depend on the inputs (p = {wrong.crosscorrelation_p:.1e})" in warning for warning in wrong.warnings)
+    assert any("not white (p < 0.001)" in warning for warning in wrong.warnings)
+    assert any("still depend on the inputs (p < 0.001)" in warning for warning in wrong.warnings)
 
 
 def test_an_unstable_model_is_reported_with_its_radius() -> None:

@@ -22,7 +22,7 @@ def row_of(tables: Tables, start: str) -> Comparison:
 
 
 def test_a_folder_that_reaches_everything_misses_nothing(results: Tables) -> None:
-    assert {row.verdict for row in rows_of(results).values()} == {"reached", "-"}
+    assert {row.verdict for row in rows_of(results).values()} == {"reached", "–"}
 
 
 def test_a_missed_target_says_by_how_much(results: Tables) -> None:
@@ -58,8 +58,8 @@ def test_the_worst_of_both_starts_is_judged(results: Tables) -> None:
 
 def test_a_target_is_judged_only_where_one_was_set(results: Tables) -> None:
     seat, opened = row_of(results, "Fig. 11"), row_of(results, "Fig. 9: open loop")
-    assert (seat.ours, seat.paper, seat.target, seat.verdict) == ("0.003°", "about 0°", "–", "-")
-    assert (opened.ours, opened.target, opened.verdict) == ("7.25°, 7.25°", "–", "-")
+    assert (seat.ours, seat.paper, seat.target, seat.verdict) == ("0.003°", "about 0°", "–", "–")
+    assert (opened.ours, opened.target, opened.verdict) == ("7.25°, 7.25°", "–", "–")
     assert "largest heading 7.5°" in opened.conditions
 
 
@@ -72,7 +72,7 @@ def test_the_row_with_roll_back_shows_its_world_yaw_and_its_roll_back(results: T
 
 def test_a_quick_run_judges_nothing_that_rests_on_shortened_runs(results: Tables) -> None:
     rows = rows_of(results | {"quick": True, "wall_s": 55.0})
-    judged = {what for what, row in rows.items() if row.verdict not in ("-", "quick run: not judged")}
+    judged = {what for what, row in rows.items() if row.verdict not in ("–", "quick run: not judged")}
     assert len(judged) == 4
     assert all(re.match(r"Eq\. \(14\)|physics alone|camera, vision|reproduce --quick", what) for what in judged)
     assert rows["reproduce --quick, wall clock"].target == "≤ 60 s"
@@ -82,22 +82,22 @@ def test_another_slope_is_shown_without_a_target(results: Tables) -> None:
     for key in ("table2", "table2_roll_back_allowed"):
         for cell in results[key]:
             cell["slope_deg"] += 0.5
-    assert row_of(results, "roll-back at 28.5°").verdict == "-"
+    assert row_of(results, "roll-back at 28.5°").verdict == "–"
     assert row_of(results, "Table II: RMS heading from +30°").target == "–"
 
 
 def test_steady_targets_are_for_half_a_degree_of_gravity_error(results: Tables) -> None:
     # On Table I's friction the dead zone leaves the heading where the turn ended: no target.
-    assert row_of(results, "steady RMS heading, mean").verdict == "-"
+    assert row_of(results, "steady RMS heading, mean").verdict == "–"
     for cell in results["table2"]:
         cell["friction"] = [0.9, 0.5]
     assert row_of(results, "steady RMS heading, mean").verdict == "reached"
-    assert row_of(results | {"gravity_error_deg": 0.0}, "steady RMS heading, mean").verdict == "-"
+    assert row_of(results | {"gravity_error_deg": 0.0}, "steady RMS heading, mean").verdict == "–"
 
 
 def test_what_the_recipe_asks_stands_beside_what_a_track_can_do(results: Tables) -> None:
     row = row_of(results, "Eq. (11b), (12), (14)")
-    assert (row.ours, row.paper, row.verdict) == ("-2.68 m/s", "at most 1 m/s (Table I)", "-")
+    assert (row.ours, row.paper, row.verdict) == ("-2.68 m/s", "at most 1 m/s (Table I)", "–")
 
 
 def test_the_printed_heading_stands_beside_the_one_that_drives(results: Tables) -> None:
@@ -112,7 +112,7 @@ def test_a_record_from_the_dead_zone_is_said_to_hold_nothing_to_identify(results
     row = row_of(results, "yaw rate one step ahead at 25°")
     assert row.ours == "8 %"
     assert row.conditions.startswith("not identifiable")
-    assert row.verdict == "-"
+    assert row.verdict == "–"
 
 
 def test_a_large_miss_is_written_without_an_exponent(results: Tables) -> None:

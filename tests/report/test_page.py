@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from treadline.errors import SettingsError
+from treadline.printing import p_text
 from treadline.report import write_report
-from treadline.report.page import p_value, ratio
+from treadline.report.page import ratio
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -73,9 +74,11 @@ def test_the_page_links_to_the_pages_of_its_runs(results: Tables, reproduce_fold
     assert all((folder / path).is_file() for path in linked)
 
 
-@pytest.mark.parametrize(("value", "text"), [(None, "–"), (1.2e-21, "< 0.001"), (0.0, "< 0.001"), (0.2920, "0.29"), (1.0, "1")])
-def test_a_probability_is_never_written_as_zero(value: float | None, text: str) -> None:
-    assert p_value(value) == text
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "–"), (1.2e-21, "p < 0.001"), (0.0, "p < 0.001"), (0.292, "p = 0.29"), (1.0, "p = 1")]
+)
+def test_a_p_value_is_never_printed_as_zero(value: float | None, text: str) -> None:
+    assert p_text(value) == text
 
 
 def test_a_ratio_to_a_rounding_error_is_a_bound() -> None:
@@ -245,7 +248,7 @@ def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Pat
     page = page_of(run_folder)
     assert "<h1>climb paper-28: held (no command)</h1>" in page
     assert '<td>RMS over the whole run <code class="key">rms_heading_deg</code></td><td class="n">1.23°</td>' in page
-    assert '<td>within ±2° for good after <code class="key">settle_s</code></td><td class="n">never</td>' in page
+    assert '<td>settling time to ±2° <code class="key">settle_s</code></td><td class="n">not settled</td>' in page
     assert "no command for 0.5 s" in page
     assert "slope_deg" in page
     assert page.count("<svg") == 1

@@ -81,7 +81,7 @@ def test_counts_are_whole_numbers_and_measures_have_units() -> None:
         "brakes_differ": "0",
         "largest_command_gap_m_s": "0.500 m/s",
         "vision_rms_error_deg": "0.003°",
-        "settle_s": "never",
+        "settle_s": "not settled",
     }
 
 
@@ -109,7 +109,7 @@ def test_a_replay_has_its_phases_from_its_events(run_folder: Path) -> None:
 
 def test_a_steady_part_that_a_start_dwarfs_is_drawn_closer(run_folder: Path) -> None:
     figure = single_run(read_series(run_folder), result_of(), None)
-    (closer,) = [ax for ax in figure.axes if ax.get_title(loc="left") == "heading, the steady part closer [°]"]
+    (closer,) = [ax for ax in figure.axes if ax.get_title(loc="left") == "heading, steady interval, enlarged [°]"]
     low, high = closer.get_ylim()
     assert -0.1 < low < 0.0 < high < 0.1  # the series starts at 10°
 
@@ -144,7 +144,7 @@ def test_a_broken_log_costs_its_curves_alone(run_folder: Path) -> None:
 
 def test_a_run_of_the_seat_has_no_panels_of_what_stands(run_folder: Path) -> None:
     titles = titles_of(run_folder, result_of(seat=SEAT))
-    assert titles[0] == "seat off level [°]"
+    assert titles[0] == "seat pitch [°]"
     assert not any("heading" in title or "belt" in title for title in titles)
 
 
@@ -154,7 +154,7 @@ def test_what_a_log_without_truth_does_not_know_has_no_panel(run_folder: Path) -
         series[name] = np.full_like(series["t_s"], np.nan)
     titles = [ax.get_title(loc="left") for ax in single_run(series, result_of(), None).axes]
     assert titles[0] == "heading [°]"  # the estimate is there
-    assert not any(word in title for title in titles for word in ("pitch", "across", "margin"))
+    assert not any(word in title for title in titles for word in ("pitch of", "lateral", "margin"))
 
 
 def test_a_phase_that_is_none_is_refused(run_folder: Path) -> None:

@@ -45,7 +45,7 @@ from treadline.cli import (
 )
 from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
-from treadline.cli.start_notice import start_notice
+from treadline.cli.start_line import start_line
 from treadline.errors import SimulationDiverged, TreadlineError
 from treadline.interrupts import Terminated, on_terminate
 
@@ -118,8 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    noticed = start_notice(tokens) if arguments is None else nullcontext()
-    with _streams(), _heeding_requests_to_end(), noticed:
+    announced = start_line(tokens) if arguments is None else nullcontext()
+    with _streams(), _heeding_requests_to_end(), announced:
         return _run(tokens)
 
 

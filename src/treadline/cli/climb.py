@@ -31,20 +31,20 @@ def climb(
 
     Args:
         scenario: Scenario file, or the name of a shipped scenario.
-        out: Run folder: log.mcap, series.csv, result.json, manifest.json, flown-controller.json.
+        out: Run folder: log.mcap, series.csv, result.json, manifest.json, run-controller.json.
         controller: Controller file that treadline tune wrote, or a plug-in. Default: the controller shipped for the vehicle.
         detector: Stair detector plug-in. Default: the shipped detector.
         estimator: Heading estimator plug-in. Default: the shipped Kalman filter.
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.experiments.recorded import recorded_run
     from treadline.setup import resolve
 
     claim(out, force=force)
-    tell_compiling()
+    report_compiling()
     setup = resolve(scenario, controller, seed, detector=detector, estimator=estimator)
     if setup.rejections:
         cause = "; ".join(setup.rejections)

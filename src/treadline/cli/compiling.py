@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 from treadline.cli.answer import Answer
 
-NOTICE = (
+COMPILING_TEXT = (
     "compiling for this machine, kept for later runs; this takes about half a minute (treadline compile does it once for all)\n"
 )
 
@@ -112,13 +112,13 @@ def _run_jobs() -> float:
     return compiling().spent_s - started_s
 
 
-def tell_compiling() -> None:
-    """Write a notice, once, when this command has to compile for long."""
+def report_compiling() -> None:
+    """Write one line to stderr if this command has to compile for long."""
     from treadline.compiling import compiling
 
-    compiling().call_once_if_long(_write_notice)
+    compiling().call_once_if_long(_write_compiling)
 
 
-def _write_notice() -> None:
-    sys.stderr.write(NOTICE)
+def _write_compiling() -> None:
+    sys.stderr.write(COMPILING_TEXT)
     sys.stderr.flush()

@@ -34,7 +34,7 @@ def excite(
         log_images: Keep every frame in the log.
     """
     from treadline.angles import DEG
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import SimulatedTime
     from treadline.errors import SettingsError
     from treadline.experiments.excite import INPUTS, OUTPUTS
@@ -44,7 +44,7 @@ def excite(
     from treadline.signals import TICK_S, on_the_tick
 
     claim(out, force=force)
-    tell_compiling()
+    report_compiling()
     fewest = fewest_samples(len(INPUTS), len(OUTPUTS))
     if samples < fewest:
         raise SettingsError(f"--samples is {samples}; treadline identify needs at least {fewest} of them")

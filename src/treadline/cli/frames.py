@@ -41,7 +41,7 @@ def frames(
         open_risers: Render steps without risers.
         recipe: TOML file with ranges from which views are sampled; options on the command line take precedence.
     """
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.cli.numbers import numbers, words
     from treadline.cli.progress import Progress
     from treadline.errors import SettingsError
@@ -52,7 +52,7 @@ def frames(
     from treadline.sim.camera.recipe import CLUTTER
 
     claim(out, force=force)
-    tell_compiling()
+    report_compiling()
     if not 1 <= count <= 100_000:
         raise SettingsError(f"--count is {count}; it must be from 1 to 100000")
     if seed < 0:

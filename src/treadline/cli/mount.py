@@ -34,13 +34,13 @@ def mount(
         out: Calibration file to write. Default: camera.toml.
     """
     from treadline.camera_file import read_camera
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import Share
     from treadline.experiments.mount import MountStudy
     from treadline.io.topics import parse_topics
 
     claim(out, force=force, kind="file")
-    tell_compiling()
+    report_compiling()
     study = MountStudy(log, camera=None if camera is None else read_camera(camera), topics=parse_topics(topics))
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):

@@ -38,7 +38,7 @@ def replay(
 
     Args:
         log: Run folder, an .mcap, .bag or .db3 file, or the folder of a bag.
-        out: Run folder to write: manifest.json, log.mcap, series.csv, result.json, flown-controller.json.
+        out: Run folder to write: manifest.json, log.mcap, series.csv, result.json, run-controller.json.
         camera: Calibration and mount in place of the log's, as treadline mount writes them; --set takes precedence.
         changes: Setting to change, as key=value; may be repeated. --keys lists the keys.
         topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e,headings=/f.
@@ -48,11 +48,11 @@ def replay(
         keys: List the keys of --set with defaults and meanings (of the log's run if a log is given) and exit.
         log_images: Keep the frames in the new log.
     """
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.errors import SettingsError
     from treadline.io.topics import parse_topics
 
-    tell_compiling()
+    report_compiling()
     if keys:
         return _keys(log)
     if log is None or out is None:

@@ -16,12 +16,12 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) ->
         out: Run folder: log.mcap, series.csv, result.json, manifest.json.
         seed: Random seed. The same seed gives byte-identical results.
     """
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.experiments.fig11 import level_seat
     from treadline.scenario import read_scenario
 
     claim(out, force=force)
-    tell_compiling()
+    report_compiling()
     levelled = level_seat(out, seed, read_scenario(scenario))
     settle = levelled["settle_s"]
     settled = "did not settle" if settle is None else f"within 1° of level after {settle:.1f} s"

@@ -41,7 +41,7 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
             the robust method (NAME-seen.png).
     """
-    from treadline.cli.compiling import tell_compiling
+    from treadline.cli.compiling import report_compiling
     from treadline.errors import SettingsError
     from treadline.perception.edges import ThresholdRule
     from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
@@ -49,7 +49,7 @@ def see(
 
     if out is not None:
         claim(out, force=force)
-    tell_compiling()
+    report_compiling()
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:

@@ -1,6 +1,6 @@
-"""Over the crest, with the flipper and without: pitch rate, seat error and what the passenger feels.
+"""Crossings of crest, top edge and foot, with and without the flipper: pitch rate, seat error and vertical acceleration.
 
-The crest gets the last nosing's place with an error and a belief of the load; truth only scores.
+The sequencers receive the nosing's position and the load with the errors of the case; ground truth sets the start and the scores.
 """
 
 import math
@@ -32,46 +32,49 @@ STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
 }
 LEVEL_RAD = 2.0 * DEG
 HEADING_GAIN_M_S_RAD = 0.3
-"""Stands in for the heading controller: the belts' difference keeps the heading that the run began with."""
+"""Belt-speed difference to each side per heading error [m/s/rad]: a proportional controller of the initial heading, in place of the
+LQR."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrestCase:
-    """One crossing: the stair, the load, and what is wrong."""
+    """Conditions of one crossing: stair, load, and errors of the assumed values."""
 
     direction: Direction = "up"
-    """Up over the crest, or rearwards down over the edge."""
+    """Direction of travel: forwards up the flight, or rearwards down it."""
     at: Literal["top", "foot"] = "top"
-    """At the foot nothing is sequenced, and the flipper rests: up mounts the flight, down leaves it rearwards."""
+    """End of the flight that is crossed. At the foot no sequencer runs and the flipper keeps its position."""
     speed_m_s: float = 0.1
-    """Of the belts where nothing is sequenced: at the foot, and without a flipper."""
+    """Belt speed where no sequencer runs [m/s]: at the foot, and without a flipper."""
     slope_deg: float = 28.0
     friction: tuple[float, float] = (0.62, 0.5)
-    """Of the belts along and across, on stair, floor and landing alike."""
+    """Friction coefficients along and across the belt, on stair, floor and landing."""
     chair: str = "wheelchair"
     payload_kg: float = 50.0
     payload_error_kg: float = 0.0
-    """Believed payload less the true one."""
+    """Assumed minus true payload [kg]."""
     heading_deg: float = 0.0
     nosing_error_m: float = 0.0
-    """Believed place less the true one: positive has the nosing further ahead than it is."""
+    """Assumed minus true position of the nosing [m], positive up the flight."""
     com_error_m: float = 0.0
+    """Assumed minus true position of the centre of mass along the chair [m], positive forward."""
     slope_error_deg: float = 0.0
-    """Of the flight's slope as the edge believes it."""
+    """Assumed minus true slope of the flight [°], descent only."""
     gravity_error_deg: float = 0.0
-    """Of the IMU's idea of down."""
+    """Tilt of the IMU's gravity direction [°]."""
     keep_m: float | None = None
-    """Of the centre of mass before the edge; far below zero the belts go on whatever the flipper does."""
+    """Distance of the centre of mass from the edge after the lift [m], in place of ``EdgeConfig.keep_m``; far below zero the
+    belts never wait for the flipper."""
     range_deg: tuple[float, float] | None = None
     torque_n_m: float | None = None
     motor_lost_at_deg: float | None = None
-    """Pitch at which the flipper's motor dies."""
+    """Pitch at which the flipper motor fails [°]; None if the motor works."""
     lost_damping_n_m_s_rad: float | None = None
     seed: int = 0
     duration_s: float = 40.0
 
     def description(self) -> ChairDescription:
-        """Return the chair, its flipper as this case has it."""
+        """Return the chair with the flipper of this case."""
         chair = read_chair(self.chair)
         if chair.flipper is None:
             return chair
@@ -84,7 +87,7 @@ class CrestCase:
         return chair.model_copy(update={"flipper": flipper})
 
     def scenario(self) -> Scenario:
-        """Return the stair and the start: upwards the front pulley two nosings before the last, or all of it on the floor."""
+        """Return the stair and the start: up from two nosings before the last, otherwise from floor, flight or landing."""
         return Scenario(
             stair=Stair.model_validate(
                 {
@@ -108,54 +111,56 @@ class CrestCase:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
-    """One tick of a crossing."""
+class CrossingTick:
+    """Ground truth, command and flipper reading of one tick."""
 
     truth: Truth
     command: CrestCommand | EdgeCommand | None
     flipper: FlipperReading | None
     height_m: float
-    """Of the passenger's centre."""
+    """Height of the passenger's centre in W [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossing:
-    """What a crossing came to."""
+    """Result of a crossing."""
 
     is_across: bool
-    """Whether the rear has left the last nosing; without a flipper, whether the chair lies on the landing."""
+    """Whether the sequencer has ended; without a sequencer, whether the chair lies on the next surface."""
     duration_s: float
     pitch_rate_deg_s: float
-    """Largest, whichever way."""
+    """Largest magnitude of the pitch rate [°/s]."""
     seat_deg: float
+    """Largest magnitude of the seat pitch [°]."""
     vertical_m_s2: float
-    moments: tuple[Moment, ...] = field(repr=False)
+    """Largest vertical acceleration of the passenger, mean over 50 ms [m/s²]."""
+    ticks: tuple[CrossingTick, ...] = field(repr=False)
 
     @property
     def stages(self) -> tuple[tuple[float, str], ...]:
-        """When each stage began."""
-        commands = [moment.command for moment in self.moments if moment.command is not None]
+        """Start time [s] and name of each stage of the sequencer."""
+        commands = [tick.command for tick in self.ticks if tick.command is not None]
         return tuple(
             (command.t_s, command.stage) for i, command in enumerate(commands) if i == 0 or commands[i - 1].stage != command.stage
         )
 
 
 def cross(case: CrestCase) -> Crossing:
-    """Drive one crossing."""
+    """Simulate one crossing."""
     chair = case.description()
     plant = open_plant(case.scenario(), case.seed, chair=chair)
     plant.start()
-    ride = _Ride(case, chair, plant)
+    run = _CrestRun(case, chair, plant)
     for tick in range(1, round(case.duration_s / TICK_S) + 1):
-        if ride.step():
+        if run.step():
             break
         plant.advance(tick * TICK_S)
     plant.close()
-    return ride.result()
+    return run.result()
 
 
-class _Ride:
-    """One chair on its way over the crest, tick by tick."""
+class _CrestRun:
+    """Control loop of one crossing."""
 
     def __init__(self, case: CrestCase, chair: ChairDescription, plant: MujocoPlant) -> None:
         self._case, self._chair, self._plant = case, chair, plant
@@ -164,15 +169,15 @@ class _Ride:
         self._slope_rad = plant.staircase.slope_rad
         self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0
         self._sequencer: Crest | Edge | None = None
-        self._moments: list[Moment] = []
+        self._ticks: list[CrossingTick] = []
         self._is_lost = False
 
     def step(self) -> bool:
-        """Feel, decide, act; say whether the chair is across."""
+        """Read the sensors, compute and send the commands; return whether the chair is across."""
         imu, seat, tracks, flipper = _newest(self._plant.read())
         truth = self._plant.truth()[-1]
         command = None if flipper is None or self._case.at == "foot" else self._sequence(truth).step(imu, flipper, tracks)
-        self._moments.append(Moment(truth=truth, command=command, flipper=flipper, height_m=self._plant.passenger_height_m))
+        self._ticks.append(CrossingTick(truth=truth, command=command, flipper=flipper, height_m=self._plant.passenger_height_m))
         if self._is_across():
             return True
         self._fail(truth)
@@ -187,20 +192,20 @@ class _Ride:
         return False
 
     def result(self) -> Crossing:
-        """Return the figures."""
-        samples = [moment.truth for moment in self._moments]
-        velocity = np.diff([moment.height_m for moment in self._moments]) / TICK_S
+        """Return the scores."""
+        samples = [tick.truth for tick in self._ticks]
+        velocity = np.diff([tick.height_m for tick in self._ticks]) / TICK_S
         return Crossing(
             is_across=self._is_across(),
             duration_s=samples[-1].t_s,
             pitch_rate_deg_s=max(abs(sample.pitch_rate_rad_s) for sample in samples) / DEG,
             seat_deg=max(abs(sample.seat_pitch_rad) for sample in samples) / DEG,
             vertical_m_s2=float(np.abs(lasting_change(velocity)).max()),
-            moments=tuple(self._moments),
+            ticks=tuple(self._ticks),
         )
 
     def _sequence(self, truth: Truth) -> Crest | Edge:
-        """Return the sequencer; at the first tick truth and the case's errors make what it believes."""
+        """Return the sequencer, configured at the first tick from ground truth and the errors of the case."""
         if self._sequencer is None:
             case = self._case
             load: Any = {
@@ -213,15 +218,15 @@ class _Ride:
                 self._sequencer = Crest(CrestConfig(**load), ahead_m + case.nosing_error_m)
             else:
                 behind_m = (truth.x_m - self._nosing_m) / (math.cos(self._slope_rad) * math.cos(truth.heading_rad))
-                belief = EdgeConfig(**load)
+                config = EdgeConfig(**load)
                 if case.keep_m is not None:
-                    belief = replace(belief, keep_m=case.keep_m)
+                    config = replace(config, keep_m=case.keep_m)
                 slope_rad = self._slope_rad + case.slope_error_deg * DEG
-                self._sequencer = Edge(belief, behind_m - case.nosing_error_m, slope_rad)
+                self._sequencer = Edge(config, behind_m - case.nosing_error_m, slope_rad)
         return self._sequencer
 
     def _is_across(self) -> bool:
-        now = self._moments[-1]
+        now = self._ticks[-1]
         if now.command is not None:
             return now.command.stage == "done"
         case = self._case

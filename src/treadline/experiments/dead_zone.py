@@ -21,12 +21,12 @@ from treadline.sim import open_plant as open_mujoco
 HEADINGS_DEG = (0, 5, 10, 15, 30)
 DIFFERENCES_M_S = (0.05, 0.1, 0.2, 0.4, 0.8)
 SLOW_M_S = 0.1
-"""Speed of the inner belt."""
+"""Speed of the inner belt [m/s]."""
 FROM_S, UNTIL_S = 0.3, 0.8
-"""Span of the mean: two lags of the belts' drives after the start, and short beside a nosing's passage."""
+"""Averaging interval of the yaw rate [s]: from two lags of the belt drives after the start, shorter than a nosing's passage."""
 THEORY_STEP_S = 0.05
-"""Integration step of the quasi-static run, ten steps a row. At 10° and 0.05 m/s apart it gives 0.18 °/s, a step of 0.02 s gives
-0.165 °/s."""
+"""Integration step of the quasi-static run [s]: ten steps a row. At 10° and 0.05 m/s apart it gives 0.18 °/s; a step of 0.02 s
+gives 0.165 °/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,6 @@
-"""Random track speeds on the stair, and what the chair made of them: data for the identification.
+"""Random track speeds on the stair and the measured response: data for the identification.
 
-Paper: Section VI.B. Heading is seen by the camera (Section III), angular velocity is the IMU's; 1000 samples.
+Paper: Section VI.B. The heading comes from the camera (Section III), the angular velocity from the IMU; 1000 samples.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
 
 
 class ExcitationDriver:
-    """Proposes random belt speeds and keeps what was proposed and felt, sample by sample."""
+    """Driver that proposes random belt speeds and records inputs and measured outputs of every sample."""
 
     follows_plan = False
 
@@ -34,11 +34,11 @@ class ExcitationDriver:
 
     @property
     def period_s(self) -> float:
-        """Time between samples."""
+        """Sampling period [s]."""
         return self._period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
-        """Return the next random speeds; outputs are read before they act."""
+        """Return the next random speeds; the recorded outputs precede their effect."""
         del plan
         heading = 0.0 if estimate is None else estimate.heading_rad
         left, right = self._excitation.step(heading)
@@ -51,7 +51,7 @@ class ExcitationDriver:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Excited:
-    """The record, and the run it came from."""
+    """Record of an excitation, and its run."""
 
     record: InputOutputRecord
     first_t_s: float
@@ -87,7 +87,7 @@ def excite(
 
 
 def excitation_of(scenario: Scenario) -> ExcitationConfig:
-    """Return the size of the random speeds about a scenario's pace, and of the pull that keeps the chair on the flight."""
+    """Return the excitation settings: random speeds about the scenario's speed, with feedback of the heading."""
     return ExcitationConfig(mean_m_s=scenario.drive.speed_m_s)
 
 

@@ -1,7 +1,7 @@
 """Fig. 8: excite, identify, and the impulse response of what was identified.
 
 Paper: Section IV, Section VI.B, Fig. 8. Heading comes from the vision, angular velocity from the IMU. A second
-recording as long, with another seed, validates: what a model says about data it was fitted to proves little.
+recording as long, with another seed, is the validation record.
 """
 
 from dataclasses import dataclass, replace
@@ -21,9 +21,9 @@ from treadline.scenario import Scenario
 from treadline.setup import Opener, PlantName
 
 IMPULSE_S = 20.0
-"""The span that is drawn; the integrator holds what the first second did."""
+"""Duration of the drawn impulse response [s]; after the first second the integrator keeps its value."""
 AHEAD_S = 5.0
-"""Horizon of the heading forecast."""
+"""Horizon of the heading forecast [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,7 +37,7 @@ class ExciteJob:
     folder: Path
     image_every: int = 0
     scenario: Scenario | None = None
-    """In which to drive; None is that of the ground."""
+    """Scenario of the run; None for the excitation scenario of the ground."""
     open_plant: Opener | PlantName = "mujoco"
 
     def run(self) -> "Recording":
@@ -63,7 +63,7 @@ class ExciteJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """A record and where it came from."""
+    """Record of an excitation run, with ground, seed and verdict."""
 
     ground: Ground
     seed: int

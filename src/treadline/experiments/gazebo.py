@@ -1,9 +1,8 @@
-"""Fig. 8, 9, 10 and Table II in Gazebo, as the paper ran them: excited, identified and driven there, and beside it in MuJoCo.
+"""Fig. 8, 9, 10 and Table II in Gazebo, as in the paper: excitation, identification and closed loop, each also in MuJoCo.
 
 Paper: Fig. 8, Fig. 9, Fig. 10, Table II.
 
-The camera tells what the stair detector would say of a frame (decision 0016) in both simulators, so that they differ in their
-contacts alone. One seed is one run of each row.
+Both simulators use the statistical camera (decision 0016), so that only their contact models differ. Each row is one run per seed.
 """
 
 import json
@@ -28,23 +27,23 @@ from treadline.setup import PlantName
 
 SIMULATORS: tuple[PlantName, ...] = ("gazebo", "mujoco")
 GROUNDS = (CONTROLLER_GROUND,)
-"""The controller's own is enough here."""
+"""Grounds of the excitation: the one of the controller."""
 
 
 def job_count(plan: ReproducePlan) -> int:
-    """Return how many parts ``reproduce_in_gazebo`` will report as done."""
+    """Return the number of jobs that ``reproduce_in_gazebo`` reports as done."""
     drives = 2 * len(plan.slopes_deg) * (1 + len(plan.seeds))
     return len(SIMULATORS) * (len(_excitations(plan, Path(), "mujoco")) + drives)
 
 
 def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
-    """Run both simulators and write ``results.json``; in a folder each also models, ``controller.json`` and ``runs/``.
+    """Run both simulators and write ``results.json``; models, ``controller.json`` and ``runs/`` are in one folder per simulator.
 
     Returns:
-        What ``results.json`` holds.
+        Content of ``results.json``.
 
     Raises:
-        GazeboError: If there is no Gazebo here: before anything is run.
+        GazeboError: If Gazebo is not installed; raised before any run.
     """
     find_environment()
     started = time.monotonic()
@@ -52,10 +51,10 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     found: dict[str, dict[str, Any]] = {}
     for name in SIMULATORS:
 
-        def told(what: str, name: str = name) -> None:
+        def report(what: str, name: str = name) -> None:
             done(f"{name} {what}")
 
-        found[name] = _paper_in(plan, out / name, name, workers=workers, done=told)
+        found[name] = _paper_in(plan, out / name, name, workers=workers, done=report)
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )
@@ -64,7 +63,7 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
 
 
 def compared(gazebo: dict[str, Any], mujoco: dict[str, Any]) -> dict[str, Any]:
-    """Return what the paper's figures come to in each simulator, and how far apart they are."""
+    """Return the paper's figures in each simulator, and their differences."""
     pairs = list(zip(gazebo["table2"], mujoco["table2"], strict=True))
     gaps = [abs(one["rms_heading_deg"] - other["rms_heading_deg"]) for one, other in pairs]
     return {

@@ -1,4 +1,4 @@
-"""Runs on a process pool: each job is data, each result is data, order does not depend on timing."""
+"""Jobs on a process pool: jobs and results are plain data, and the order of results does not depend on timing."""
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -16,25 +16,25 @@ R = TypeVar("R")
 
 @runtime_checkable
 class Job(Protocol[R_co]):
-    """Something a worker can do alone."""
+    """Unit of work that one worker process runs independently."""
 
     @property
     def name(self) -> str:
-        """A word for the progress line."""
+        """Name of the job in the progress line."""
 
     def run(self) -> R_co:
-        """Do it."""
+        """Run the job and return its result."""
 
 
 class JobPool:
-    """Workers that stay from one list of jobs to the next: to start one costs as much as to drive for ten seconds."""
+    """Process pool reused between lists of jobs: starting a worker costs as much as ten simulated seconds."""
 
     def __init__(self, workers: int, done: Callable[[str], None]) -> None:
-        """Start nothing yet.
+        """Create the pool; worker processes start with the first job.
 
         Args:
-            workers: Processes; one does the jobs in this process.
-            done: Hears the name of each job as it ends, in a thread of the pool's.
+            workers: Number of processes; with one, jobs run in this process.
+            done: Called with the name of each finished job, in a thread of the pool.
         """
         self._done = done
         # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
@@ -55,12 +55,12 @@ class JobPool:
                 worker.terminate()
 
     def begin(self, jobs: Sequence[Job[R]]) -> Callable[[], list[R]]:
-        """Queue jobs behind those already begun; the answer waits for them and returns their results in the jobs' order."""
+        """Queue jobs; return a function that waits for the jobs and returns their results in order."""
         if self._workers is None:
             return lambda: list(self._in_this_process(jobs))
         futures = [self._workers.submit(_run, job) for job in jobs]
         for job, future in zip(jobs, futures, strict=True):
-            future.add_done_callback(partial(self._tell, job.name))
+            future.add_done_callback(partial(self._report, job.name))
         return lambda: _results(futures)
 
     def _in_this_process(self, jobs: Sequence[Job[R]]) -> Iterator[R]:
@@ -69,25 +69,25 @@ class JobPool:
             self._done(job.name)
             yield result
 
-    def _tell(self, name: str, future: Future[R]) -> None:
+    def _report(self, name: str, future: Future[R]) -> None:
         if not future.cancelled() and future.exception() is None:
             self._done(name)
 
 
 def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
-    """Return the jobs' results in the jobs' order; ``done`` hears each name as it ends."""
+    """Return the jobs' results in the jobs' order; ``done`` is called with the name of each finished job."""
     with JobPool(min(workers, len(jobs)), done) as pool:
         return pool.begin(jobs)()
 
 
 def _results(futures: list[Future[R]]) -> list[R]:
     for future in as_completed(futures):
-        future.result()  # the first that fails ends it all
+        future.result()  # the first failure ends all jobs
     return [future.result() for future in futures]
 
 
 def _begin_worker() -> None:
-    """Let Ctrl-C end a worker at once and without a traceback, and the parent's end too: the parent tells what happened."""
+    """Let Ctrl-C and the end of the parent process end a worker at once, without a traceback: the parent reports the interrupt."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     end_with_parent()
 

@@ -17,7 +17,7 @@ SLOPES_DEG = (25, 28, 30)
 STARTS_DEG = (30, -30)
 TABLE_SPEED_M_S = 0.2
 GRAVITY_ERROR_DEG = 0.5
-"""Tilt of the IMU's idea of down in the runs that are reported: what a cheap IMU has after calibration."""
+"""Tilt of the IMU's gravity direction in the reported runs [°]: typical of a low-cost IMU after calibration."""
 
 
 Friction = tuple[float, float]
@@ -29,19 +29,19 @@ FRICTIONS = (PAPER_FRICTION, GOOD_GRIP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ground:
-    """A stair's slope and friction: where a record for the identification is taken."""
+    """Slope and friction of the stair on which an identification record is taken."""
 
     slope_deg: int
     friction: Friction = PAPER_FRICTION
 
     @property
     def name(self) -> str:
-        """A word for folders."""
+        """Name of the ground in folder names."""
         return f"{self.slope_deg}{suffix_of(self.friction)}"
 
 
 def suffix_of(friction: Friction) -> str:
-    """Return what a folder's name says of a friction: nothing of Table I's."""
+    """Return the suffix of folder names for a friction, empty for Table I's."""
     return "" if friction == PAPER_FRICTION else f"-mu{friction[0]:g}-{friction[1]:g}"
 
 
@@ -59,15 +59,15 @@ GROUNDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReproducePlan:
-    """How much of the paper is run."""
+    """Extent of a reproduction: slopes, seeds, grounds and durations."""
 
     quick: bool
     slopes_deg: tuple[int, ...]
     seeds: tuple[int, ...]
     grounds: tuple[Ground, ...]
-    """Where the chair is excited; the first is the controller's."""
+    """Grounds of the excitations; the controller is tuned on the first."""
     frictions: tuple[Friction, ...]
-    """Of Table II."""
+    """Friction coefficients of Table II."""
     samples: int
     straight_s: float
     turn_s: float
@@ -97,13 +97,13 @@ FIG10_SLOPE = int(paper.FIG10_SLOPE_DEG)
 
 
 def excitation(ground: Ground) -> Scenario:
-    """Return the scenario in which random speeds are tried (Section VI.B)."""
+    """Return the scenario of an excitation with random track speeds (Section VI.B)."""
     scenario = _flight(ground.slope_deg, heading_deg=0.0, duration_s=300.0, mismatch=0.005)
     return with_friction(scenario, ground.friction)
 
 
 def with_friction(scenario: Scenario, friction: Friction) -> Scenario:
-    """Return the scenario on another friction."""
+    """Return the scenario with another friction."""
     return scenario.model_copy(update={"stair": scenario.stair.model_copy(update={"friction": friction})})
 
 

@@ -1,6 +1,6 @@
-"""What a replay is judged by: its distance to what was recorded, and to the truth where a simulator wrote the log.
+"""Scores of a replay: differences to the recorded signals, and to ground truth where a simulator wrote the log.
 
-Nothing of this is seen by the mission. Differences are summed as they come; of the log it holds the second by which it is ahead.
+The mission receives none of these signals. Sums are updated per tick; recorded signals are buffered for one second at most.
 """
 
 import math
@@ -30,37 +30,38 @@ from treadline.signals import (
 )
 
 ROUNDING_TICKS = 1e-6
+"""Rounding error of a time stamp [ticks]."""
 SAME_S = 0.5 * TICK_S
-"""Two stamps nearer than that belong to the same tick."""
+"""Largest difference of two stamps of the same tick [s]."""
 
 
 @dataclass(slots=True)
-class Spread:
-    """Differences as they come: their root mean square and the largest."""
+class RunningDifference:
+    """Root mean square and largest magnitude of a sequence of differences."""
 
     count: int = 0
     squares: float = 0.0
     largest: float = 0.0
 
     def add(self, difference: float) -> None:
-        """Count one."""
+        """Add one difference."""
         self.count += 1
         self.squares += difference * difference
         self.largest = max(self.largest, abs(difference))
 
     @property
     def mean_square(self) -> float | None:
-        """None where there was nothing to compare."""
+        """Mean square of the differences; None without any."""
         return self.squares / self.count if self.count else None
 
     @property
     def rms_deg(self) -> float | None:
-        """In degrees."""
+        """Root mean square [°] of differences in radians; None without any."""
         return (self.squares / self.count) ** 0.5 / DEG if self.count else None
 
     @property
     def largest_deg(self) -> float | None:
-        """In degrees."""
+        """Largest magnitude [°] of differences in radians; None without any."""
         return self.largest / DEG if self.count else None
 
 
@@ -77,12 +78,12 @@ COLUMNS = (
     "seat_pitch_deg",
     *(name for name in (*SERIES, *PLAIN_SERIES) if name not in {"seat_pitch_deg", "left_m_s", "right_m_s"}),
 )
-"""Of series.csv. Those that only the truth knows are empty where the log has none."""
+"""Columns of ``series.csv``. Columns of ground truth are empty for a log without ground truth."""
 
 
 @dataclass(slots=True)
 class ReplayScores:
-    """Compares tick by tick with what was recorded. It holds no more than the second by which the log is ahead."""
+    """Comparison of a replay with the recorded signals, tick by tick."""
 
     ticks: int = 0
     frames: int = 0
@@ -94,18 +95,18 @@ class ReplayScores:
     _truths: Recent[Truth] = field(default_factory=Recent)
     _seat_pitch_rad: float = float("nan")
     _columns: dict[str, "array[float]"] = field(default_factory=lambda: {name: array("d") for name in COLUMNS})
-    _to_recorded: Spread = field(default_factory=Spread)
-    _to_truth: Spread = field(default_factory=Spread)
-    _recorded_to_truth: Spread = field(default_factory=Spread)
-    _vision_to_truth: Spread = field(default_factory=Spread)
-    _normalised: Spread = field(default_factory=Spread)
-    _vision_normalised: Spread = field(default_factory=Spread)
-    _tracks: Spread = field(default_factory=Spread)
-    _seat: Spread = field(default_factory=Spread)
+    _to_recorded: RunningDifference = field(default_factory=RunningDifference)
+    _to_truth: RunningDifference = field(default_factory=RunningDifference)
+    _recorded_to_truth: RunningDifference = field(default_factory=RunningDifference)
+    _vision_to_truth: RunningDifference = field(default_factory=RunningDifference)
+    _normalised: RunningDifference = field(default_factory=RunningDifference)
+    _vision_normalised: RunningDifference = field(default_factory=RunningDifference)
+    _tracks: RunningDifference = field(default_factory=RunningDifference)
+    _seat: RunningDifference = field(default_factory=RunningDifference)
     _brakes: int = 0
 
     def note(self, signal: Signal) -> None:
-        """Take what the mission read or decided."""
+        """Record a signal that the mission received or published."""
         match signal:
             case RgbdFrame():
                 self.frames += 1
@@ -120,14 +121,14 @@ class ReplayScores:
                 pass
 
     def compare_with(self, signal: Any) -> None:
-        """Take what was recorded beside the readings."""
+        """Buffer a recorded signal other than a sensor reading, for the comparison at its tick."""
         if isinstance(signal, Event):
             self.events.append(signal)
         else:
             self._waiting.setdefault(type(signal), deque()).append(signal)
 
     def step(self, tick: Tick) -> Truth | None:
-        """Compare one tick; return its truth, if the log knows it."""
+        """Compare one tick; return its ground truth, or None if the log holds none."""
         for kind, waiting in self._waiting.items():
             while waiting and waiting[0].t_s <= tick.t_s + SAME_S:
                 self._last[kind] = waiting.popleft()
@@ -156,7 +157,7 @@ class ReplayScores:
         return truth
 
     def figures(self) -> dict[str, Any]:
-        """Return the figures; None where the log has nothing to compare with."""
+        """Return the scores; None where the log holds no reference."""
         return self._as_estimated() | {
             "rms_difference_deg": self._to_recorded.rms_deg,
             "largest_difference_deg": self._to_recorded.largest_deg,
@@ -174,7 +175,7 @@ class ReplayScores:
         }
 
     def _as_estimated(self) -> dict[str, float | None]:
-        """Return a run's scores as far as the chair itself can tell: from the replay's estimate and the seat's readings."""
+        """Return the scores that need no ground truth, from the replay's heading estimate and the seat readings."""
         t, heading, seat = (np.array(self._columns[name]) for name in ("t_s", "estimate_deg", "seat_pitch_deg"))
         known, level = np.isfinite(heading), seat[np.isfinite(seat)]
         steady = heading[known & (t > STEADY_FROM_S)]
@@ -227,7 +228,7 @@ class ReplayScores:
         for name, column in self._columns.items():
             column.append(values.get(name, float("nan")))
         for seen in self._now:
-            # A late frame shows the heading of its exposure.
+            # A frame that arrives late measures the heading at its exposure.
             row = math.ceil(seen.t_s / TICK_S - ROUNDING_TICKS)
             if 0 <= row <= self.ticks:
                 self._columns["seen_deg"][row] = seen.heading_rad / DEG

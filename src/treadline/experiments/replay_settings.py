@@ -1,7 +1,6 @@
-"""What a replay may change: dotted keys over the mission's choices and over every setting of its blocks.
+"""Settings of a replay: dotted keys of the mission and of every setting of its blocks.
 
-The tables ``filter``, ``guard``, ``detector`` and ``offset`` are the blocks' own settings, so a new one of theirs is a key here
-at once. Angles are in degrees, as everywhere a person types.
+The tables ``filter``, ``guard``, ``detector`` and ``offset`` are generated from the blocks' settings. Angles are in degrees.
 """
 
 import difflib
@@ -44,9 +43,9 @@ UNSET = {
     "controller": "the one that drove the log's run, else the one shipped for the chair",
     "control.reconstruct": "as the controller's file says",
 }
-"""What stands in for a key that is not set and has no default."""
+"""Description of the value of a key that is not set and has no default."""
 OPERATORS = ("", "control.", "camera.", "imu.")
-"""Tables whose keys are no block's."""
+"""Tables that are not settings of a block."""
 MOUNT = ("mount_pitch", "mount_roll", "mount_yaw")
 RENAMED = {
     "filter.shake_deg": "filter.vibration_sigma_deg",
@@ -58,45 +57,47 @@ RENAMED = {
 
 
 class CameraKeys(Settings):
-    """The camera, where the log is silent or wrong; None leaves it as logged, or as the chair's file says."""
+    """Camera calibration in place of the log's; None keeps the logged value, or the chair file's."""
 
     width: Pixels | None = None
+    """Width of the images [px]; images of another size are rejected."""
     height: Pixels | None = None
-    """Of the images, in pixels: those of another size are refused."""
+    """Height of the images [px]; images of another size are rejected."""
     fx_px: Positive | None = None
     fy_px: Positive | None = None
     cx_px: float | None = None
     cy_px: float | None = None
     depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
-    """One count of a depth image of 16 bits."""
+    """Depth per count of a 16-bit depth image [m]."""
     mount_pitch_deg: Turn | None = None
     mount_roll_deg: Turn | None = None
     mount_yaw_deg: Turn | None = None
     mount_m: tuple[float, float, float] | None = None
-    """Position of the camera on the chair."""
+    """Position of the camera on the chair [m], from mid-track."""
 
 
 class ImuKeys(Settings):
-    """How the IMU sits."""
+    """Orientation of the IMU."""
 
     axes: Literal["chair", "camera"] = "chair"
-    """Its axes: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward)."""
+    """Axes of the IMU: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplaySettings:
-    """Everything that a replay runs with."""
+    """Resolved settings of a replay."""
 
     values: Settings
-    """All keys, resolved."""
+    """Values of all keys."""
     mission: MissionConfig
     controller_name: str
 
     def blocks(self, detector: Any, *, shows_stair: bool = True) -> Blocks:
-        """Return the mission's blocks; the detector is made by who wants to watch it.
+        """Return the mission's blocks.
 
         Args:
-            shows_stair: Whether the recording shows where nosings are; one with headings alone is driven as on an endless flight.
+            detector: Stair detector, which the caller builds.
+            shows_stair: Whether the recording holds nosing positions; headings alone are replayed as on an endless flight.
         """
         values: Any = self.values
         driver = heading_driver(self.mission)
@@ -113,32 +114,32 @@ class ReplaySettings:
             else kalman
             if estimator == "kalman"
             else OffsetEstimator(applied(AberrationRule(), values.offset)),
-            # The past does not obey: belts and attitude are what was done then, not what is asked now.
+            # Recorded belts and attitude do not respond to the new commands, so the checks of that response are off.
             guard=Guard(replace(guard, watches_motion=False, watches_slip=False)),
         )
 
     @property
     def detector(self) -> DetectorConfig:
-        """How to look."""
+        """Settings of the stair detector."""
         values: Any = self.values
         return replace(applied(_detector(self.mission), values.detector), method=values.vision)
 
     @property
     def depth_unit_m(self) -> float:
-        """One count of a depth image."""
+        """Depth per count of a 16-bit depth image [m]."""
         values: Any = self.values
         return float(values.camera.depth_unit_m)
 
     @property
     def R_BI(self) -> Float[ndarray, "3 3"] | None:
-        """Rotation of the IMU's axes in the chair; None if it has the chair's."""
+        """Rotation from the IMU's axes to the chair's; None for an IMU with the chair's axes."""
         values: Any = self.values
         if values.imu.axes == "chair":
             return None
         return self._mounted(PinholeCamera(width_px=1, height_px=1, fx_px=1.0, fy_px=1.0, cx_px=0.0, cy_px=0.0)).R_BC
 
     def calibrate(self, logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
-        """Return the calibration that counts: the log's with what is set in its place, on the chair's mount."""
+        """Return the log's calibration with the values that are set, on the chair's mount; None without intrinsics."""
         values: Any = self.values
         every: dict[str, Any] = {name: getattr(values.camera, name) for name in INTRINSICS}
         given = {name: value for name, value in every.items() if value is not None}
@@ -163,9 +164,9 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
     """Return the settings of a replay.
 
     Args:
-        base: What the log's run was told; its controller is not in the log.
-        items: ``key=value``; a later one overrules an earlier one.
-        controller: The controller's file; None for the one shipped for the chair. A plug-in controller in ``base`` takes
+        base: Mission configuration of the recorded run; its controller is not in the log.
+        items: ``key=value``; the last one of a key applies.
+        controller: Controller file; None for the controller shipped for the chair. A plug-in controller in ``base`` takes
             precedence.
 
     Raises:
@@ -192,10 +193,10 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
 
 
 def camera_items(camera: CameraFile) -> tuple[str, ...]:
-    """Return what a calibration says, as ``key=value``; what it leaves out stays as logged, or as the chair's file says."""
-    said = [name for name in CameraKeys.model_fields if name in camera.model_fields_set]
-    # JSON's numbers and lists are TOML's, too.
-    return tuple(f"camera.{name}={json.dumps(getattr(camera, name))}" for name in said)
+    """Return the values of a calibration file as ``key=value``; missing ones stay as logged, or as in the chair file."""
+    given = [name for name in CameraKeys.model_fields if name in camera.model_fields_set]
+    # Numbers and lists of JSON are also valid TOML.
+    return tuple(f"camera.{name}={json.dumps(getattr(camera, name))}" for name in given)
 
 
 def _detector(base: MissionConfig) -> DetectorConfig:
@@ -203,7 +204,7 @@ def _detector(base: MissionConfig) -> DetectorConfig:
 
 
 def keys_of(base: MissionConfig) -> type[Settings]:
-    """Return the model of all keys, with what the log's run had as defaults."""
+    """Return the model of all keys, with the settings of the recorded run as defaults."""
     control: dict[str, Any] = {
         "speed_m_s": (Annotated[float, Field(gt=0.0, le=0.30)], base.climb_speed_m_s),
         "allocation": (Literal["climb-safe", "paper"], base.allocation),
@@ -231,31 +232,31 @@ def keys_of(base: MissionConfig) -> type[Settings]:
 
 
 def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
-    """Return every key with its default, in words where that is none, and with its meaning: empty where its name says all."""
+    """Return every key with its default (a description where there is none) and its meaning, empty if the name is sufficient."""
     model = keys_of(base)
-    told = _meanings(model)
+    written = _meanings(model)
     return {
-        key: (str(UNSET.get(key, UNSET[""]) if value is None else value), told.get(key, ""))
+        key: (str(UNSET.get(key, UNSET[""]) if value is None else value), written.get(key, ""))
         for key, value in _flat(model()).items()
     }
 
 
 def _meanings(model: type[Settings], before: str = "") -> dict[str, str]:
-    """Return what each key means, as the block's own settings, or a scenario's for what a scenario says too, have it."""
+    """Return the meaning of each key, from the docstrings of the block's or the scenario's settings."""
     written = meanings(Control) | meanings(DriveSettings) | meanings(model)
-    told: dict[str, str] = {}
+    found: dict[str, str] = {}
     for name, field in model.model_fields.items():
         if isinstance(field.default, Settings):
-            told |= _meanings(type(field.default), f"{before}{name}.")
+            found |= _meanings(type(field.default), f"{before}{name}.")
         else:
-            told[before + name] = field.description or (written.get(name, "") if before in OPERATORS else "")
-    return told
+            found[before + name] = field.description or (written.get(name, "") if before in OPERATORS else "")
+    return found
 
 
 def table_of(name: str, config: Any, leave: tuple[str, ...] = ()) -> type[Settings]:
-    """Return the keys of a block's settings: its plain fields, angles in degrees, its parts as tables."""
+    """Return the keys of a block's settings: plain fields with angles in degrees, nested settings as tables."""
     hints = get_type_hints(type(config), include_extras=True)
-    told = meanings(type(config))
+    written = meanings(type(config))
     entries: dict[str, Any] = {}
     for item in fields(config):
         value = getattr(config, item.name)
@@ -267,12 +268,12 @@ def table_of(name: str, config: Any, leave: tuple[str, ...] = ()) -> type[Settin
         elif _is_plain(hints[item.name]):
             shown = float(f"{value / DEG:.12g}") if "_rad" in item.name else value
             hint = _bounded(hints[item.name], value)
-            entries[item.name.replace("_rad", "_deg")] = (Annotated[hint, Field(description=told.get(item.name))], shown)
+            entries[item.name.replace("_rad", "_deg")] = (Annotated[hint, Field(description=written.get(item.name))], shown)
     return create_model(name, __base__=Settings, **entries)
 
 
 def applied(config: Any, values: Settings) -> Any:
-    """Return a block's settings with those keys changed that were given: degrees and back would not be the same bits."""
+    """Return a block's settings with the given keys changed; the others are not converted, which would change their last bits."""
     changes: dict[str, Any] = {}
     for name in values.model_fields_set:
         value = getattr(values, name)
@@ -291,7 +292,7 @@ def _is_plain(hint: Any) -> bool:
 
 
 def _bounded(hint: Any, value: Any) -> Any:
-    """Return a type: no limit, deviation, gate or time of a block's is negative, unless it is by itself."""
+    """Return a number type bounded to >= 0 where the default is >= 0: limits, sigmas, gates and times."""
     return Annotated[hint, Field(ge=0)] if hint in (float, int) and value >= 0 else hint
 
 
@@ -323,13 +324,13 @@ def _tables(items: Sequence[str], known: dict[str, Any]) -> dict[str, object]:
 
 
 def _allowed(key: str, known: list[str]) -> str:
-    beside = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
+    siblings = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
     close = difflib.get_close_matches(key, known, 1)
-    return (f"did you mean {close[0]}? " if close else "") + f"allowed: {', '.join(beside)}"
+    return (f"did you mean {close[0]}? " if close else "") + f"allowed: {', '.join(siblings)}"
 
 
 def _value(text: str) -> object:
-    """Return a value as TOML has it; what is none of TOML's is text without quotes."""
+    """Return a value parsed as TOML; anything else is text without quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):

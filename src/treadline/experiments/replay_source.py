@@ -1,4 +1,4 @@
-"""A log to replay, and what its run folder's manifest says of the run that wrote it."""
+"""Source of a replay: the log, and the manifest of the run that wrote it."""
 
 import shlex
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.io.runs import LOG, MANIFEST, RUN_CONTROLLER
+from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
 from treadline.models import read_json
@@ -15,29 +15,29 @@ from treadline.settings import settings_of
 from treadline.setup import mission_config
 
 CHAIR = "wheelchair"
-"""Of a log that comes without a run's manifest."""
+"""Chair of a log without a manifest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """A log, and what is known of the run that wrote it."""
+    """Log to replay, with the settings of the run that wrote it."""
 
     log: Path
     base: MissionConfig
     sealed: bool = False
-    """Whether it is a run's own log, with checksums everywhere."""
+    """Whether the log belongs to a run folder and has checksums throughout."""
     seed: int = 0
     scenario: dict[str, Any] | None = None
     changed: tuple[str, ...] = ()
-    """Keys that the run had changed, where it was itself a replay."""
+    """Keys that were changed, if the recorded run was itself a replay."""
     controller: str | None = None
-    """The file of the one that drove; None where nothing tells."""
+    """Controller file of the recorded run; None if unknown."""
     plugins: dict[str, str] = field(default_factory=dict)
-    """Plug-ins of the recorded run by kind. They are named, never loaded: a log may come from elsewhere."""
+    """Plug-ins of the recorded run by kind. They are listed, never loaded, because a log may come from an untrusted source."""
 
 
 def source_of(log: Path) -> Source:
-    """Return a log with what its run folder's manifest says of it.
+    """Return a log with the settings in the manifest of its run folder.
 
     Raises:
         SettingsError: If the manifest cannot be used.
@@ -60,8 +60,10 @@ def source_of(log: Path) -> Source:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
     named = manifest.get("plugins")
     plugins = {str(kind): str(name) for kind, name in named.items()} if isinstance(named, dict) else {}
-    flown = folder / RUN_CONTROLLER
-    if flown.is_file():  # what a key named then, may be another one now
+    run_controller = folder / RUN_CONTROLLER
+    if not run_controller.is_file():
+        run_controller = folder / FORMER_RUN_CONTROLLER
+    if run_controller.is_file():  # the file that the key named may have changed since
         changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:
         base = mission_config(settings_of(scenario, Scenario, where=f"{where}: settings"), None)
@@ -72,8 +74,8 @@ def source_of(log: Path) -> Source:
         seed=seed,
         scenario=scenario,
         changed=changed,
-        controller=str(flown)
-        if flown.is_file()
+        controller=str(run_controller)
+        if run_controller.is_file()
         else None
         if "replay" in settings or "controller" in plugins
         else _controller(where, str(command)),
@@ -82,10 +84,10 @@ def source_of(log: Path) -> Source:
 
 
 def _controller(where: Path, command: str) -> str | None:
-    """Return the controller that drove a run whose folder does not hold it, as its command tells."""
+    """Return the controller file named by the command of a run whose folder does not hold the controller."""
     words = _words(command)
     if words[1:2] == ["reproduce"]:
-        made = where.resolve().parent.parent.parent / "controller.json"  # beside runs/, in which the run's folder lies
+        made = where.resolve().parent.parent.parent / "controller.json"  # next to runs/, which holds the run folder
         return str(made) if made.is_file() else None
     for word, following in zip(words, [*words[1:], ""], strict=True):
         option, sign, value = word.partition("=")
@@ -99,5 +101,5 @@ def _controller(where: Path, command: str) -> str | None:
 def _words(command: str) -> list[str]:
     try:
         return shlex.split(command)
-    except ValueError:  # not a shell's: somebody else wrote it
+    except ValueError:  # not valid shell syntax, so not written by this package
         return command.split()

@@ -1,6 +1,6 @@
-"""What a run is judged by: figures computed from the simulator's truth at 100 Hz, ``t = 0`` included.
+"""Scores of a run, computed from the simulator's ground truth at 100 Hz, ``t = 0`` included.
 
-The paper scores heading alone; roll-back, lateral drift and the friction margin stand beside it here.
+The paper scores the heading alone; roll-back, lateral drift and the friction margin are added here.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,19 +18,19 @@ from treadline.sim.contact_kernels import TOLERANCE_M_S2
 
 SETTLED_RAD = 2.0 * DEG
 STEADY_FROM_S = 20.0
-"""After any turn from ±30° has ended (Fig. 10)."""
+"""Start of the steady interval [s]: any turn from ±30° has ended before (Fig. 10)."""
 CREEP_FROM_S = 2.0
-"""After a hold: the ramp of 0.3 s is over, and what rocks on its nosings has come to rest."""
+"""Time after a hold from which creep is measured [s]: the speed ramp of 0.3 s has ended, and rocking on the nosings has decayed."""
 CREEP_LEAST_S = 10.0
-"""Shortest time over which a creep is told: at 0.1 mm/min a chair moves 17 µm in it, far above rounding."""
+"""Shortest interval of a creep measurement [s]: at 0.1 mm/min the chair moves 17 µm, far above rounding."""
 MARGIN_TICKS = 10
-"""Duration of a tip-over margin that counts, 0.1 s: with the centre of mass 0.5 m above the edge, a chair that is δ beyond its
-balance turns by g t²/2h = 0.1 δ meanwhile."""
+"""Shortest duration of a tip-over margin that counts [ticks]: 0.1 s, in which a chair that is δ beyond its balance turns by
+g t²/2h = 0.1 δ with the centre of mass 0.5 m above the edge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trace:
-    """Truth as columns, one row per 10 ms."""
+    """Ground truth as columns, one row per 10 ms."""
 
     columns: dict[str, Float[np.ndarray, " T"]]
 
@@ -39,7 +39,7 @@ class Trace:
         """Return the columns of a sequence of samples."""
         names = [item.name for item in fields(Truth)]
         rows = np.array([[getattr(sample, name) for name in names] for sample in samples], dtype=float)
-        rows = rows.reshape(-1, len(names))  # of no samples too
+        rows = rows.reshape(-1, len(names))  # also without samples
         return cls(columns={name: rows[:, i] for i, name in enumerate(names)})
 
     def __getitem__(self, name: str) -> Float[np.ndarray, " T"]:
@@ -48,67 +48,69 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scores:
-    """The figures of one traversal."""
+    """Scores of one traversal."""
 
     duration_s: float
     rms_heading_deg: float
-    """In the nosing plane, over the whole run."""
+    """RMS heading in the nosing plane over the whole run [°]."""
     rms_yaw_deg: float
-    """The same about gravity."""
+    """RMS yaw about gravity over the whole run [°]."""
     steady_rms_heading_deg: float | None
-    """From 20 s on; None when the run ended before."""
+    """RMS heading from 20 s on [°]; None if the run ended before."""
     settle_s: float | None
-    """Time after which |heading| stays within 2°; None when it never does."""
+    """Settling time [s], after which |heading| stays within 2°; None if the run ends outside."""
     final_heading_deg: float
     max_abs_heading_deg: float
     roll_back_m: float
-    """Largest retreat along the flight, against the direction of travel, from the furthest point reached before it."""
+    """Largest distance moved against the direction of travel [m], from the furthest point reached before."""
     lateral_m: float
-    """Largest distance across the flight from the start."""
+    """Largest distance across the flight from the start [m]."""
     climbed_m: float
     seat_rms_deg: float
     seat_max_deg: float
     max_pitch_rate_deg_s: float
-    """As a mean over 50 ms: what a body follows."""
+    """Largest pitch rate, mean over 50 ms [°/s]: faster changes do not move a body."""
     max_pitch_jolt_deg_s: float
-    """Of a single sample: a chair that rocks over steps uneven by 2 mm turns by tenths of a degree, but at once."""
+    """Largest pitch rate of a single sample [°/s]: a chair that rocks over steps uneven by 2 mm turns by tenths of a degree within
+    one sample."""
     min_stability_margin_deg: float
-    """Smallest tip-over margin that lasts 0.1 s: the least, over the run, of the largest in any ten samples in a row."""
+    """Smallest tip-over margin that lasts 0.1 s [°]: the minimum over the run of the maximum of any ten consecutive samples."""
     seconds_below_7_deg: float
-    """Time with a tip-over margin below 7°, the figure of ISO 7176-24; every sample counts, however short."""
+    """Time with a tip-over margin below 7° [s], the limit of ISO 7176-24; every sample counts."""
     max_friction_use: float
-    """Largest share of the friction circle that holding the heading took; 1 slides."""
+    """Largest share of the friction circle used to hold the heading; the chair slides at 1."""
     aligned_s: float | None
-    """When the chair was square to the stair and went for it; None if it never was, or began on the flight."""
+    """Time at which the chair, square to the stair, started the approach [s]; None without an approach."""
     aligned_rms_heading_deg: float | None
-    """From then on."""
+    """RMS heading from ``aligned_s`` on [°]."""
     aligned_max_heading_deg: float | None
+    """Largest |heading| from ``aligned_s`` on [°]."""
     passenger_max_m_s2: float
-    """Largest acceleration of the passenger, all three axes together, as a mean over 50 ms."""
+    """Largest magnitude of the passenger's acceleration, mean over 50 ms [m/s²]."""
     passenger_vertical_m_s2: float
-    """Largest vertical part of the passenger's acceleration, as a mean over 50 ms."""
+    """Largest vertical acceleration of the passenger, mean over 50 ms [m/s²]."""
     passenger_longitudinal_m_s2: float
-    """Largest horizontal part along the chair's forward axis, as a mean over 50 ms."""
+    """Largest horizontal acceleration along the chair's forward axis, mean over 50 ms [m/s²]."""
     passenger_lateral_m_s2: float
-    """Largest horizontal part across the chair's forward axis, as a mean over 50 ms."""
+    """Largest horizontal acceleration across the chair's forward axis, mean over 50 ms [m/s²]."""
     passenger_jerk_m_s3: float
-    """99th percentile of how fast that changes: it is a jolt that lasts, not one sample's noise."""
+    """Jerk of the passenger, 99th percentile of means over 50 ms [m/s³], which excludes noise of single samples."""
     airborne_share: float | None
-    """Share of the physics steps in which nothing touched the chair; None where the simulator does not report it."""
+    """Share of the physics steps without any contact of the chair; None where the simulator does not report it."""
     max_contact_force_share: float | None
     """Largest sum of the normal contact forces, as a share of the weight."""
     unconverged_share: float | None
     """Share of the ticks in which the residual of the contact forces exceeds the tolerance of the contact correction, 0.01 m/s²."""
     held_creep_mm_min: float | None
-    """Creep of a held chair over the stair, from 2 s after the hold to the end; None if it was watched for less than 10 s then."""
+    """Creep of a held chair over the stair [mm/min], from 2 s after the hold to the end; None if that is less than 10 s."""
     energy_wh: float
-    """Drawn from the battery for the belts, its own loss included; zero for a chair without [motor]."""
+    """Energy drawn from the battery for the belts [Wh], battery losses included; zero for a chair without [motor]."""
     peak_power_w: float
-    """Largest power drawn from the battery in a tick."""
+    """Largest power drawn from the battery in a tick [W]."""
     max_belt_force_n: float
-    """Largest traction of one belt, either way, as a mean over 50 ms."""
+    """Largest magnitude of the traction of one belt, mean over 50 ms [N]."""
     phases: tuple[tuple[float, str], ...]
-    """When each phase began."""
+    """Start time [s] and name of each phase of the mission."""
 
 
 UNMOVED = Scores(
@@ -149,9 +151,11 @@ UNMOVED = Scores(
 
 
 def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True, held_s: float | None = None) -> Scores:
-    """Return the figures of a run; the phases are the mission's own word. A run that ended before its first row moved nothing.
+    """Return the scores of a run; a run without samples scores zero.
 
     Args:
+        phases: Start time [s] and name of each phase, as the mission reports them.
+        upward: Whether the chair drives up the flight.
         held_s: Time of the hold that ended the run, if one did.
     """
     if not len(trace["t_s"]):
@@ -161,7 +165,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
     seat = trace["seat_pitch_rad"]
     onward = x if upward else -x
     aligned_s = next((t_s for t_s, phase in phases if phase == "approach"), None)
-    margin, ride = trace["stability_margin_rad"], comfort_of(trace)
+    margin, passenger = trace["stability_margin_rad"], comfort_of(trace)
     aligned = np.empty(0) if aligned_s is None else heading[t >= aligned_s]
     return Scores(
         duration_s=float(t[-1]),
@@ -184,11 +188,11 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         aligned_s=aligned_s,
         aligned_rms_heading_deg=rms(aligned) / DEG if aligned.size else None,
         aligned_max_heading_deg=float(np.abs(aligned).max()) / DEG if aligned.size else None,
-        passenger_max_m_s2=ride.total_m_s2,
-        passenger_vertical_m_s2=ride.vertical_m_s2,
-        passenger_longitudinal_m_s2=ride.longitudinal_m_s2,
-        passenger_lateral_m_s2=ride.lateral_m_s2,
-        passenger_jerk_m_s3=ride.jerk_m_s3,
+        passenger_max_m_s2=passenger.total_m_s2,
+        passenger_vertical_m_s2=passenger.vertical_m_s2,
+        passenger_longitudinal_m_s2=passenger.longitudinal_m_s2,
+        passenger_lateral_m_s2=passenger.lateral_m_s2,
+        passenger_jerk_m_s3=passenger.jerk_m_s3,
         airborne_share=_reported(trace["airborne_share"], np.mean),
         max_contact_force_share=_reported(trace["contact_force_share"], np.max),
         unconverged_share=_reported(trace["contact_residual_m_s2"] > TOLERANCE_M_S2, np.mean, trace["contact_residual_m_s2"]),
@@ -216,7 +220,7 @@ def comfort_of(trace: Trace) -> Comfort:
 
 
 def creep(trace: Trace, held_s: float) -> float | None:
-    """Return the creep of a chair held since ``held_s`` [mm/min], along and across the stair together; None if it is too short."""
+    """Return the creep of a chair held since ``held_s`` [mm/min], along and across combined; None if the record is too short."""
     watched = np.flatnonzero(trace["t_s"] >= held_s + CREEP_FROM_S)
     if watched.size == 0:
         return None
@@ -228,9 +232,9 @@ def creep(trace: Trace, held_s: float) -> float | None:
 
 
 def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:
-    """Return the smallest value that lasts: the minimum over time of the maximum over ``ticks`` samples in a row.
+    """Return the minimum over time of the maximum over ``ticks`` consecutive samples.
 
-    A dip shorter than that does not count; a run shorter than that is one window.
+    Shorter dips do not count; a shorter run is one window.
     """
     window = min(ticks, len(values))
     return float(np.lib.stride_tricks.sliding_window_view(values, window).max(axis=1).min())
@@ -239,7 +243,7 @@ def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) 
 def settling_time(
     t_s: Float[np.ndarray, " T"], heading_rad: Float[np.ndarray, " T"], within_rad: float = SETTLED_RAD
 ) -> float | None:
-    """Return the time from which on the heading stays within a band, or None if the run ends outside it."""
+    """Return the time from which the heading stays within a band [s], or None if the run ends outside."""
     outside = np.flatnonzero(np.abs(heading_rad) > within_rad)
     if outside.size == 0:
         return 0.0

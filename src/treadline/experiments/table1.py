@@ -1,4 +1,4 @@
-"""Table I as it was run: the paper's parameters beside ours, read from the objects that ran."""
+"""Table I as it was run: the paper's parameters next to ours, read from the objects that ran."""
 
 from typing import Any
 

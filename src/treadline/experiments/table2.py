@@ -1,8 +1,8 @@
 """Table II and Fig. 10: heading from ±30° back to zero, on three slopes.
 
 Paper: Section VI.C.2, Fig. 10, Table II. "Over the 80 s, transient included" is the reading that agrees with the
-printed numbers; the paper does not say. Beside each figure stand roll-back, contact, the passenger's acceleration and the margins.
-On Table I's friction frames are rendered; on the other friction the statistical camera stands for them.
+printed numbers; the paper does not state the interval. Each row also has roll-back, contact, passenger acceleration and
+margins. With Table I's friction frames are rendered; with the other friction the statistical camera replaces them.
 """
 
 import itertools

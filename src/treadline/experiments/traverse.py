@@ -137,50 +137,50 @@ def run_episode(
         SettingsError: If a block cannot be built.
     """
     scenario = setup.scenario
-    ride = _Ride(scenario, setup.seed, sink)
+    recorder = _EpisodeRecorder(scenario, setup.seed, sink)
     refusal = "; ".join(setup.rejections) if setup.is_full_traversal and setup.rejections else None
     if refusal is None and blocks is None:
         blocks = setup.build_blocks()
     if setup.seat_shift is not None:
-        ride.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
+        recorder.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
     if refusal is not None:
-        ride.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
+        recorder.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
     plant = setup.open_plant()
     started = time.process_time() - compiling().spent_s
     try:
         if blocks is None or refusal is not None:
             plant.start()
-            ride.collect(plant)
+            recorder.collect(plant)
             over: tuple[str, str | None] = ("refused", refusal)
         else:
-            over = _drive(setup, plant, blocks, ride, watch, after_hold_s)
+            over = _drive(setup, plant, blocks, recorder, watch, after_hold_s)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.
         over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
     finally:
         plant.close()
-    return ride.result(over, time.process_time() - compiling().spent_s - started)
+    return recorder.result(over, time.process_time() - compiling().spent_s - started)
 
 
 def _drive(
-    setup: Setup, plant: TruthPlant, blocks: Blocks, ride: "_Ride", watch: Watch | None, after_hold_s: float
+    setup: Setup, plant: TruthPlant, blocks: Blocks, recorder: "_EpisodeRecorder", watch: Watch | None, after_hold_s: float
 ) -> tuple[str, str | None]:
     """Run the mission to its end; return verdict and cause."""
     ending = _Ending(setup.scenario, setup.mission.chair)
     faults = setup.scenario.fault
-    mission = Mission(plant, blocks, ride.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
+    mission = Mission(plant, blocks, recorder.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
     over: tuple[str, str | None] | None = None
     held_s = 0.0
     while over is None or (over[0] == "held" and held_s < after_hold_s):
         tick = mission.tick()
-        ride.note(tick, plant)
+        recorder.note(tick, plant)
         if watch is not None:
             watch(tick)
         if over is None:
-            over = ending.verdict(ride.truth[-1], tick.plan, blocks.guard.holding)
+            over = ending.verdict(recorder.truth[-1], tick.plan, blocks.guard.holding)
         else:
             held_s += TICK_S
-            over = ending.fall(ride.truth[-1]) or over
+            over = ending.fall(recorder.truth[-1]) or over
     return over
 
 
@@ -216,7 +216,7 @@ def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
     return lambda message: replace(message, t_s=stamp_of(faults, MESSAGES[type(message)], message.t_s))
 
 
-class _Ride:
+class _EpisodeRecorder:
     """Recorder of one run: ground truth, estimates, phases and events."""
 
     def __init__(self, scenario: Scenario, seed: int, sink: Sink | None) -> None:
@@ -255,7 +255,7 @@ class _Ride:
                 self._sink(sample, sample.t_s)
 
     def _held_s(self) -> float | None:
-        """Return the time of the last hold, unless a person re-armed after it."""
+        """Return the time of the last hold [s], or None if a person re-armed after the hold."""
         last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
         return last.t_s if last is not None and last.name == "hold" else None
 

@@ -126,7 +126,7 @@ VARIATIONS = (
     Variation(name="lugs half a pitch on", group=LUG_GROUP, lug_phase=0.5),
 )
 MAIN_SOURCES = ("step", "stiffness", "friction")
-"""Sources that ``results.json`` shows beside each figure."""
+"""Sources that ``results.json`` shows next to each figure."""
 SOURCES = tuple(dict.fromkeys(item.group for item in VARIATIONS if item is not NOMINAL_VARIATION))
 SUMMED = tuple(group for group in SOURCES if group not in (SEED_GROUP, COARSE_GROUP, *PARTS_OF_FRICTION))
 """Independent sources, which enter the root sum of squares."""

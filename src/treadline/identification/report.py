@@ -8,6 +8,7 @@ import numpy as np
 
 from treadline.identification import validate
 from treadline.models import InputOutputRecord, LinearModel
+from treadline.printing import p_text
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -144,10 +145,10 @@ def validation_warnings(
     if judged is not fitted:
         found += _low_motion_warnings(model, fitted, judged)
     if scores.whiteness_p is not None and scores.whiteness_p < P_VALUE_LIMIT:
-        found.append(f"the residuals are not white (p = {scores.whiteness_p:.1e}): the model lacks dynamics of the noise")
+        found.append(f"the residuals are not white ({p_text(scores.whiteness_p)}): the model lacks dynamics of the noise")
     if scores.crosscorrelation_p is not None and scores.crosscorrelation_p < P_VALUE_LIMIT:
         found.append(
-            f"the residuals still depend on the inputs (p = {scores.crosscorrelation_p:.1e}): a higher order, a delay or a "
+            f"the residuals still depend on the inputs ({p_text(scores.crosscorrelation_p)}): a higher order, a delay or a "
             "nonlinearity is missing"
         )
     return found

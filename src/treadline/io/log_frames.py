@@ -1,4 +1,4 @@
-"""Depth, colour and calibration of a log put together: ``Image``, ``Image``, ``CameraInfo`` -> ``RgbdFrame``."""
+"""Assembly of frames from depth, colour and calibration messages: ``Image``, ``Image``, ``CameraInfo`` -> ``RgbdFrame``."""
 
 import math
 from collections.abc import Callable
@@ -12,14 +12,14 @@ from treadline.io.topics import Topics
 from treadline.signals import PinholeCamera, RgbdFrame
 
 PAIR_S = 0.02
-"""Between a depth image and its colour image: two thirds of a frame at 30 Hz."""
+"""Largest time between a depth image and its colour image [s]: two thirds of a frame period at 30 Hz."""
 PLAUSIBLE_M = (0.05, 100.0)
-"""Median depth of a frame: outside it, the unit is wrong by a thousand."""
+"""Plausible range of the median depth of a frame [m]; outside, the depth unit is wrong by a factor of 1000."""
 NO_RETURN = 65535
 BGR = ("bgr8", "bgra8", "8UC3")
 
 Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
-"""From the log's calibration, None if it has none, and the size of its images, to the one that counts."""
+"""Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
 
 
 def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
@@ -29,7 +29,7 @@ def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCam
 
 
 class Frames:
-    """Holds one depth and one colour image, until they and a calibration make a frame."""
+    """Pairs depth and colour images of equal time with a calibration to frames."""
 
     def __init__(
         self,
@@ -42,8 +42,11 @@ class Frames:
         """Start without images.
 
         Args:
-            unit_m: One count of a depth image of 16 bits.
-            unpaired: Is told the time of a depth image that made no frame, and why.
+            topics: Topics by role.
+            size: Width and height of the images [px].
+            unit_m: Depth per count of a 16-bit depth image [m].
+            calibrate: Function that returns the calibration to use.
+            unpaired: Called with the time of a depth image without a frame [s], and the reason.
         """
         self._topics = topics
         self._size = size
@@ -55,10 +58,10 @@ class Frames:
         self._color: Picture | None = None
 
     def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
-        """Take a calibration; return the frame that it completes.
+        """Store a calibration; return the frame that it completes, if any.
 
         Raises:
-            ImageError: If it has no focal length.
+            ImageError: If the calibration has no focal length.
         """
         self._camera = given = self._calibrate(camera, self._size)
         if given is None or not (given.fx_px > 0.0 and given.fy_px > 0.0 and math.isfinite(given.cx_px + given.cy_px)):
@@ -69,14 +72,14 @@ class Frames:
         return self._whole()
 
     def depth(self, image: Picture) -> RgbdFrame | None:
-        """Take a depth image; return the frame that it completes."""
+        """Store a depth image; return the frame that it completes, if any."""
         if self._depth is not None:
             self._unpaired(self._depth.t_s, "no calibration yet" if self._camera is None else "no colour image of its time")
         self._depth = image
         return self._whole()
 
     def color(self, image: Picture) -> RgbdFrame | None:
-        """Take a colour image; return the frame that it completes."""
+        """Store a colour image; return the frame that it completes, if any."""
         self._color = image
         return self._whole()
 

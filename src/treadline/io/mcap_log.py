@@ -68,22 +68,22 @@ class RunLog:
         stamp_ns = nanoseconds_of(signal.t_s)
         taken_ns = stamp_ns if taken_s is None else nanoseconds_of(taken_s)
         messages = self._messages(signal)
-        with deferred(), self._told():
+        with deferred(), self._write_errors():
             for topic, kind, data in messages:
                 channel = self._channel(topic, kind)
                 self._writer.add_message(channel, taken_ns, data, stamp_ns, self._counts[channel])
                 self._counts[channel] += 1
 
     def close(self) -> None:
-        """Finish the file and give it its name.
+        """Finish the file and rename it to its final name.
 
         Raises:
-            TreadlineError: If it cannot be finished, as on a full disk; nothing is left of it then.
+            TreadlineError: If writing fails, for example on a full disk; the temporary file is removed.
         """
         if self._file.closed:
             return
         try:
-            with deferred(), self._told():
+            with deferred(), self._write_errors():
                 self._writer.finish()
                 self._file.close()
                 self._temporary.replace(self._path)
@@ -94,7 +94,7 @@ class RunLog:
             raise
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _write_errors(self) -> Iterator[None]:
         try:
             yield
         except OSError as error:

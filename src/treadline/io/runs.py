@@ -1,7 +1,7 @@
 """File names and writers of a run folder.
 
 manifest.json holds the settings, result.json the result, series.csv the time series, log.mcap the signals, record.csv the
-input-output record and ``flown-controller.json`` the controller.
+input-output record and ``run-controller.json`` the controller.
 """
 
 import json
@@ -21,10 +21,22 @@ LOG = "log.mcap"
 """File name of the MCAP log."""
 MANIFEST = "manifest.json"
 """File name of the manifest."""
-RUN_CONTROLLER = "flown-controller.json"
+RUN_CONTROLLER = "run-controller.json"
 """File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
 into run folders, and no run may remove it."""
-WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, RUN_CONTROLLER, "report.html", "figures/run.svg")
+FORMER_RUN_CONTROLLER = "flown-controller.json"
+"""Former name of ``RUN_CONTROLLER``, still read for one release."""
+WRITTEN = (
+    "result.json",
+    "series.csv",
+    LOG,
+    f"{LOG}.part",
+    RECORD,
+    RUN_CONTROLLER,
+    FORMER_RUN_CONTROLLER,
+    "report.html",
+    "figures/run.svg",
+)
 """Files written by a run and its report, besides the manifest."""
 SERIES_EVERY = 10
 """Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""

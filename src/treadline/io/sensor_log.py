@@ -34,19 +34,19 @@ from treadline.signals import (
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0
-"""How far the stamps of two topics may lie apart where they stand side by side in the file; a longer leap is another clock."""
+"""Window in which readings of several topics are sorted by time [s]; a larger jump of a topic's stamps is a leap of its clock."""
 SILENCE_S = 60.0
-"""A longer pause is another recording."""
+"""Longest gap within one recording [s]."""
 EVENTS_MAX = 20
-"""Of one kind on one topic; the rest is only counted."""
+"""Largest number of events per topic and reason; further ones are only counted."""
 
 
 class SensorLog:
-    """One recording.
+    """Recorded sensor readings of one log, in time order.
 
     Raises:
-        LogFormatError: If it is missing, damaged, or holds nothing to replay.
-        SettingsError: If a topic is named that it does not have.
+        LogFormatError: If the log is missing, damaged, or holds nothing to replay.
+        SettingsError: If a named topic is not in the log.
     """
 
     def __init__(
@@ -61,10 +61,11 @@ class SensorLog:
         """Survey a log.
 
         Args:
-            named: Topics by role, where the types do not tell.
-            sealed: Whether it is a run's own log, with checksums everywhere.
-            depth_unit_m: One count of a depth image of 16 bits.
-            calibrate: Gives the camera its mount, and the intrinsics that the log lacks or has wrong.
+            path: Log file, or folder of a bag.
+            named: Topics by role, where the types are ambiguous.
+            sealed: Whether the log belongs to a run folder and has checksums throughout.
+            depth_unit_m: Depth per count of a 16-bit depth image [m].
+            calibrate: Function that sets the camera's mount, and intrinsics that are missing or wrong in the log.
         """
         self._path = path
         self._sealed = sealed
@@ -73,7 +74,7 @@ class SensorLog:
         self.found = survey(path, sealed=sealed)
         self.topics = roles(path, self.found, named or {}, calibrated=calibrate(None, (1, 1)) is not None)
         self.dropped: Counter[str] = Counter()
-        """Messages that were not handed out, by topic and reason."""
+        """Number of dropped messages by topic and reason."""
         self.ended: str | None = None
         """Why the recording ended before its last message, if it did."""
         self._roles = {name: role for role, name in _named(self.topics) if name is not None}
@@ -84,7 +85,7 @@ class SensorLog:
 
     @property
     def shows_stair(self) -> bool:
-        """Whether it tells where nosings are: in images, or as a camera without images saw them."""
+        """Whether the log holds nosing positions: in images, or in stair maps of a camera without images."""
         return self.topics.depth is not None or "/stair/map/detail" in self.found
 
     def signals(self, aside: Callable[[Any], None]) -> Iterator[Reading]:
@@ -137,12 +138,12 @@ class SensorLog:
         return belts is not None and belts.kind == OURS[BELTS][0] and abs(belts.first_ns - belts.stamp_ns) < HORIZON_S * 1e9
 
     def _due_s(self, signal: Reading, logged_ns: int) -> float:
-        """Return when a reading is due: at its arrival where the log kept it, never before its stamp."""
+        """Return the time at which a reading is due [s]: its arrival, if logged, but never before its stamp."""
         return max(signal.t_s, seconds_of(logged_ns - self._origin_ns)) if self._has_arrivals else signal.t_s
 
     def _wants(self, name: str) -> bool:
         ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
-        # A camera that looks for itself leaves no images, but what it saw.
+        # A camera that processes its images itself logs stair maps instead of images.
         looked = name in LOOKED and self.found[name].kind == LOOKED[name][0] and self.topics.depth is None
         return name in self._roles or ours or looked
 
@@ -171,7 +172,7 @@ class SensorLog:
         return signal if self._in_order(name, signal.t_s, logged_ns) and self._finite(name, signal) else None
 
     def _in_order(self, name: str, t_s: float, logged_ns: int) -> bool:
-        """Say whether a message comes after the one before on its topic, and end where the clock has leapt."""
+        """Return whether a message is later than the previous one of its topic; a leap of the clock ends the recording."""
         if name in self._last:
             before_s, before_ns = self._last[name]
             step_s, logged_s = t_s - before_s, (logged_ns - before_ns) / 1e9
@@ -191,7 +192,7 @@ class SensorLog:
             case HeadingMeasurement():
                 finite = math.isfinite(signal.heading_rad) and math.isfinite(signal.sigma_rad)
             case _:
-                return True  # the leveller answers a seat's NaN with standstill; without it the seat would go on
+                return True  # the leveller needs a NaN of the seat, which stops the actuator
         if not finite:
             self._drop(signal.t_s, name, "not finite", f"at {signal.t_s:.3f} s")
         return finite
@@ -212,7 +213,7 @@ class SensorLog:
         self._drop(t_s, str(self.topics.depth), reason, f"at {t_s:.3f} s")
 
     def _drop(self, t_s: float, name: str, reason: str, number: str) -> None:
-        """Count a message that is not handed out, and tell of the first ones."""
+        """Count a dropped message; the first ones of a kind also become events."""
         key = f"{name}: {reason}"
         self.dropped[key] += 1
         if self.dropped[key] <= EVENTS_MAX:

@@ -78,7 +78,7 @@ class _RosBag:
 
 
 def _messages(signal: Any, writer: type[CdrWriter] = CdrWriter) -> list[Message]:
-    """Return what a signal is written as: on its own topic, with what nodes tell others beside what a run's log knows."""
+    """Return the messages of a signal: those of a run's log, and those that only nodes publish."""
     channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
     return messages_of(signal, writer=writer) if channel is None else encoded(channel, signal, ros1=writer is Ros1Writer)
 

@@ -1,7 +1,7 @@
 """The block nodes: each subscribes to channels, hands the signals to its block and publishes the block's outputs.
 
-Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`` ─► ``driver`` ─► ``guard`` ─► ``plant``, with ``seat``
-beside them. The nodes compute nothing: the blocks are those of ``mission.loop``.
+Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`` ─► ``driver`` ─► ``guard`` ─► ``plant``, and
+``seat`` in parallel. The nodes compute nothing: the blocks are those of ``mission.loop``.
 """
 
 from typing import Protocol, runtime_checkable
@@ -87,7 +87,7 @@ class CameraNode:
         self._admission = ReadingAdmission(config)
 
     def listen(self, transport: Transport) -> None:
-        """Subscribe to frames or measurements, and to the readings that tell gravity and travel."""
+        """Subscribe to frames or measurements, and to the readings of gravity and travel."""
         self._publish = transport.publish
         transport.subscribe(on.IMU, self._take_imu)
         transport.subscribe(on.TRACKS, self._admission.admit)

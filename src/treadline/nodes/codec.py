@@ -35,13 +35,13 @@ from treadline.nodes.node_messages import Beat, Clock, GuardState, Mounts, Odome
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
-"""Hardware id of a sign of life."""
+"""Hardware id of a heartbeat in a diagnostic message."""
 BASE = "base_link"
-"""The chair's frame B, as its URDF calls it."""
+"""Name of the chair's frame B in its URDF."""
 AHEAD = 8
-"""Images that wait for their partner, which is on its way by another connection."""
+"""Largest number of images buffered until their depth or colour image arrives on its own connection."""
 MILLIMETRE = 0.001
-"""One count of a depth image of 16 bits, as drivers of depth cameras have it."""
+"""Depth per count of a 16-bit depth image [m], the convention of ROS drivers."""
 
 
 def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
@@ -59,11 +59,11 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
             w.doubles(signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s)
             return [(channel, on.CHANNELS[on.TWIST].topics[0].kind, w.message())]
         case Beat():
-            told = (int(signal.state != "ready"), signal.node, signal.state, NODE)
-            return [status_message(channel, signal.t_s, told, {}, signal.node, writer)]
+            status_fields = (int(signal.state != "ready"), signal.node, signal.state, NODE)
+            return [status_message(channel, signal.t_s, status_fields, {}, signal.node, writer)]
         case GuardState():
-            told = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
-            return [status_message(channel, signal.t_s, told, {}, "guard", writer)]
+            status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
+            return [status_message(channel, signal.t_s, status_fields, {}, "guard", writer)]
         case Odometry():
             return [_odometry_message(channel, signal, writer), _frames_message("/tf", signal.t_s, [_moved(signal)], writer)]
         case Mounts():
@@ -75,10 +75,10 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
 
 
 class Decoder:
-    """Messages of one channel to signals; the pictures of a frame wait for each other here.
+    """Decoder of one channel: messages to signals. Depth and colour image of a frame are paired here.
 
     Args:
-        mount: The camera whose place on the chair frames get: a ``CameraInfo`` does not tell it.
+        mount: Camera with the mount on the chair, which a ``CameraInfo`` does not hold.
     """
 
     def __init__(self, channel: str, *, ros1: bool, mount: PinholeCamera | None = None) -> None:
@@ -214,18 +214,18 @@ def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Mess
     names = ("since_s", "disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
     numbers = {name: getattr(health, name) for name in names}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
-    told = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
-    return status_message(channel, health.t_s, told, values, "stair", writer)
+    status_fields = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
+    return status_message(channel, health.t_s, status_fields, values, "stair", writer)
 
 
 def _health(r: CdrReader) -> HeadingHealth:
-    told = status(r)
-    numbers = {name: float(value) for name, value in told.values.items()}
+    received = status(r)
+    numbers = {name: float(value) for name, value in received.values.items()}
     return HeadingHealth(
-        t_s=told.t_s,
-        fault=one_of(FaultKind, told.name) if told.name else None,
+        t_s=received.t_s,
+        fault=one_of(FaultKind, received.name) if received.name else None,
         since_s=numbers.get("since_s"),
-        cause=told.message or None,
+        cause=received.message or None,
         disagreement_rad=numbers["disagreement_rad"],
         unseen_s=numbers["unseen_s"],
         bias_rad_s=numbers["bias_rad_s"],
@@ -235,15 +235,15 @@ def _health(r: CdrReader) -> HeadingHealth:
 
 
 def _diagnosis(r: CdrReader) -> Beat | Event:
-    told: DiagnosticStatus = status(r)
-    if told.hardware == NODE:
-        return Beat(t_s=told.t_s, node=told.name, state=told.message)
-    return Event(t_s=told.t_s, name=told.name, cause=told.message)
+    received: DiagnosticStatus = status(r)
+    if received.hardware == NODE:
+        return Beat(t_s=received.t_s, node=received.name, state=received.message)
+    return Event(t_s=received.t_s, name=received.name, cause=received.message)
 
 
 def _guard_state(r: CdrReader) -> GuardState:
-    told = status(r)
-    return GuardState(t_s=told.t_s, holding=told.message if told.level else None)
+    received = status(r)
+    return GuardState(t_s=received.t_s, holding=received.message if received.level else None)
 
 
 def _drive(r: CdrReader) -> VelocityCommand:

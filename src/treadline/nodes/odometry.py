@@ -1,4 +1,4 @@
-"""Where the chair has come by its belts, for RViz and other planners; nothing of ours steers by it.
+"""Odometry of the belts, for RViz and other planners; no block of this package uses it.
 
 ``ImuSample, TrackReading -> Odometry``.
 """
@@ -13,11 +13,11 @@ from treadline.nodes.node_messages import Odometry
 from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2
-"""Between two readings of the belts, over which nothing is made up."""
+"""Longest interval between two belt readings that is integrated [s]."""
 
 
 class DeadReckoning:
-    """Adds up what the belts run along the way that the IMU says the chair looks; belts slip, and nothing corrects it."""
+    """Dead reckoning: integrates the belt speed along the forward axis from the IMU. Slip is not corrected."""
 
     def __init__(self) -> None:
         self._p_OB = np.zeros(3)
@@ -25,11 +25,11 @@ class DeadReckoning:
         self._t_s: float | None = None
 
     def update(self, sample: ImuSample) -> None:
-        """Take an attitude."""
+        """Store the newest attitude."""
         self._imu = sample
 
     def step(self, reading: TrackReading) -> Odometry | None:
-        """Return where the chair is after what the belts ran; None before the first attitude."""
+        """Return the odometry after a belt reading; None before the first attitude."""
         if self._imu is None:
             return None
         forward_W = rotation_of(self._imu.orientation)[:, 0]
@@ -48,7 +48,7 @@ class DeadReckoning:
 
 
 def _speed(reading: TrackReading, *, pitched: bool) -> float:
-    """Return how fast the chair goes: as its belts on average; on a flight as the slower one, for the other slips in a turn."""
+    """Return the chair's speed [m/s]: the mean of the belts; on a flight the slower belt's, because the other slips in a turn."""
     left, right = reading.left_m_s, reading.right_m_s
     if not pitched:
         return 0.5 * (left + right)

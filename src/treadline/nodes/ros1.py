@@ -24,8 +24,8 @@ class Ros1Transport(WireTransport):
     """One node on a roscore.
 
     Args:
-        node: Its name in the graph.
-        arguments: ROS's own remappings, as ``/camera/color/image_raw:=/camera``.
+        node: Name of the node in the ROS graph.
+        arguments: ROS remappings, such as ``/camera/color/image_raw:=/camera``.
     """
 
     ros1 = True
@@ -72,15 +72,15 @@ class Ros1Transport(WireTransport):
 
 
 QUEUE = 30
-"""Messages that rospy keeps for a listener that is late: three seconds of pictures. The listener's own queue says what counts."""
+"""Shortest queue of a publisher for slow subscribers [messages]: three seconds of images."""
 IMAGE_BUFFER = 1 << 22
-"""Bytes: two frames of VGA with depth; a smaller one reads an image in pieces, late …"""
+"""Receive buffer for images [bytes]: two VGA frames with depth. A smaller buffer splits an image into several late reads."""
 BUFFER = 1 << 16
-"""… but each read allocates a whole one, which costs a small message more than all the rest of its way."""
+"""Receive buffer for other messages [bytes]: each read allocates a whole buffer, the largest cost of a small message."""
 
 
 def _raw(kind: str) -> Any:
-    """Return a message class of this type that holds its bytes as they travel."""
+    """Return a message class of this type that holds the serialised bytes."""
     package, _, name = kind.split("/")
     try:
         real = getattr(importlib.import_module(f"{package}.msg"), name)
@@ -104,11 +104,11 @@ def _read(message: Any, data: bytes) -> Any:
 
 
 _RAW = {"__init__": _keep, "serialize": _write, "deserialize": _read}
-"""Without a header in rospy's eyes: it would set stamps and sequence numbers, and ours are written."""
+"""Methods of message classes that hold bytes; the header is hidden, because rospy would overwrite stamp and sequence number."""
 
 
 def _bytes_of(message: Any) -> bytes:
-    """Return a message as it travelled; under ``use_sim_time`` rospy takes the clock first, as a message of its own."""
+    """Return the serialised bytes; under ``use_sim_time`` rospy subscribes to the clock first, with its own message class."""
     if hasattr(message, "data"):
         data: bytes = message.data
         return data

@@ -27,7 +27,7 @@ class WarmUpPose:
     """Pose of the chair before, on, or at the end of a flight."""
 
     from_foot_m: float
-    """Horizontal distance from the first nosing to mid-track, positive on the flight."""
+    """Horizontal distance from the first nosing to mid-track [m], positive on the flight."""
     pitched: bool
     """Whether the chair lies on the flight."""
     heading_rad: float
@@ -40,7 +40,7 @@ VIEWS = tuple(
         ((-1.6, False, STEPS), (-1.0, False, STEPS), (0.9, True, STEPS), (1.2, True, 6)), (0.0, 8.0)
     )
 )
-"""Before the flight, on the flight, and where its end is in view: square and turned."""
+"""Poses of the warm-up frames: before the flight, on the flight, and with the end of the flight in view, each square and turned."""
 
 
 def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFrame, Float[np.ndarray, " 3"]]]:

@@ -123,13 +123,13 @@ class WireTransport:
         return BATCH
 
     def newest(self, channel: str) -> Any | None:
-        """Return the last signal received on a channel of one topic, also one that still waits; None before the first."""
+        """Return the last signal received on a channel of one topic, whether processed or queued; None before the first."""
         (topic,) = CHANNELS[channel].topics
         data = self.inbox.newest.get(topic.name)
         return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
 
     def trouble(self, channel: str) -> str | None:
-        """Return why a channel may stay silent (another type, no publisher), as far as the wire tells; None if it should not."""
+        """Return why a channel has no messages (wrong type, no publisher), if the transport reports it; otherwise None."""
         for topic in CHANNELS[channel].topics:
             if not topic.read:
                 continue

@@ -16,20 +16,20 @@ from treadline.nodes.wire import WireTransport
 from treadline.signals import PinholeCamera
 
 ENDPOINT = "tcp/127.0.0.1:7447"
-"""Where rmw_zenoh's router listens, too."""
+"""Default endpoint, the same as of rmw_zenoh's router."""
 ATTACHMENT = struct.Struct("<qqB16s")
 GID_BYTES = 16
 LIVELINESS = "@ros2_lv"
 TRANSIENT_LOCAL = 1
-"""As rmw counts durabilities; who comes later hears it anyway, for it is said again."""
+"""Transient-local durability in rmw's numbering; late subscribers also get the static frames, which are published every second."""
 
 
 class ZenohTransport(WireTransport):
     """One node on zenoh.
 
     Args:
-        node: Its name in the graph.
-        listen: Whether others find each other through this node; where something else listens already, it is found there.
+        node: Name of the node in the ROS graph.
+        listen: Whether this node listens for others at the endpoint; if another process does, that one is used.
     """
 
     def __init__(
@@ -46,17 +46,17 @@ class ZenohTransport(WireTransport):
         self._kept: list[Any] = [self._token(next(self._ids), "NN", ())]
 
     def close(self) -> None:
-        """Leave; tokens go with the session."""
+        """Close the session and its liveliness tokens."""
         self._session.close()
 
     def _open(self, endpoint: str, *, listen: bool) -> Any:
-        """Return a session: of the one who listens, or of one who has found it."""
+        """Return a session that listens at the endpoint or is connected to it."""
         try:
             if listen:
                 try:
                     return self._zenoh.open(self._config(listen=endpoint))
                 except self._zenoh.ZError:
-                    pass  # a router is there already
+                    pass  # another process listens at the endpoint
             return self._zenoh.open(self._config(connect=endpoint))
         except self._zenoh.ZError as error:
             raise TreadlineError(f"zenoh: {endpoint}: {_line(error)}; give --endpoint as tcp/127.0.0.1:7447") from None
@@ -69,7 +69,7 @@ class ZenohTransport(WireTransport):
         config.insert_json5("transport/shared_memory/enabled", "false")
         if connect is not None:
             config.insert_json5("connect/endpoints", f'["{connect}"]')
-            # Nodes start in any order, and one that was killed comes back.
+            # Nodes start in any order and may restart, so the connection is retried.
             config.insert_json5("connect/timeout_ms", "-1")
             config.insert_json5("connect/exit_on_failure", "false")
             config.insert_json5("connect/retry", "{period_init_ms: 100, period_max_ms: 500, period_increase_factor: 1.5}")
@@ -80,14 +80,14 @@ class ZenohTransport(WireTransport):
         return f"{self._domain}/{topic.lstrip('/')}/{package}::msg::dds_::{name}_/{self._store.hash_rihs01(kind)}"
 
     def _token(self, entity: int, what: str, about: tuple[str, ...]) -> Any:
-        """Say that a node (NN), publisher (MP) or subscriber (MS) is there."""
+        """Return a liveliness token for a node (NN), publisher (MP) or subscriber (MS)."""
         names = ("%", "%", self._node)
         key = "/".join((LIVELINESS, str(self._domain), self._zid, "0", str(entity), what, *names, *about))
         return self._session.liveliness().declare_token(key)
 
     def _about(self, topic: str, kind: str, depth: int, *, kept: bool = False) -> tuple[str, ...]:
         package, _, name = kind.split("/")
-        # Quality of service as rmw_zenoh writes it: reliability, durability, history and depth, what is default left out.
+        # Quality of service in the format of rmw_zenoh: reliability, durability, history and depth; defaults stay empty.
         return (
             topic.replace("/", "%"),
             f"{package}::msg::dds_::{name}_",
@@ -96,7 +96,7 @@ class ZenohTransport(WireTransport):
         )
 
     def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
-        # What a tick says goes out together where the link is busy: an express message each would cost every listener a wake-up.
+        # Not express: zenoh batches the messages of a tick on a busy link, which saves subscribers one wake-up per message.
         publisher = self._session.declare_publisher(self._key(topic, kind), congestion_control=self._zenoh.CongestionControl.BLOCK)
         self._publishers[topic] = publisher, os.urandom(GID_BYTES), itertools.count(1)
         self._kept.append(self._token(next(self._ids), "MP", self._about(topic, kind, channel.depth, kept=channel.kept)))

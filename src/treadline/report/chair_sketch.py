@@ -64,7 +64,7 @@ def draw_camera(pen: Pen, machine: ChairDescription) -> None:
 
 
 def name_linkage(pen: Pen, machine: ChairDescription, slope_rad: float) -> None:
-    """Write the names of the linkage's parts beside a chair whose seat is level on a slope."""
+    """Label the parts of the seat linkage of a chair whose seat is horizontal on a slope."""
     parts = machine.seat
     hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
     slider = hinge - np.array([SeatLinkage(parts).stroke(slope_rad), parts.slider_drop_m])

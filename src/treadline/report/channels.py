@@ -1,4 +1,4 @@
-"""What a channel's name says: the quantity, and the unit its ending stands for."""
+"""Labels of channels: quantity and unit, from the suffix of the name."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,24 +6,24 @@ from dataclasses import dataclass
 from treadline.units import UNITS, unit_ending
 
 UNKNOWN = "own unit"
-"""On an axis, where a name says none."""
+"""Unit label of a channel whose name has no unit suffix."""
 LONGEST = 26
-"""Characters of a name that a panel has room for."""
+"""Longest name that fits a panel [characters]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnLabel:
-    """One column of a record."""
+    """Label of one column of a record."""
 
     name: str
-    """As recorded."""
+    """Name in the record."""
     quantity: str
-    """For a figure: without the ending that is its unit, short, printable, and no formula."""
+    """Quantity in a figure: the name without its unit suffix, shortened, printable characters only."""
     unit: str | None
 
 
 def channel(name: str) -> ColumnLabel:
-    """Return what a name says."""
+    """Return the label of a channel."""
     ending = unit_ending(name)
     if ending is None:
         return ColumnLabel(name=name, quantity=_drawable(name), unit=None)
@@ -31,14 +31,13 @@ def channel(name: str) -> ColumnLabel:
 
 
 def suffix(unit: str) -> str:
-    """Return a unit as it follows a number."""
+    """Return a unit with the space that separates it from a number."""
     return unit if unit in ("", "°") else f" {unit}"
 
 
 def _drawable(text: str) -> str:
     shown = "".join(letter for letter in text if letter.isprintable())
-    shown = shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…"
-    return shown.replace("$", r"\$")  # matplotlib would read a formula between two
+    return shown if len(shown) <= LONGEST else shown[: LONGEST - 1] + "…"
 
 
 def ratio_unit(output: ColumnLabel, given: ColumnLabel) -> str:

@@ -13,9 +13,9 @@ from treadline.report.sensitivity import with_moves
 QUICK = "quick run: not judged"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
 RMS_TARGETS = {0.62: 2.3, 0.9: 2.0}
-"""By friction along the belt: RMS heading over 80 s from ±30°, average of the slopes [deg]."""
+"""Target RMS heading over 80 s from ±30°, average of the slopes [deg], by friction along the belt."""
 ROLL_BACK_TARGETS = {25: 0.02, 28: 0.05, 30: 0.15}
-"""By slope [deg], on Table I's friction: largest roll-back [m]."""
+"""Largest accepted roll-back [m] with Table I's friction, by slope [deg]."""
 SMOOTH_BELT = "none"
 """Lug of a smooth belt, as a scenario names it."""
 PASSENGER_M_S2 = 1.5

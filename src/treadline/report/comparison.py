@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from treadline.report.channels import suffix
 
-REACHED, NO_TARGET = "reached", "-"
+REACHED, NO_TARGET = "reached", "–"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

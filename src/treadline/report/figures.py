@@ -18,6 +18,7 @@ from matplotlib.transforms import BboxBase
 
 from treadline import paper
 from treadline.report.results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Steered, Straight, Turn
+from treadline.report.ticks import plain_log_labels
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
@@ -42,6 +43,7 @@ STYLE: Any = {
     "legend.frameon": False,
     "svg.hashsalt": "treadline",
     "svg.fonttype": "path",
+    "text.parse_math": False,
     "path.simplify": True,
 }
 
@@ -124,6 +126,7 @@ def singular_values(slopes: Sequence[ModelFigures]) -> Figure:
         style = "o-" if item.friction == PAPER_FRICTION else "s--"
         label = f"{item.slope_deg:g}°, {item.friction[0]:g}/{item.friction[1]:g}"
         ax.semilogy(np.arange(1, len(values) + 1), values / values[0], style, color=_colour(item.slope_deg), label=label)
+    plain_log_labels(ax.yaxis)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.axvline(2.5, color=GREY, linestyle=":")
     ax.text(2.55, 0.5, "rank 2", color=GREY)
@@ -144,6 +147,7 @@ def dead_zone(rows: Sequence[Steered]) -> Figure:
         ax.plot(apart, [abs(row.theory_deg_s) for row in line], color=colour, linewidth=1.2)
         ax.plot(apart, [abs(row.yaw_rate_deg_s) for row in line], "o", color=colour, label=f"{heading:g}°")
     ax.set_yscale("symlog", linthresh=0.1)
+    plain_log_labels(ax.yaxis)
     ax.set_xlabel("belt difference [m/s]")
     ax.set_ylabel("yaw rate towards straight [°/s]")
     ax.legend(title="heading", fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))

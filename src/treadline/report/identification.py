@@ -15,6 +15,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from treadline.models import InputOutputRecord, LinearModel, write_whole
+from treadline.printing import p_text
 from treadline.report import model_figures as figures
 from treadline.report import model_runs as runs
 from treadline.report.channels import both_angles, channel
@@ -23,22 +24,22 @@ from treadline.report.model_figures import StabilisationLike
 from treadline.report.page import page_of
 
 PAIRS_MOST = 4
-"""Inputs and outputs drawn: sixteen panels fill a screen."""
+"""Largest number of inputs and of outputs drawn: sixteen panels fill a screen."""
 SAMPLES_MOST = 20_000
-"""Samples of a record that are run again for the figures: half a second of work."""
+"""Largest number of samples simulated for the figures: half a second of CPU time."""
 CLOSER = 160
-"""Samples of the closer look: single samples can be seen."""
+"""Length of the enlarged section [samples], in which single samples are visible."""
 LAGS = 25
-"""Of the residual tests."""
+"""Number of lags in the residual tests."""
 CANDIDATES_MOST = 40
-"""Tried structures listed."""
+"""Largest number of candidate structures listed."""
 CHOSEN = "chosen"
-"""Says of a tried structure that it is the model's."""
+"""Remark of the candidate structure that the model has."""
 
 
 @runtime_checkable
 class ReportLike(Protocol):
-    """What identification says of its model."""
+    """Report of an identification."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
@@ -248,7 +249,7 @@ class _Page:
             (label, _p_value(self.said.get(key)), _smallest(self.said.get(key)))
             for label, key in (
                 ("residuals are white", "whiteness_p"),
-                ("residuals know nothing of the inputs", "crosscorrelation_p"),
+                ("residuals are independent of the inputs", "crosscorrelation_p"),
             )
             if self.said.get(key) is not None
         ]
@@ -285,7 +286,7 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
     size, decay = abs(rate), -rate.real
     sure = radius is not None and abs(pole - 1.0) <= radius and not pair
     remark = (
-        "cannot be told from an integrator"
+        "consistent with an integrator (95 %)"
         if sure
         else "grows e-fold in this time"
         if decay < -1e-9
@@ -325,7 +326,7 @@ def _words(value: Any) -> str:
 
 
 def _p_value(value: Any) -> str:
-    return "p < 0.001" if isinstance(value, int | float) and value < 1e-3 else f"p = {_words(value)}"
+    return p_text(value) if isinstance(value, int | float) else f"p = {_words(value)}"
 
 
 def _smallest(value: Any) -> float | None:

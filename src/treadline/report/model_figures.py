@@ -16,20 +16,21 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from treadline.report.channels import UNKNOWN, ColumnLabel, ratio_unit
 from treadline.report.figures import BLUE, GREY, ORANGE, RED, STYLE
 from treadline.report.model_runs import answering, decimated
+from treadline.report.ticks import plain_log_labels
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
-"""Width of a panel at least: many make the figure wider."""
+"""Smallest width of a panel [in]; more panels widen the figure."""
 LEFT_IN, RIGHT_IN, TOP_IN, BOTTOM_IN = 0.80, 0.14, 0.30, 0.48
-"""Margins that hold labels and titles in 9 points."""
+"""Margins for labels and titles in 9 points [in]."""
 LABEL_IN = 0.60
-"""From an axis to its label, beyond tick labels as long as −0.0025."""
+"""Distance from an axis to its label [in], beyond tick labels as long as −0.0025."""
 SHOWN_VALUES = 40
-"""Singular values drawn."""
+"""Largest number of singular values drawn."""
 ROUNDING = 1e-12
-"""Relative size of a singular value that is no more than rounding."""
+"""Relative size below which a singular value is rounding error."""
 BAND = 1.96
-"""Deviations in a 95 % band."""
+"""Half width of a 95 % band [standard deviations]."""
 
 
 DISC_MOST = 0.5
@@ -96,9 +97,10 @@ def singular_values(values: Float[np.ndarray, " k"], order: int, noise: float | 
     index = np.arange(1, len(shown) + 1)
     ax.semilogy(index, shown, "o", color=GREY, markersize=5, fillstyle="none")
     ax.semilogy(index[:order], shown[:order], "o", color=BLUE, markersize=5, label=f"kept: order {order}")
+    plain_log_labels(ax.yaxis)
     ax.axvline(order + 0.5, color=BLUE, linestyle=":", linewidth=1.2)
     if noise is not None and noise > 0.0:
-        ax.axhline(noise, color=RED, linestyle="--", linewidth=1.2, label="what noise alone shows")
+        ax.axhline(noise, color=RED, linestyle="--", linewidth=1.2, label="noise alone")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlim(0.4, max(len(shown), order) + 0.6)
     ax.set_xlabel("index")
@@ -206,9 +208,11 @@ def frequency(
                 ax.loglog(f[there], size[there], color=BLUE, linewidth=1.2)
                 ax.set_ylim(*_decades(size[there], high[there]))
                 ax.yaxis.set_minor_formatter(NullFormatter())
+                plain_log_labels(ax.yaxis)
             else:
                 ax.text(0.5, 0.5, "zero", transform=ax.transAxes, ha="center")
             ax.set_xscale("log")
+            plain_log_labels(ax.xaxis)
             ax.set_xlim(float(f[0]), float(f[-1]))
             _pair_labels(ax, outputs[i], inputs[j], "|G| ")
             if i == len(outputs) - 1:
@@ -238,7 +242,7 @@ def fit(
     closer: slice | None,
     outputs: Sequence[ColumnLabel],
 ) -> Figure:
-    """Return measured and modelled outputs with residuals below; beside them, where given, a closer look at a stretch."""
+    """Return measured and modelled outputs with residuals below, and optionally an enlarged section next to them."""
     parts = [slice(None)] if closer is None else [slice(None), closer]
     figure, panels = _grid(2 * len(outputs), len(parts), 1.2, gap_in=(0.55, 0.5))
     for i, output in enumerate(outputs):
@@ -264,7 +268,7 @@ def fit(
         whole.set_title(f"{output.quantity}: whole record" if closer is not None else output.quantity, loc="left")
         last.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=7.5, borderpad=0.0, columnspacing=1.0)
         whole.set_ylabel(f"output [{output.unit or UNKNOWN}]")
-        panels[2 * i + 1][0].set_ylabel(f"misfit [{output.unit or UNKNOWN}]")
+        panels[2 * i + 1][0].set_ylabel(f"residual [{output.unit or UNKNOWN}]")
     for ax in panels[-1]:
         ax.set_xlabel("time in the record [s]")
     return figure
@@ -318,7 +322,7 @@ def _correlation(ax: Axes, lags: Int[np.ndarray, " k"], values: Float[np.ndarray
 
 @mpl.rc_context(STYLE)
 def poles(values: Complex[np.ndarray, " n"], radii: Sequence[float] | None) -> Figure:
-    """Return the poles and their discs with the unit circle; beside it, where they crowd, a closer look."""
+    """Return the poles and their discs with the unit circle, with an enlarged view of clustered poles next to it."""
     spread = np.zeros(len(values)) if radii is None else np.minimum(np.nan_to_num(radii, posinf=2.0), 2.0)
     slow = np.abs(values) > 0.9
     view = _close_view(values, spread) or _close_view(values[slow], spread[slow])

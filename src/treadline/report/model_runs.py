@@ -1,7 +1,7 @@
-"""The numbers behind the figures of a linear model: its runs over a record, its responses, what it leaves unexplained.
+"""Data of the figures of a linear model: simulation of a record, impulse and frequency responses, residuals.
 
-A report imports nothing of the laboratory (``lint-imports``), so the few recursions it needs of a model stand here; tests
-hold them against those that identification judges by. Models may be unstable: what overflows is infinite, never an error.
+Reports import nothing from identification (``lint-imports``), so the recursions are repeated here; tests compare them with those of
+identification. Models may be unstable: an overflow gives infinity, never an error.
 """
 
 import itertools
@@ -15,17 +15,18 @@ from jaxtyping import Bool, Complex, Float
 from treadline.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 
 HEAD = 50
-"""Samples from which the state of the one-step predictor starts."""
+"""Number of samples from which the initial state of the one-step predictor is estimated."""
 GROWTH_MOST = 1e3
-"""Growth of an unstable model up to which its responses are followed."""
+"""Growth up to which the responses of an unstable model are computed."""
 STEPS_LEAST, STEPS_MOST = 20, 400
-"""Of an impulse response: below, a panel looks empty; above, single steps cannot be seen."""
+"""Smallest and largest length of an impulse response [samples]: a shorter panel looks empty; in a longer one single samples are not
+visible."""
 TAIL = 1e-4
-"""Share of its energy that an impulse response may have left where the drawing ends: one per cent in amplitude."""
+"""Share of the energy of an impulse response after the end of the drawing: one per cent in amplitude."""
 ANSWERED = 0.05
-"""Share of its peak below which an output no longer answers, to the eye."""
+"""Share of its peak below which an output is drawn as zero response."""
 DECADES = 4.0
-"""Of a frequency axis at most."""
+"""Largest range of a frequency axis [decades]."""
 
 
 def run(
@@ -51,13 +52,13 @@ def run(
 
 
 def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return a model's free run over a record, begun anew behind each missing input; NaN where it is not judged."""
+    """Return the free-run simulation of a record, restarted after each missing input; NaN in sections too short to score."""
     spans = record.stretches(RUN_VALUES * model.order)
     return _over(spans, record, lambda part: run(model, part.u, initial_state(model, part)))
 
 
 def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return what a model says one step ahead, begun anew behind each missing input; NaN where it is not judged."""
+    """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
     spans = record.stretches(TEST_VALUES * model.order)
     return _over(spans, record, lambda part: run(model, part.u, initial_state(model, cut_out(part, slice(0, HEAD))), part.y))
 
@@ -77,18 +78,18 @@ def cut_out(record: InputOutputRecord, span: slice) -> InputOutputRecord:
 
 
 def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
-    """Return the state at the start that explains a free run best; of an unstable model, as far as it can be followed."""
+    """Return the least-squares initial state of a free run; of an unstable model, over the steps of ``_followed``."""
     steps, n = min(len(record), _followed(model)), model.order
     response = np.empty((steps, model.C.shape[0], n))
     reach = np.eye(n)
     for k in range(steps):
         response[k] = model.C @ reach
         reach = model.A @ reach
-    misfit = record.y[:steps] - run(model, record.u[:steps], np.zeros(n))
-    whole = np.isfinite(misfit).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    # Each output counts by its own spread: units must not decide.
-    weight = 1.0 / np.maximum(np.std(record.y[:steps][whole], axis=0), 1e-300) if whole.any() else np.ones(misfit.shape[1])
-    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (misfit[whole] * weight).ravel()
+    residual = record.y[:steps] - run(model, record.u[:steps], np.zeros(n))
+    whole = np.isfinite(residual).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
+    # Each output is scaled by its standard deviation, so that units do not weight the fit.
+    weight = 1.0 / np.maximum(np.std(record.y[:steps][whole], axis=0), 1e-300) if whole.any() else np.ones(residual.shape[1])
+    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (residual[whole] * weight).ravel()
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 

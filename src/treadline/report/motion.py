@@ -1,4 +1,4 @@
-"""What a run's log knows and its series does not: how fast the chair pitched, and what its passenger felt."""
+"""Pitch rate of the chair and acceleration of the passenger, which a run's log holds and its series does not."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,22 +15,22 @@ from treadline.ports import Truth
 
 TRUTH = "/truth"
 READ_BYTES = 512 * 1024**2
-"""Of a log with images, which are unpacked on the way to the truth: more is not read for two curves."""
+"""Largest log that is read for two curves [bytes]; a log with images is decompressed up to the ground truth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
-    """Truth of a log at 100 Hz, as means over 50 ms."""
+    """Ground truth of a log at 100 Hz, as means over 50 ms."""
 
     t_s: Float[np.ndarray, " T"]
     pitch_rate_deg_s: Float[np.ndarray, " T"]
     accelerated_t_s: Float[np.ndarray, " a"]
     passenger_m_s2: Float[np.ndarray, " a"]
-    """Acceleration of the passenger, all three axes together."""
+    """Magnitude of the passenger's acceleration [m/s²]."""
 
 
 def read_motion(folder: Path) -> tuple[Motion | None, str | None]:
-    """Return the motion that the log of a run folder holds, or None and why there is none."""
+    """Return the motion from the log of a run folder, or None and the reason."""
     path = folder / LOG
     if not path.is_file():
         return None, "no log was kept"

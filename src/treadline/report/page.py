@@ -20,6 +20,7 @@ from treadline import paper
 from treadline.errors import SettingsError
 from treadline.io.runs import read_series
 from treadline.models import write_whole
+from treadline.printing import p_text
 from treadline.report import figures
 from treadline.report.compare import comparisons
 from treadline.report.headline import headline
@@ -195,7 +196,7 @@ def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any)
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format, "p_value": p_value, "ratio": ratio}
+    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format, "p_value": p_text, "ratio": ratio}
     environment.filters.update(filters)
     inline = {
         # The package's own drawings, in which text is paths, are the only markup that is not escaped.
@@ -229,11 +230,6 @@ def _stages(folder: Path) -> list[tuple[str, str]]:
                 raise SettingsError(f"{path}: not a PNG picture; make the folder again")
             found.append((caption, "data:image/png;base64," + base64.b64encode(data).decode()))
     return found
-
-
-def p_value(value: float | None) -> str:
-    """Return the probability of a test, as a bound where it is too small for two digits."""
-    return "–" if value is None else "< 0.001" if value < 0.001 else f"{value:.2g}"
 
 
 def ratio(value: float) -> str:

@@ -89,7 +89,7 @@ class Pen:
         self.text(at, words, size=9.0, align=align)
 
     def dimension(self, start: Point, end: Point, words: str, away: float = 0.0, colour: str = BLUE) -> None:
-        """Draw a measure from start to end, moved ``away`` to the left of its direction, with its words beside it."""
+        """Draw a measure from start to end, moved ``away`` to the left of its direction, with a label."""
         (x0, y0), (x1, y1) = start, end
         length = math.hypot(x1 - x0, y1 - y0)
         side = (-(y1 - y0) / length * away, (x1 - x0) / length * away)

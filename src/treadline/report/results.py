@@ -77,7 +77,7 @@ class ModelFigures(Part):
 
     slope_deg: float
     friction: Pair = PAPER_FRICTION
-    """Along the belt and across; Table I's where an older file does not say."""
+    """Friction coefficients along and across the belt; Table I's in older files without the key."""
     singular_values: Annotated[list[Annotated[float, Field(ge=0.0)]], Field(min_length=1)]
     rank: int
     sigma2_over_sigma3: float
@@ -273,7 +273,7 @@ class Results(Part):
     speed: Speed | None = None
     gravity_error_deg: float = 0.0
     sensitivity: dict[str, Moves] = {}
-    """By figure, from the uncertainty budget that comes with the package."""
+    """Sensitivities of each figure, from the uncertainty budget shipped with the package."""
     wall_s: float | None = None
     versions: dict[str, str] = {}
     git_commit: str | None = None
@@ -281,7 +281,7 @@ class Results(Part):
 
 
 Began = Annotated[tuple[float, str], Field(strict=False)]
-"""When a phase began, and which; JSON has lists for tuples."""
+"""Start time [s] and name of a phase; a list in JSON."""
 
 
 class LoggedEvent(Part):
@@ -293,7 +293,7 @@ class LoggedEvent(Part):
 
 
 class SeatFigures(Part):
-    """What a run of the seat alone came to."""
+    """Results of a run of the seat alone."""
 
     settle_s: float | None
     start_deg: float

@@ -1,4 +1,4 @@
-"""One run against time: a panel per quantity over one axis, the phases of a traversal as bands through all of them."""
+"""Time series of one run: one panel per quantity over a common time axis, phases of the traversal as bands."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,17 +17,17 @@ from treadline.report.results import RunResult
 
 WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75
 STEADY_FROM_S = 20.0
-"""As the steady score is, where the run is long enough."""
+"""Start of the steady interval [s], as in the steady scores; half of a shorter run."""
 CLOSER_BY = 3.0
-"""A close-up is drawn where it shows the steady part so many times as large, or more."""
+"""Smallest magnification at which an enlarged panel of the steady interval is drawn."""
 BANDS = ("#dbe9f6", "#f6ecd5")
 LETTER_IN = 0.075
-"""Width of a letter of a band's name."""
+"""Width of one letter of a band's name [in]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One quantity: its curves, and how far up and down it is shown."""
+    """Panel of one quantity: its curves and the limits of the vertical axis."""
 
     title: str
     draw: Callable[[Axes], object]
@@ -36,7 +36,7 @@ class Panel:
 
 @mpl.rc_context(STYLE)
 def single_run(series: Series, result: RunResult, motion: Motion | None) -> Figure:
-    """Return one run: heading, pitch, seat, passenger, belts, place and margin, as far as the run folder knows them."""
+    """Return the figure of one run: heading, pitch, seat, passenger, belts, position and margin, as far as recorded."""
     panels = _panels(series, result, motion)
     bands = _bands(result, float(series["t_s"][-1]))
     strip = [STRIP_IN] if bands else []
@@ -61,7 +61,7 @@ def single_run(series: Series, result: RunResult, motion: Motion | None) -> Figu
 
 def _panels(series: Series, result: RunResult, motion: Motion | None) -> list[Panel]:
     def shown(title: str, *curves: tuple[str, str, str, str], unit: str = "[°]", closer: bool = False) -> list[Panel]:
-        """Return the panel of columns (name, colour, style, label), and one of their steady part; none where nothing is known."""
+        """Return the panel of columns (name, colour, style, label), and an enlarged one; none without data."""
         known = [curve for curve in curves if np.isfinite(series[curve[0]]).any()]
 
         def draw(ax: Axes) -> None:
@@ -70,21 +70,21 @@ def _panels(series: Series, result: RunResult, motion: Motion | None) -> list[Pa
 
         whole = [Panel(title=f"{title} {unit}", draw=draw)] if known else []
         return whole + (
-            _closer(f"{title}, the steady part closer {unit}", draw, series, [name for name, *_ in known]) if closer else []
+            _closer(f"{title}, steady interval, enlarged {unit}", draw, series, [name for name, *_ in known]) if closer else []
         )
 
     heading = shown("heading", ("heading_deg", BLUE, "-", "truth"), ("estimate_deg", ORANGE, ":", "estimate"), closer=True)
-    seat = shown("seat off level", ("seat_pitch_deg", BLUE, "-", ""), closer=True)
+    seat = shown("seat pitch", ("seat_pitch_deg", BLUE, "-", ""), closer=True)
     pitch = shown("pitch of the chair, front up positive", ("pitch_deg", BLUE, "-", ""))
-    margin = shown("smallest tipping margin", ("stability_margin_deg", GREY, "-", ""))
-    if result.seat is not None:  # a chair that stands: its heading, belts and place say nothing
-        return [*seat, *pitch, *_felt(motion), *margin]
+    margin = shown("smallest tip-over margin", ("stability_margin_deg", GREY, "-", ""))
+    if result.seat is not None:  # the chair stands still: heading, belts and position are constant
+        return [*seat, *pitch, *_motion_panels(motion), *margin]
     belts = shown("belt speed", ("left_m_s", BLUE, "-", "left"), ("right_m_s", RED, "-", "right"), unit="[m/s]")
-    aside = shown("across the flight, left positive", ("y_m", GREEN, "-", ""), unit="[m]")
-    return [*heading, *pitch, *_felt(motion), *seat, *belts, *aside, *margin]
+    aside = shown("lateral position, left positive", ("y_m", GREEN, "-", ""), unit="[m]")
+    return [*heading, *pitch, *_motion_panels(motion), *seat, *belts, *aside, *margin]
 
 
-def _felt(motion: Motion | None) -> list[Panel]:
+def _motion_panels(motion: Motion | None) -> list[Panel]:
     if motion is None:
         return []
 
@@ -101,7 +101,7 @@ def _felt(motion: Motion | None) -> list[Panel]:
 
 
 def _closer(title: str, draw: Callable[[Axes], object], series: Series, names: Sequence[str]) -> list[Panel]:
-    """Return a second panel whose scale is that of the steady part, if the whole run's makes it a flat line."""
+    """Return a second panel scaled to the steady interval, if that is a flat line at the scale of the whole run."""
     t, curves = series["t_s"], [series[name] for name in names]
     from_s = STEADY_FROM_S if t[-1] > 1.25 * STEADY_FROM_S else 0.5 * float(t[0] + t[-1])
     steady, whole = (_reach([curve[t >= start] for curve in curves]) for start in (from_s, -math.inf))
@@ -117,7 +117,7 @@ def _reach(curves: Sequence[Float[np.ndarray, " k"]]) -> tuple[float, float] | N
 
 
 def _bands(result: RunResult, end_s: float) -> list[tuple[float, float, str]]:
-    """Return start, end and name of each phase; none where there was but one."""
+    """Return start [s], end [s] and name of each phase; none for a single phase."""
     phases = result.course
     starts = [t_s for t_s, _ in phases]
     if len(starts) < 2:
@@ -135,7 +135,7 @@ def _name(ax: Axes, bands: Sequence[tuple[float, float, str]]) -> None:
     places = _apart([0.5 * (start + end) for start, end, _ in bands], halves, bands[0][0], bands[-1][1])
     for k, ((start, end, name), lying, at) in enumerate(zip(bands, lies, places, strict=True)):
         ax.axvspan(start, end, color=BANDS[k % 2], linewidth=0.0)
-        ax.text(at, 0.5, name.replace("$", r"\$"), rotation=0 if lying else 90, ha="center", va="center", fontsize=8, clip_on=True)
+        ax.text(at, 0.5, name, rotation=0 if lying else 90, ha="center", va="center", fontsize=8, clip_on=True)
     ax.set_ylim(0.0, 1.0)
     ax.set_title("phase", loc="left", fontsize=9)
     ax.set_axis_off()

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from treadline.cli import VERBS, main
-from treadline.cli.start_notice import AFTER_S, start_notice
+from treadline.cli.start_line import AFTER_S, start_line
 
 
 def test_a_long_command_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:
-    with start_notice(["--debug", "climb", "paper-28"], after_s=0.05):
+    with start_line(["--debug", "climb", "paper-28"], after_s=0.05):
         deadline_s = time.monotonic() + 10.0  # a busy machine schedules the timer late
         error = ""
         while not error and time.monotonic() < deadline_s:
@@ -24,12 +24,12 @@ def test_a_long_command_is_announced_once(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_short_command_is_not_announced(capsys: pytest.CaptureFixture[str]) -> None:
-    with start_notice(["doctor"], after_s=30.0):
+    with start_line(["doctor"], after_s=30.0):
         pass
     assert capsys.readouterr().err == ""
 
 
-def test_the_notice_comes_within_two_seconds_of_the_start_of_python() -> None:
+def test_the_line_comes_within_two_seconds_of_the_start_of_python() -> None:
     # Python and the command line start in 0.3 s; two seconds are the promise.
     assert AFTER_S + 0.3 < 2.0
 

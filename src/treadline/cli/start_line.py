@@ -1,0 +1,31 @@
+"""First line of a long command: written to stderr within two seconds of its start."""
+
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+AFTER_S = 1.5
+"""Time after which the line is written [s]: two seconds, less the start of Python and of the command line (0.3 s)."""
+
+
+@contextmanager
+def start_line(tokens: Sequence[str], after_s: float = AFTER_S) -> Iterator[None]:
+    """Write that a command runs, unless the command ends before ``after_s``.
+
+    Progress begins later, after the import of libraries and the compilation of kernels.
+    """
+    name = next((token for token in tokens if not token.startswith("-")), "")
+    timer = threading.Timer(after_s, _write, [f"treadline {name}".strip() + ": running; Ctrl-C stops it\n"])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _write(line: str) -> None:
+    if sys.stderr is not None:
+        sys.stderr.write(line)
+        sys.stderr.flush()
