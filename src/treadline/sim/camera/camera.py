@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -13,15 +13,19 @@ from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
+from treadline.sim.camera.matching import JUMP_PX, stereo_depth, straddling
 from treadline.sim.camera.sensors import (
+    CORRELATION_PX,
     DISPARITY_PX_M,
     SENSOR_WIDTH_PX,
     SENSORS,
     TIME_OF_FLIGHT_WIDTH_PX,
+    ActiveStereo,
     StructuredLight,
     TimeOfFlight,
     alike,
     warp,
+    windowed,
 )
 from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, solids_of
 
@@ -98,6 +102,8 @@ class Camera:
 
     Args:
         declared: Calibration stored in the frames, if different from the true calibration.
+        sigma_px: Standard deviation of the disparity noise [sensor pixels]; None: the sensor's default.
+        edge_holes: Whether a Kinect 1 loses the pixels whose correlation window contains a depth jump.
         grain_px: Correlation length of the depth noise [sensor pixels]; zero is white noise.
         warp_px: Smooth, constant depth error across the image [px of Kinect 1 disparity].
         holes: Fraction of the depth image lost in blotches.
@@ -113,6 +119,8 @@ class Camera:
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
+        sigma_px: float | None = None,
+        edge_holes: bool = False,
         grain_px: float = 0.0,
         warp_px: float = 0.0,
         holes: float = 0.0,
@@ -124,7 +132,11 @@ class Camera:
         solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
         self._declared = declared or calibration
-        self._sensor = SENSORS.get(kind)
+        sensor = SENSORS.get(kind)
+        if sigma_px is not None and isinstance(sensor, StructuredLight | ActiveStereo):
+            sensor = replace(sensor, sigma_px=sigma_px)
+        self._sensor = sensor
+        self._edge_holes = edge_holes
         self._texture = texture
         self._light = light
         self._blur_px = blur_px
@@ -140,14 +152,22 @@ class Camera:
         if isinstance(self._sensor, StructuredLight):
             lateral_px = self._sensor.lateral_px * calibration.width_px / SENSOR_WIDTH_PX
             self._jitter = np.rint(lateral_px * self._depth_normal.astype(np.float64)).astype(np.int8)
+        if isinstance(self._sensor, ActiveStereo):
+            window_px = max(round(self._sensor.window_px * calibration.width_px / SENSOR_WIDTH_PX), 1)
+            self._depth_normal = windowed(self._normal, calibration.width_px, window_px)
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._face(solids)
 
     def facing(self, solids: Sequence[SceneBox], shadows: Sequence[Shadow] = ()) -> "Camera":
         """Return a copy of this camera with additional solids; both use the same stream of random numbers."""
-        other = copy.copy(self)
-        other._face((*self._solids, *solids))  # noqa: SLF001 - its own copy
+        other = self.showing((*self._solids, *solids))
         other._shadows = np.concatenate([self._shadows, _bands(shadows)])  # noqa: SLF001 - as above
+        return other
+
+    def showing(self, solids: Sequence[SceneBox]) -> "Camera":
+        """Return a copy of this camera before other solids; both use the same stream of random numbers."""
+        other = copy.copy(self)
+        other._face(solids)  # noqa: SLF001 - its own copy
         return other
 
     def _face(self, solids: Sequence[SceneBox]) -> None:
@@ -161,6 +181,7 @@ class Camera:
         self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[self._texture]) for solid in solids])
         # Near infrared: what is dark to the eye is less so to the sensor.
         self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
+        self._returns = np.array([solid.returns for solid in solids])
         self._radii = np.linalg.norm(self._halves, axis=1)
         self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         self._shades = np.array([_shades(solid) for solid in solids])
@@ -177,7 +198,7 @@ class Camera:
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
-            depth_m=self._spoilt(self._measured(depth, face, near), depth, R_WC, p_WC),
+            depth_m=self._spoilt(self._measured(depth, face, near), depth, face, near, R_WC, p_WC),
             camera=self._declared,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
@@ -257,13 +278,19 @@ class Camera:
         self,
         measured: Float32[np.ndarray, "h w"],
         exact: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+        near: Int[np.ndarray, " b"],
         R_WC: Float[np.ndarray, "3 3"],
         p_WC: Float[np.ndarray, " 3"],
     ) -> Float32[np.ndarray, "h w"]:
-        """Return measured depth with the errors of puddles, sunlight and sensor warp."""
+        """Return measured depth with the errors of puddles, absorbing surfaces, sunlight and sensor warp."""
         if len(self._puddles) and self._sensor is not None:
             c, place = self.calibration, int(self._rng.integers(POOL))
             kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
+        if self._returns[near].min() < 1.0 and self._sensor is not None:
+            place = int(self._rng.integers(POOL))
+            chance = self._chance[place : place + measured.size].reshape(measured.shape)
+            measured[(face >= 0) & (chance >= self._returns[near][face // 6])] = np.nan
         if self._holes > 0.0:
             coarse = self._rng.standard_normal((measured.shape[0] // 12, measured.shape[1] // 12)).astype(np.float32)
             blotches = cv2.resize(coarse, measured.shape[::-1], interpolation=cv2.INTER_CUBIC)
@@ -278,8 +305,10 @@ class Camera:
         sensor, camera = self._sensor, self.calibration
         if sensor is None:
             return exact.astype(np.float32)
-        measured = np.empty(exact.shape, dtype=np.float32)
         places = self._rng.integers(POOL, size=4)
+        if isinstance(sensor, ActiveStereo):
+            return stereo_depth(sensor, camera, exact, face, self._albedos[near], self._depth_normal, places)
+        measured = np.empty(exact.shape, dtype=np.float32)
         if isinstance(sensor, TimeOfFlight):
             kernels.time_of_flight(
                 exact,
@@ -317,6 +346,10 @@ class Camera:
             places,
             measured,
         )
+        if self._edge_holes:
+            scale = camera.width_px / SENSOR_WIDTH_PX
+            disparity = np.nan_to_num(sensor.focal_px * sensor.baseline_m / exact).astype(np.float32)
+            measured[straddling(disparity, round(CORRELATION_PX * scale), JUMP_PX / scale)] = np.nan
         return measured
 
 
