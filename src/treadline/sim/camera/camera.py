@@ -1,6 +1,7 @@
 """RGB-D camera without OpenGL: exact depth by ray casting on boxes, then colour and sensor errors."""
 
 import copy
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,6 +15,7 @@ from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
 from treadline.sim.camera.matching import JUMP_PX, stereo_depth, straddling
+from treadline.sim.camera.multipath import multipath_bias
 from treadline.sim.camera.sensors import (
     CORRELATION_PX,
     DISPARITY_PX_M,
@@ -49,6 +51,9 @@ POOL = 1_000_000
 """Number of start positions in the stored random numbers of a camera."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
 """Brightness of the sides -x, +x, -y, +y, -z, +z with light from above: risers are darker than treads."""
+BANDS, SWEEP_M = 24, 0.2
+"""Number of bands of rows with a pose of their own under a rolling shutter: at 30°/s and 33 ms bands differ by 0.04°, 0.2 pixels at
+320×240. Largest motion during the readout [m]."""
 SQUARE = 0.99
 """Cosine above which a box counts as aligned with the world axes and has the six brightness values unchanged."""
 
@@ -60,6 +65,16 @@ class ExactView:
     depth_m: Float[np.ndarray, "h w"]
     face: Int[np.ndarray, "h w"]
     """Visible face: 6 · solid + side, with the index of the solid in the scene; -1 without a hit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sweep:
+    """Motion of the camera while a rolling shutter reads the image from the top row to the bottom row."""
+
+    readout_s: float
+    velocity_W: Float[np.ndarray, " 3"]
+    rate_W: Float[np.ndarray, " 3"]
+    """Angular velocity [rad/s]."""
 
 
 class RenderedFrame(RgbdFrame):
@@ -192,9 +207,17 @@ class Camera:
         depth, face, near = self._cast(R_WC, p_WC)
         return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
-    def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
-        """Return a frame with sensor errors; its colours are rendered on first access."""
-        depth, face, near = self._cast(R_WC, p_WC)
+    def frame(
+        self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], sweep: Sweep | None = None
+    ) -> RgbdFrame:
+        """Return a frame with sensor errors; its colours are rendered on first access.
+
+        Args:
+            R_WC: Orientation at the time of the middle row.
+            p_WC: Position at the time of the middle row.
+            sweep: Motion of a rolling shutter during the readout; None: a global shutter. Colours are those of a global shutter.
+        """
+        depth, face, near = self._cast(R_WC, p_WC) if sweep is None else self._cast_in_bands(R_WC, p_WC, sweep)
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
@@ -252,12 +275,43 @@ class Camera:
     def _cast(
         self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
     ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
-        camera = self.calibration
-        towards = self._centres - p_WC
-        ahead = towards @ R_WC[:, 2] > -self._radii
-        near = np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + VIEW_M) & ahead) | self._large)
+        camera, near = self.calibration, self._in_front(R_WC, p_WC, VIEW_M)
         depth = np.empty((camera.height_px, camera.width_px))
         face = np.empty((camera.height_px, camera.width_px), dtype=np.int32)
+        self._cast_rows(near, R_WC, p_WC, 0, depth, face)
+        return depth, face, near
+
+    def _cast_in_bands(
+        self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], sweep: Sweep
+    ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
+        """Return depth and faces with the pose of each band of rows."""
+        camera, near = self.calibration, self._in_front(R_WC, p_WC, VIEW_M + SWEEP_M)
+        depth = np.empty((camera.height_px, camera.width_px))
+        face = np.empty((camera.height_px, camera.width_px), dtype=np.int32)
+        rows = np.linspace(0, camera.height_px, BANDS + 1).astype(int)
+        for top, bottom in itertools.pairwise(rows.tolist()):
+            after = (0.5 * (top + bottom) / camera.height_px - 0.5) * sweep.readout_s
+            R_band = cv2.Rodrigues(after * sweep.rate_W)[0] @ R_WC
+            self._cast_rows(near, R_band, p_WC + after * sweep.velocity_W, top, depth[top:bottom], face[top:bottom])
+        return depth, face, near
+
+    def _in_front(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], range_m: float) -> Int[np.ndarray, " b"]:
+        """Return the indices of the solids that may be in view."""
+        towards = self._centres - p_WC
+        ahead = towards @ R_WC[:, 2] > -self._radii
+        return np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + range_m) & ahead) | self._large)
+
+    def _cast_rows(
+        self,
+        near: Int[np.ndarray, " b"],
+        R_WC: Float[np.ndarray, "3 3"],
+        p_WC: Float[np.ndarray, " 3"],
+        top: int,
+        depth: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+    ) -> None:
+        """Fill consecutive rows of the image, from the row ``top`` on."""
+        camera = self.calibration
         kernels.cast(
             self._centres[near],
             self._halves[near],
@@ -267,12 +321,11 @@ class Camera:
             camera.fx_px,
             camera.fy_px,
             camera.cx_px,
-            camera.cy_px,
+            camera.cy_px - top,
             2.0 * VIEW_M,
             depth,
             face,
         )
-        return depth, face, near
 
     def _spoilt(
         self,
@@ -324,11 +377,14 @@ class Camera:
                 camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
                 sensor.near_m,
                 sensor.far_m,
+                sensor.mixed_dropped,
                 self._depth_normal,
                 self._chance,
                 places,
                 measured,
             )
+            if sensor.multipath:
+                measured += multipath_bias(camera, exact, face, self._albedos[near]).astype(np.float32)
             return measured
         kernels.kinect(
             exact,

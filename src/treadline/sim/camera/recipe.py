@@ -42,7 +42,7 @@ ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:]
 Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
 CLUTTER: tuple[Clutter, ...] = get_args(Clutter)
 """Names of the kinds of clutter."""
-Sensor = Literal["kinect1", "kinect2", "d435", "d455", "ideal"]
+Sensor = Literal["kinect1", "kinect2", "tof", "d435", "d455", "ideal"]
 Treads = Literal["solid", "grating", "glass", "glass_strips"]
 """Material of the treads. Panes of glass return nothing; their ground front edges do, and strips along the nosings."""
 Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
@@ -59,6 +59,7 @@ Count = Annotated[int, Field(ge=6, le=200)]
 Length = Annotated[float, Field(ge=0.0, le=20.0)]
 Bow = Annotated[float, Field(ge=-0.3, le=0.3)]
 Radius = Annotated[float, Field(ge=0.45, le=100.0)]
+Speed = Annotated[float, Field(ge=-2.0, le=2.0)]
 Small = Annotated[float, Field(ge=0.0, le=0.03)]
 Turn = Annotated[float, Field(ge=-90.0, le=90.0)]
 ObliqueAngle = Annotated[float, Field(ge=-45.0, le=45.0)]
@@ -123,6 +124,12 @@ class ViewRecipe(Settings):
     (``down``), before the last nosing ahead (``top``, ``bottom``) or before the first (``foot``, ``edge``); None: ``PLACES_M``."""
     rock_deg: Spread = 0.0
     """Standard deviation of pitch and roll of the chair relative to nosings or floor."""
+    readout_s: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    """Time from the first row to the last of a rolling shutter; zero is a global shutter. About 0.03 s in a Kinect 1."""
+    speed_m_s: tuple[Speed, Speed] = (0.0, 0.0)
+    """Speed of the chair along its own x axis during the readout."""
+    turn_rate_deg_s: Spread = 0.0
+    """Standard deviation of the rates of roll, pitch and yaw during the readout."""
     sensor: Sensor = "kinect1"
     sensor_known: bool = False
     """Whether the frame's calibration names the sensor."""
@@ -138,7 +145,7 @@ class ViewRecipe(Settings):
     holes: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
     """Fraction of the depth image lost in blotches, as in sunlight."""
     height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
-    """Image height. None: the sensor's default: 240, 424 for the Kinect 2, 480 for stereo."""
+    """Image height. None: the sensor's default: 240, 424 for the Kinect 2, 480 for stereo, 576 for tof."""
     focal_px: Annotated[float, Field(gt=0.0)] | None = None
     """Focal length. None: the sensor's default."""
     focal_error: Spread = 0.0

@@ -9,8 +9,8 @@ from treadline.angles import rotation_z
 from treadline.sim.camera.recipe import ViewRecipe
 from treadline.sim.camera.solids import Rgb, SceneBox, part_of, placed_in
 
-PIECES = 16
-"""Number of chords of a bowed nosing: a sagitta of 0.15 m over 1 m deviates from the chords by 0.15 m / 16² = 0.6 mm."""
+PIECES = 12
+"""Number of chords of a bowed nosing: a sagitta of 0.15 m deviates from the chords by 0.15 m / 12² = 1 mm."""
 OVERLAP_M = 0.002
 """Overlap of adjacent pieces [m], so that no gap opens between them."""
 FILM_M = 0.0005

@@ -22,7 +22,7 @@ from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import FLOOR_LENGTH_M
 from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
+from treadline.sim.camera.camera import VIEW_M, Camera, ExactView, Sweep
 from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
 from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
@@ -36,6 +36,7 @@ DOWN_W = np.array([0.0, 0.0, -1.0])
 DOWN_W.setflags(write=False)
 OPTICS: dict[str, tuple[int, int, float]] = {
     "kinect2": (512, 424, 365.3),
+    "tof": (640, 576, 504.0),
     "d435": (640, 480, 387.0),
     "d455": (640, 480, 387.0),
 }
@@ -86,6 +87,8 @@ class _Stage:
     filled: tuple[Camera, list[SceneBox]] | None = None
     """Camera before the same scene with solid treads, and its solids, if the treads are gratings or glass: the ground truth counts
     treads and nosings that a depth sensor sees through."""
+    motion: tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None = None
+    """Readout time of a rolling shutter [s], and velocity [m/s] and rate [rad/s] in B during the readout."""
 
     def view(self, t_s: float, pose: Pose) -> View:
         """Return the view from a pose, with gravity free of error."""
@@ -98,7 +101,7 @@ class _Stage:
             stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, solids, filled, self.chair)
         return View(
             scene=self.scene,
-            frame=self.camera.frame(t_s, R_WC, p_WC),
+            frame=self.camera.frame(t_s, R_WC, p_WC, self._sweep(pose)),
             gravity_C=self.declared.R_BC.T @ pose.R_WB.T @ DOWN_W,
             true_gravity_C=R_WC.T @ DOWN_W,
             true_camera=self.true,
@@ -106,6 +109,23 @@ class _Stage:
             kinds=tuple(solid.kind for solid in self.solids),
             stair=stair,
         )
+
+    def _sweep(self, pose: Pose) -> Sweep | None:
+        """Return the motion of the camera in W during the readout."""
+        if self.motion is None:
+            return None
+        readout_s, velocity_B, rate_B = self.motion
+        lever_W = pose.R_WB @ np.array(self.true.mount_m)
+        rate_W = pose.R_WB @ rate_B
+        return Sweep(readout_s=readout_s, velocity_W=pose.R_WB @ velocity_B + np.cross(rate_W, lever_W), rate_W=rate_W)
+
+
+def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+    """Return readout time, velocity and rate of a rolling shutter; None for a global shutter."""
+    if recipe.readout_s == 0.0:
+        return None
+    velocity_B = np.array([drawn(recipe.speed_m_s, rng), 0.0, 0.0])
+    return recipe.readout_s, velocity_B, recipe.turn_rate_deg_s * DEG * rng.standard_normal(3)
 
 
 def draw_view(rng: np.random.Generator, recipe: ViewRecipe) -> View:
@@ -190,6 +210,7 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         flight=flight,
         solids=setting.solids,
         camera=camera,
+        motion=_motion(recipe, rng),
         filled=(camera.showing(setting.filled), setting.filled) if setting.filled else None,
     )
     return stage, pose
