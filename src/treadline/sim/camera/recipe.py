@@ -32,13 +32,38 @@ Scene = Literal[
     "stripes",
     "bench",
     "pallets",
+    "carton_steps",
+    "pallet_steps",
+    "drawers",
+    "escalator",
+    "blinds",
+    "radiator",
+    "chairs",
+    "sofa",
+    "cable_ladder",
+    "crates",
+    "rubble",
+    "corrugated",
+    "relief",
+    "kerb",
+    "ramp_turn",
+    "street",
+    "terrace",
+    "podium",
+    "fence",
 ]
 """Scene. The first six show stairs: the chair is on the flight, near its top or on the floor before it, facing up; or on the
 flight, on the landing before its edge or near its foot, facing down. The others have no stair to climb."""
 STAIR_SCENES: tuple[Scene, ...] = get_args(Scene)[:6]
 """Scenes with a stair."""
-ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:]
-"""Scenes without a stair."""
+ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:21]
+"""Scenes without a stair: floors, walls, furniture, ramps, ladders and single steps."""
+FURTHER_SCENES: tuple[Scene, ...] = get_args(Scene)[21:]
+"""Further scenes without a stair: furniture, goods, building parts and street furniture with repeated edges."""
+STEPPED_SCENES: tuple[Scene, ...] = ("carton_steps", "pallet_steps", "drawers", "escalator")
+"""Scenes of ``FURTHER_SCENES`` that are stairs by shape: only width and context tell that a chair must not climb them."""
+STAIRLESS_SCENES: tuple[Scene, ...] = ROOM_SCENES + FURTHER_SCENES
+"""All scenes without a stair to climb."""
 Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
 CLUTTER: tuple[Clutter, ...] = get_args(Clutter)
 """Names of the kinds of clutter."""

@@ -25,8 +25,9 @@ from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera.camera import VIEW_M, Camera, ExactView, Sweep
 from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
 from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
+from treadline.sim.camera.placing import oblique_wall
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
-from treadline.sim.camera.rooms import oblique_wall, plain, room
+from treadline.sim.camera.rooms import plain, room
 from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, upright
 from treadline.sim.camera.step_shapes import shaped
 from treadline.sim.camera.truth import StairTruth, stair_truth
