@@ -42,6 +42,8 @@ OPTICS: dict[str, tuple[int, int, float]] = {
     "d455": (640, 480, 387.0),
 }
 """Width, height and focal length of each sensor's depth image [px]; others have the optics of the chair's camera."""
+BEHIND_M = 0.6
+"""Least distance from the chair's middle to the wall behind it [m]: half of its length."""
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Range of the chair's yaw in a scene without a stair [deg]; the objects are rotated as well."""
 
@@ -272,13 +274,13 @@ def _setting(flight: TiltedFlight, scene: str, pose: Pose, recipe: ViewRecipe, r
             puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
         elif there:
             clutter += clutter_of(name, staircase, step, rng)
-    around = _surroundings(flight, recipe, rng)
+    around = _surroundings(flight, pose, recipe, rng)
     solids = [plain(solid) for solid in (*around, *_stair_solids(flight, recipe, rng), *clutter)]
     filled = [plain(solid) for solid in (*around, *flight.solids(), *clutter)] if recipe.treads != "solid" else []
     return _Setting(solids=solids, shadows=shadows, puddles=puddles, filled=filled)
 
 
-def _surroundings(flight: TiltedFlight, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
+def _surroundings(flight: TiltedFlight, pose: Pose, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
     """Return the floor, a wall behind the landing and one before the stair."""
     staircase, last = flight.staircase, flight.staircase.steps[-1]
     end_x = max(step.x_m for step in staircase.steps) + max(staircase.landing_m, last.depth_m)
@@ -286,7 +288,9 @@ def _surroundings(flight: TiltedFlight, recipe: ViewRecipe, rng: np.random.Gener
     yaw = drawn(recipe.back_wall_deg, rng) * DEG
     # However yaw, it meets both side walls.
     behind = oblique_wall(end_x - 0.5 * staircase.width_m * math.tan(abs(yaw)), yaw, low_m=last.z_m)
-    before = oblique_wall(-float(rng.uniform(2.5, 5.5)), math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
+    # A chair far before the flight stands before that wall as well.
+    before_x = min(-float(rng.uniform(2.5, 5.5)), float(pose.p_WB[0]) - BEHIND_M)
+    before = oblique_wall(before_x, math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
     return [floor, behind, before]
 
 
