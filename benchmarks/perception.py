@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
+from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases, wilson
 
 from treadline.angles import DEG, rotation_of
 from treadline.camera_file import CameraFile
@@ -38,6 +38,7 @@ from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
 from treadline.sim.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
+from treadline.sim.camera.recipe import STEPPED_SCENES
 
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
 TABLES = ("heading", "sensors", "conditions", "geometry", "axes", "drives", "stairless", "paper", "real")
@@ -346,21 +347,32 @@ STAIRLESS_COLUMNS = (
 )
 
 
-def stairless_row(scene: str, seeds: range) -> str:
-    """Return how many frames of a place without a stair are taken for one."""
-    recipe = {"scenes": (scene,), "pitch_deg": (10.0, 50.0), "lateral_m": (-0.5, 0.5), "textures": ("wood", "carpet", "terrazzo")}
-    upright = list(looks(Case(label=scene, recipe=recipe), seeds))
-    blind = list(looks(Case(label=scene, recipe=recipe, knows_down=False), seeds))
-    askew = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
-    counts = [sum(look.sight.accepted for look in group) for group in (upright, blind, askew)]
-    frames = len(upright) + len(blind) + len(askew)
-    # Nothing is left out of these rows, so that looks and seeds run side by side.
-    taken = [seed for group in (upright, blind, askew) for seed, look in zip(seeds, group, strict=True) if look.sight.accepted]
-    return (
-        f"| {scene} | {len(upright)} | {counts[0]} | {counts[1]} | {counts[2]} | "
-        f"{percent(sum(counts), frames)} | {np.median([look.spent_ms for look in upright]):.1f} | "
-        f"{', '.join(map(str, sorted(set(taken))[:5]))} |"
-    )
+def stairless_rows(seeds: range) -> Iterator[str]:
+    """Yield how many frames of each scene without a stair are taken for one, and the sums."""
+    totals = {"**stairs by shape**": (0, 0), "**all others**": (0, 0)}
+    for scene in STAIRLESS_SCENES:
+        recipe = {
+            "scenes": (scene,),
+            "pitch_deg": (10.0, 50.0),
+            "lateral_m": (-0.5, 0.5),
+            "textures": ("wood", "carpet", "terrazzo"),
+        }
+        upright = list(looks(Case(label=scene, recipe=recipe), seeds))
+        blind = list(looks(Case(label=scene, recipe=recipe, knows_down=False), seeds))
+        askew = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
+        groups = (upright, blind, askew)
+        counts, frames = [sum(look.sight.accepted for look in group) for group in groups], sum(map(len, groups))
+        # Nothing is left out of these rows, so that looks and seeds run side by side.
+        taken = [seed for group in groups for seed, look in zip(seeds, group, strict=True) if look.sight.accepted]
+        kind = "**stairs by shape**" if scene in STEPPED_SCENES else "**all others**"
+        totals[kind] = (totals[kind][0] + sum(counts), totals[kind][1] + frames)
+        yield (
+            f"| {scene} | {len(upright)} | {counts[0]} | {counts[1]} | {counts[2]} | {percent(sum(counts), frames)} | "
+            f"{np.median([look.spent_ms for look in upright]):.1f} | {', '.join(map(str, sorted(set(taken))[:5]))} |"
+        )
+    for kind, (hits, frames) in totals.items():
+        low, high = wilson(hits, frames)
+        yield f"| {kind} | {frames} | {hits} | | | {100 * hits / frames:.2f} % [{100 * low:.2f}, {100 * high:.2f}] | | |"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -538,9 +550,7 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
             DRIVE_COLUMNS,
             (drive_row(way, seeds[: max(len(seeds) // 15, 1)]) for way in drive_cases()),
         ),
-        "stairless": lambda: rows(
-            "Places without a stair", STAIRLESS_COLUMNS, (stairless_row(scene, seeds) for scene in STAIRLESS_SCENES)
-        ),
+        "stairless": lambda: rows("Places without a stair", STAIRLESS_COLUMNS, stairless_rows(seeds)),
         "paper": lambda: rows("Heading, Algorithm 1", HEADING_COLUMNS, (heading_row(case, seeds) for case in paper_cases())),
         "real": real,
     }

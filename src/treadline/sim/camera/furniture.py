@@ -23,7 +23,7 @@ CRATE_BLUE: Rgb = (52.0, 84.0, 140.0)
 def carton_steps(rng: np.random.Generator) -> list[SceneBox]:
     """Return cartons stacked like a stair, 0.3 to 0.6 m wide."""
     count, half = int(rng.integers(3, 6)), rng.uniform(0.15, 0.3)
-    high, deep, x = rng.uniform(0.15, 0.3), rng.uniform(0.25, 0.4), rng.uniform(0.9, 1.5)
+    high, deep, x = rng.uniform(0.12, 0.25), rng.uniform(0.25, 0.4), rng.uniform(0.9, 1.5)
     cartons = [
         upright("carton", (x + i * deep, -half, k * high), (x + (i + 1) * deep, half, (k + 1) * high), colour=CARDBOARD)
         for i in range(count)
@@ -76,9 +76,10 @@ def escalator(rng: np.random.Generator) -> list[SceneBox]:
 
 
 def blinds(rng: np.random.Generator) -> list[SceneBox]:
-    """Return a venetian blind before a window: slats one above the other, each tilted."""
-    x, half, pitch, wide = rng.uniform(0.9, 1.8), rng.uniform(0.4, 0.9), rng.uniform(0.02, 0.09), rng.uniform(0.025, 0.09)
-    turn = rotation_y(rng.uniform(-50.0, 50.0) * DEG)
+    """Return a venetian blind or louvre before a window: slats one above the other, each tilted."""
+    x, half, wide = rng.uniform(0.9, 1.8), rng.uniform(0.4, 0.9), rng.uniform(0.05, 0.25)
+    # From open (level) to nearly closed; slats of a closed blind touch each other.
+    pitch, turn = rng.uniform(0.6, 1.1) * wide, rotation_y(rng.uniform(-75.0, 75.0) * DEG)
     low = rng.uniform(0.0, 0.8)
     slats = [
         SceneBox(kind="blind", centre_W=np.array([x, 0.0, z]), half_m=np.array([0.5 * wide, half, 0.0015]), R_WK=turn, colour=WHITE)
