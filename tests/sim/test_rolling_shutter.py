@@ -6,7 +6,7 @@ import pytest
 from treadline.angles import DEG
 from treadline.mechanics.chair import read_chair
 from treadline.sim.camera import Camera, ViewRecipe, draw_view
-from treadline.sim.camera.camera import Sweep
+from treadline.sim.camera.rendered_frame import Sweep
 from treadline.sim.camera.solids import upright
 
 CALIBRATION = read_chair("wheelchair").camera_at(240)

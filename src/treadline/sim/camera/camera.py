@@ -2,33 +2,19 @@
 
 import copy
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from functools import partial
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
-from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
-from treadline.sim.camera.matching import JUMP_PX, stereo_depth, straddling
-from treadline.sim.camera.multipath import multipath_bias
-from treadline.sim.camera.sensors import (
-    CORRELATION_PX,
-    DISPARITY_PX_M,
-    SENSOR_WIDTH_PX,
-    SENSORS,
-    TIME_OF_FLIGHT_WIDTH_PX,
-    ActiveStereo,
-    StructuredLight,
-    TimeOfFlight,
-    alike,
-    warp,
-    windowed,
-)
+from treadline.sim.camera.depth_sensor import sensor_model
+from treadline.sim.camera.rendered_frame import ExactView, RenderedFrame, Sweep
+from treadline.sim.camera.sensors import DISPARITY_PX_M, warp
 from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, solids_of
 
 VIEW_M = 7.0
@@ -56,60 +42,6 @@ BANDS, SWEEP_M = 24, 0.2
 320×240. Largest motion during the readout [m]."""
 SQUARE = 0.99
 """Cosine above which a box counts as aligned with the world axes and has the six brightness values unchanged."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExactView:
-    """Depth and visible faces without sensor errors."""
-
-    depth_m: Float[np.ndarray, "h w"]
-    face: Int[np.ndarray, "h w"]
-    """Visible face: 6 · solid + side, with the index of the solid in the scene; -1 without a hit."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sweep:
-    """Motion of the camera while a rolling shutter reads the image from the top row to the bottom row."""
-
-    readout_s: float
-    velocity_W: Float[np.ndarray, " 3"]
-    rate_W: Float[np.ndarray, " 3"]
-    """Angular velocity [rad/s]."""
-
-
-class RenderedFrame(RgbdFrame):
-    """Frame whose colours are rendered on first access, because the default detector uses depth only.
-
-    All random numbers of the colours are drawn with the frame, so that access to the colours does not affect other frames.
-    """
-
-    __slots__ = ("_painter", "_rgb")
-    _painter: Callable[[], UInt8[np.ndarray, "h w 3"]] | None
-    _rgb: UInt8[np.ndarray, "h w 3"] | None
-
-    def __init__(
-        self,
-        *,
-        t_s: float,
-        depth_m: Float32[np.ndarray, "h w"],
-        camera: PinholeCamera,
-        rgb: UInt8[np.ndarray, "h w 3"] | None = None,
-        painter: Callable[[], UInt8[np.ndarray, "h w 3"]] | None = None,
-    ) -> None:
-        # Frozen like its base; ``rgb`` is there for ``dataclasses.replace``, which knows the base's fields.
-        values = {"t_s": t_s, "depth_m": depth_m, "camera": camera, "_painter": painter, "_rgb": rgb}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def rgb(self) -> UInt8[np.ndarray, "h w 3"]:
-        """Colour image, rendered once."""
-        if self._rgb is None:
-            if self._painter is None:
-                raise ImageError("a rendered frame has neither colours nor a painter")
-            object.__setattr__(self, "_rgb", self._painter())
-        assert self._rgb is not None  # noqa: S101 - for the type checker
-        return self._rgb
 
 
 class Camera:
@@ -147,11 +79,6 @@ class Camera:
         solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
         self._declared = declared or calibration
-        sensor = SENSORS.get(kind)
-        if sigma_px is not None and isinstance(sensor, StructuredLight | ActiveStereo):
-            sensor = replace(sensor, sigma_px=sigma_px)
-        self._sensor = sensor
-        self._edge_holes = edge_holes
         self._texture = texture
         self._light = light
         self._blur_px = blur_px
@@ -163,13 +90,9 @@ class Camera:
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
-        self._depth_normal = alike(self._normal, calibration.width_px, grain_px * calibration.width_px / SENSOR_WIDTH_PX)
-        if isinstance(self._sensor, StructuredLight):
-            lateral_px = self._sensor.lateral_px * calibration.width_px / SENSOR_WIDTH_PX
-            self._jitter = np.rint(lateral_px * self._depth_normal.astype(np.float64)).astype(np.int8)
-        if isinstance(self._sensor, ActiveStereo):
-            window_px = max(round(self._sensor.window_px * calibration.width_px / SENSOR_WIDTH_PX), 1)
-            self._depth_normal = windowed(self._normal, calibration.width_px, window_px)
+        self._sensor = sensor_model(
+            kind, calibration, self._normal, self._chance, grain_px=grain_px, sigma_px=sigma_px, edge_holes=edge_holes
+        )
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._face(solids)
 
@@ -355,58 +278,10 @@ class Camera:
     def _measured(
         self, exact: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"], near: Int[np.ndarray, " b"]
     ) -> Float32[np.ndarray, "h w"]:
-        sensor, camera = self._sensor, self.calibration
-        if sensor is None:
+        """Return what the sensor measures of exact depth."""
+        if self._sensor is None:
             return exact.astype(np.float32)
-        places = self._rng.integers(POOL, size=4)
-        if isinstance(sensor, ActiveStereo):
-            return stereo_depth(sensor, camera, exact, face, self._albedos[near], self._depth_normal, places)
-        measured = np.empty(exact.shape, dtype=np.float32)
-        if isinstance(sensor, TimeOfFlight):
-            kernels.time_of_flight(
-                exact,
-                face,
-                camera.fx_px,
-                camera.fy_px,
-                camera.cx_px,
-                camera.cy_px,
-                self._albedos[near],
-                sensor.floor_m,
-                sensor.gain_m,
-                sensor.ripple_m,
-                camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
-                sensor.near_m,
-                sensor.far_m,
-                sensor.mixed_dropped,
-                self._depth_normal,
-                self._chance,
-                places,
-                measured,
-            )
-            if sensor.multipath:
-                measured += multipath_bias(camera, exact, face, self._albedos[near]).astype(np.float32)
-            return measured
-        kernels.kinect(
-            exact,
-            face,
-            sensor.focal_px,
-            sensor.baseline_m,
-            camera.fx_px * sensor.baseline_m,
-            sensor.sigma_px,
-            sensor.step_px,
-            sensor.near_m,
-            sensor.far_m,
-            self._jitter,
-            self._depth_normal,
-            self._chance,
-            places,
-            measured,
-        )
-        if self._edge_holes:
-            scale = camera.width_px / SENSOR_WIDTH_PX
-            disparity = np.nan_to_num(sensor.focal_px * sensor.baseline_m / exact).astype(np.float32)
-            measured[straddling(disparity, round(CORRELATION_PX * scale), JUMP_PX / scale)] = np.nan
-        return measured
+        return self._sensor.measure(exact, face, self._albedos[near], self._rng.integers(POOL, size=4))
 
 
 def _bands(shadows: Sequence[Shadow]) -> Float[np.ndarray, "n 5"]:

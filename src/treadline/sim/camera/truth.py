@@ -11,9 +11,9 @@ from treadline.devices.visibility import crossings
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase, Step
 from treadline.signals import PinholeCamera
-from treadline.sim.camera.camera import ExactView
 from treadline.sim.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
 from treadline.sim.camera.flight import Direction, Pose, TiltedFlight
+from treadline.sim.camera.rendered_frame import ExactView
 from treadline.sim.camera.solids import SceneBox
 
 SWEPT_HEIGHT_M = (0.06, 1.4)

@@ -12,7 +12,7 @@ The same generator state and recipe give byte-identical results.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,16 +20,15 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_z
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mechanics.staircase import FLOOR_LENGTH_M
 from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera.camera import VIEW_M, Camera, ExactView, Sweep
-from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
+from treadline.sim.camera.camera import Camera
+from treadline.sim.camera.clutter import cast_shadows
 from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
-from treadline.sim.camera.placing import oblique_wall
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
-from treadline.sim.camera.rooms import plain, room
-from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, upright
-from treadline.sim.camera.step_shapes import shaped
+from treadline.sim.camera.rendered_frame import ExactView, Sweep
+from treadline.sim.camera.rooms import room
+from treadline.sim.camera.setting import Setting, stair_setting
+from treadline.sim.camera.solids import SceneBox
 from treadline.sim.camera.truth import StairTruth, stair_truth
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
@@ -42,8 +41,6 @@ OPTICS: dict[str, tuple[int, int, float]] = {
     "d455": (640, 480, 387.0),
 }
 """Width, height and focal length of each sensor's depth image [px]; others have the optics of the chair's camera."""
-BEHIND_M = 0.6
-"""Least distance from the chair's middle to the wall behind it [m]: half of its length."""
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Range of the chair's yaw in a scene without a stair [deg]; the objects are rotated as well."""
 
@@ -63,17 +60,6 @@ class View:
     kinds: tuple[str, ...]
     """Kind of each solid, indexed by ``exact.face // 6``: ``step``, ``wall``, ``rail``, ``leg`` and others."""
     stair: StairTruth | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Setting:
-    """Solids, shadows and puddles of a scene."""
-
-    solids: list[SceneBox]
-    shadows: list[Shadow] = field(default_factory=list)
-    puddles: list[Puddle] = field(default_factory=list)
-    filled: list[SceneBox] = field(default_factory=list)
-    """The same solids with solid treads; empty if the treads are solid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,12 +167,12 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         flight = draw_flight(recipe, rng)
         pose = draw_pose(scene, flight.staircase, np.array(true.mount_m), recipe, heading, rng)
         flight = bend(flight, recipe, float(pose.p_WB[0]), rng)
-        setting = _setting(flight, scene, pose, recipe, rng)
+        setting = stair_setting(flight, scene, pose, recipe, rng)
     else:
         flight = None
         yaw = rotation_z(drawn(ROOM_YAW_DEG, rng) * DEG)
         pose = Pose(R_WB=yaw @ rocked(recipe, rng), p_WB=np.array([0.0, drawn(recipe.lateral_m, rng), 0.0]))
-        setting = _Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
+        setting = Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
     length, angle = drawn(recipe.blur_px, rng), rng.uniform(0.0, math.pi)
     camera = Camera(
         setting.solids,
@@ -255,56 +241,6 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
         mount_roll_rad=declared.mount_roll_rad + drawn(recipe.mount_roll_error_deg, rng) * DEG,
     )
     return declared, true
-
-
-def _setting(flight: TiltedFlight, scene: str, pose: Pose, recipe: ViewRecipe, rng: np.random.Generator) -> _Setting:
-    """Return the stair and its clutter, one to five steps ahead of the chair's front."""
-    staircase = flight.staircase
-    clutter, shadows, puddles = [], [], []
-    x = np.array([step.x_m for step in staircase.steps])
-    ahead = (pose.p_WB + pose.R_WB @ np.array([1.2, 0.0, 0.0]))[0]
-    nearest = int(np.argmin(np.abs(x - ahead)))
-    direction = 1 if DIRECTIONS[scene] == "up" else -1
-    for name in recipe.clutter:
-        there = rng.random() < recipe.clutter_chance
-        step = min(max(nearest + direction * int(rng.integers(4)), 0), len(x) - 3)
-        if there and name == "shadow":
-            shadows = cast_shadows(rng)
-        elif there and name == "wet":
-            puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
-        elif there:
-            clutter += clutter_of(name, staircase, step, rng)
-    around = _surroundings(flight, pose, recipe, rng)
-    solids = [plain(solid) for solid in (*around, *_stair_solids(flight, recipe, rng), *clutter)]
-    filled = [plain(solid) for solid in (*around, *flight.solids(), *clutter)] if recipe.treads != "solid" else []
-    return _Setting(solids=solids, shadows=shadows, puddles=puddles, filled=filled)
-
-
-def _surroundings(flight: TiltedFlight, pose: Pose, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
-    """Return the floor, a wall behind the landing and one before the stair."""
-    staircase, last = flight.staircase, flight.staircase.steps[-1]
-    end_x = max(step.x_m for step in staircase.steps) + max(staircase.landing_m, last.depth_m)
-    floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0), texture="concrete")
-    yaw = drawn(recipe.back_wall_deg, rng) * DEG
-    # However yaw, it meets both side walls.
-    behind = oblique_wall(end_x - 0.5 * staircase.width_m * math.tan(abs(yaw)), yaw, low_m=last.z_m)
-    # A chair far before the flight stands before that wall as well.
-    before_x = min(-float(rng.uniform(2.5, 5.5)), float(pose.p_WB[0]) - BEHIND_M)
-    before = oblique_wall(before_x, math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
-    return [floor, behind, before]
-
-
-def _stair_solids(flight: TiltedFlight, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
-    """Return steps, landing and walls."""
-    solids: list[SceneBox] = []
-    for solid in flight.solids():
-        if solid.kind == "step" and recipe.worn_m > 0.0:
-            solids += worn_step(solid, recipe.open_risers, recipe.worn_m, rng)
-        elif solid.kind in ("step", "landing"):
-            solids += shaped(solid, recipe, flight.bow_m)
-        elif solid.kind != "floor":
-            solids.append(solid)
-    return solids
 
 
 def _tilted(direction: Float[np.ndarray, " 3"], angle_rad: float, rng: np.random.Generator) -> Float[np.ndarray, " 3"]:
