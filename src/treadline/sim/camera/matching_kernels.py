@@ -37,6 +37,7 @@ def stereo(
     """Fill ``measured`` row by row from the right: the view of the right imager is covered from there."""
     rows, columns = exact.shape
     first, second = places[0], places[1]
+    common = math.exp(spread)
     for v in range(rows):
         lowest = 1e9
         for u in range(columns - 1, -1, -1):
@@ -49,12 +50,14 @@ def stereo(
                 lowest = min(lowest, seen)
             if fattened[v, u] > 0.0:
                 d = fattened[v, u]
-            elif (
-                hidden
-                or d <= 0.0
-                or _light(exact, face, u, v, fx, fy, cx, cy, albedos) < least_light * math.exp(spread * normal[second + n])
-            ):
+            elif hidden or d <= 0.0:
                 continue
+            else:
+                need = normal[second + n]
+                light = _light(exact, face, u, v, fx, fy, cx, cy, albedos) / least_light
+                # Exponentials are slow: most pixels have enough light for every need below one standard deviation.
+                if light < (common if need < 1.0 else math.exp(spread * need)) and light < math.exp(spread * need):
+                    continue
             if u - d * scale < 0.0:
                 continue
             d = np.rint((d + sigma * normal[first + n]) / step) * step

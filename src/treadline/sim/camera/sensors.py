@@ -133,11 +133,11 @@ def alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> 
 
 def windowed(normal: Float32[np.ndarray, " n"], width_px: int, window_px: int) -> Float32[np.ndarray, " n"]:
     """Return normal numbers averaged over a window of an image and scaled to unit variance: matches of neighbours share pixels."""
-    whole = len(normal) // width_px * width_px
-    smooth = cv2.blur(normal[:whole].reshape(-1, width_px), (window_px, window_px))
-    same = normal.copy()
-    same[:whole] = (smooth / smooth.std()).ravel()
-    return same
+    rows = len(normal) // width_px
+    smooth = cv2.blur(normal[: rows * width_px].reshape(rows, width_px), (window_px, window_px))
+    # The mean of n white numbers has a standard deviation of 1/√n.
+    smooth *= window_px
+    return np.concatenate([smooth.ravel(), normal[rows * width_px :]])
 
 
 def warp(camera: PinholeCamera, spread_px: float, rng: np.random.Generator) -> Float[np.ndarray, "h w"]:
