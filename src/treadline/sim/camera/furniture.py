@@ -29,7 +29,7 @@ def carton_steps(rng: np.random.Generator) -> list[SceneBox]:
         for i in range(count)
         for k in range(i + 1)
     ]
-    return _askew(cartons, x, rng)
+    return _yawed(cartons, x, rng)
 
 
 def pallet_steps(rng: np.random.Generator) -> list[SceneBox]:
@@ -41,7 +41,7 @@ def pallet_steps(rng: np.random.Generator) -> list[SceneBox]:
         for k in range(i + 1)
         for low, high in ((0.0, 0.022), (0.1, 0.144))
     ]
-    return _askew(stacks, x, rng)
+    return _yawed(stacks, x, rng)
 
 
 def drawers(rng: np.random.Generator) -> list[SceneBox]:
@@ -56,7 +56,7 @@ def drawers(rng: np.random.Generator) -> list[SceneBox]:
         )
         # What lies in the drawer ends a few centimetres below its rim.
         solids.append(upright("furniture", (front, -half, k * high + 0.01), (x, half, (k + 0.7) * high), colour=WHITE))
-    return _askew([*solids, oblique_wall(x + 0.55, 0.0)], x, rng)
+    return _yawed([*solids, oblique_wall(x + 0.55, 0.0)], x, rng)
 
 
 def escalator(rng: np.random.Generator) -> list[SceneBox]:
@@ -85,7 +85,7 @@ def blinds(rng: np.random.Generator) -> list[SceneBox]:
         SceneBox(kind="blind", centre_W=np.array([x, 0.0, z]), half_m=np.array([0.5 * wide, half, 0.0015]), R_WK=turn, colour=WHITE)
         for z in np.arange(low, 2.1, pitch)
     ]
-    return _askew([*slats, oblique_wall(x + rng.uniform(0.06, 0.2), 0.0)], x, rng)
+    return _yawed([*slats, oblique_wall(x + rng.uniform(0.06, 0.2), 0.0)], x, rng)
 
 
 def radiator(rng: np.random.Generator) -> list[SceneBox]:
@@ -101,7 +101,7 @@ def radiator(rng: np.random.Generator) -> list[SceneBox]:
         parts = [
             upright("furniture", (x, y, low), (x + 0.12, y + 0.03, low + 0.6), colour=WHITE) for y in np.arange(-half, half, 0.06)
         ]
-    return _askew([*parts, oblique_wall(x + 0.16, 0.0)], x, rng)
+    return _yawed([*parts, oblique_wall(x + 0.16, 0.0)], x, rng)
 
 
 def chairs(rng: np.random.Generator) -> list[SceneBox]:
@@ -113,7 +113,7 @@ def chairs(rng: np.random.Generator) -> list[SceneBox]:
         seat, *legs = legged(cx, y, (0.21, 0.21), 0.45 + z, 0.015, GALVANISED)
         solids += [seat, *(legs if k == 0 else [])]
         solids.append(upright("furniture", (cx + 0.19, y - 0.2, 0.55 + z), (cx + 0.21, y + 0.2, 0.8 + z), colour=FABRIC))
-    return _askew(solids, x, rng)
+    return _yawed(solids, x, rng)
 
 
 def sofa(rng: np.random.Generator) -> list[SceneBox]:
@@ -128,10 +128,10 @@ def sofa(rng: np.random.Generator) -> list[SceneBox]:
     if rng.random() < 0.6:
         front = x - rng.uniform(0.3, 0.6)
         solids.append(upright("furniture", (front, -0.3, 0.0), (x - 0.02, 0.3, rng.uniform(0.15, 0.3)), colour=FABRIC))
-    arms = [
+    armrests = [
         upright("furniture", (x, side - 0.09, 0.0), (x + 0.85, side + 0.09, seat + 0.2), colour=FABRIC) for side in (-half, half)
     ]
-    return _askew([*solids, *arms], x, rng)
+    return _yawed([*solids, *armrests], x, rng)
 
 
 def cable_ladder(rng: np.random.Generator) -> list[SceneBox]:
@@ -159,7 +159,7 @@ def crates(rng: np.random.Generator) -> list[SceneBox]:
         for k in range(int(rng.integers(0, 4)))
     ]
     coloured = [SceneBox(kind="crate", centre_W=s.centre_W, half_m=s.half_m, R_WK=s.R_WK, colour=CRATE_BLUE) for s in stacks]
-    return _askew([*coloured, oblique_wall(x + 1.0, 0.0)], x, rng)
+    return _yawed([*coloured, oblique_wall(x + 1.0, 0.0)], x, rng)
 
 
 def rubble(rng: np.random.Generator) -> list[SceneBox]:
@@ -179,7 +179,7 @@ def rubble(rng: np.random.Generator) -> list[SceneBox]:
     return solids
 
 
-def _askew(solids: list[SceneBox], x_m: float, rng: np.random.Generator) -> list[SceneBox]:
+def _yawed(solids: list[SceneBox], x_m: float, rng: np.random.Generator) -> list[SceneBox]:
     """Return the solids turned about their front by up to 25°."""
     yaw = rng.uniform(-25.0, 25.0) * DEG
     return [turned(solid, yaw, (x_m, 0.0)) for solid in solids]

@@ -61,7 +61,7 @@ ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:21]
 FURTHER_SCENES: tuple[Scene, ...] = get_args(Scene)[21:]
 """Further scenes without a stair: furniture, goods, building parts and street furniture with repeated edges."""
 STEPPED_SCENES: tuple[Scene, ...] = ("carton_steps", "pallet_steps", "drawers", "escalator")
-"""Scenes of ``FURTHER_SCENES`` that are stairs by shape: only width and context tell that a chair must not climb them."""
+"""Scenes of ``FURTHER_SCENES`` that are stairs by shape; width and context distinguish them from a flight."""
 STAIRLESS_SCENES: tuple[Scene, ...] = ROOM_SCENES + FURTHER_SCENES
 """All scenes without a stair to climb."""
 Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
