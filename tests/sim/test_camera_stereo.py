@@ -111,7 +111,7 @@ def test_objects_grow_by_half_of_the_window_on_each_side() -> None:
 def test_most_of_a_white_wall_has_depth_at_2_m_and_half_at_twice_the_ideal_range() -> None:
     seen = camera(7, "d435")
     share = [np.isfinite(measured(seen, *wall(seen, distance_m))[160:320, 213:427]).mean() for distance_m in (2.0, 6.0)]
-    # D435 data sheet: fill rate of 99 % at 2 m. White paint has an albedo of 0.85, which costs 0.17 standard deviations; 700
+    # 99 % of an ideal white wall at 2 m. White paint has an albedo of 0.85, which costs 0.17 standard deviations; 700
     # independent windows leave 0.5 % and 2 %.
     assert share[0] > 0.975
     assert share[1] == pytest.approx(0.43, abs=0.06)

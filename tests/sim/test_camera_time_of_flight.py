@@ -36,9 +36,9 @@ def random_sigma_m(depth_m: Float[np.ndarray, "h w"]) -> float:
 def test_noise_grows_with_range_and_keeps_the_specification() -> None:
     sigmas = [random_sigma_m(camera(1, 60.0)._measured(*wall(distance_m), np.arange(2))) for distance_m in (0.6, 1.5, 2.5, 3.8)]
     assert sigmas == sorted(sigmas)
-    # Microsoft, Azure Kinect hardware specification: random error of at most 17 mm.
+    # Tölgyessy et al., Sensors 21, 2021: standard deviation of at most 17 mm, as the manufacturer states.
     assert sigmas[-1] < 0.017
-    # The camera's albedo is never below 0.35 in the infrared, so that the wall is lighter than the specification's 15 %.
+    # The camera's albedo is never below 0.35 in the infrared, so that the wall is lighter than the assumed 15 %.
     assert sigmas[-1] > 0.003
 
 

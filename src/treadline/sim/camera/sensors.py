@@ -18,9 +18,9 @@ object is hidden from the right imager, and a band of f·B/Z columns at the left
 The search covers 128 disparities, which gives the nearest depth f·B/126. Objects are wider by half of the matching window.
 
 Optional for all: spatially correlated noise, and a smooth warp across the image. Optional for the Kinect 1: pixels lost where the
-correlation window of 9×9 px contains a depth jump (Khoshelham and Elberink, Sensors 12, 2012: the Kinect correlates windows of
-9×9). Two recorded frames of a flight with open risers have holes of 9 px (median; quartiles 6 and 19 px) across their depth jumps,
-along columns; rendered open flights have 11 px (9 and 19 px) with this option, 6 px (1 and 20 px) without.
+correlation window contains a depth jump. The window is 9×9 px: two recorded frames of a flight with open risers have holes of 9 px
+(median; quartiles 6 and 19 px) across their depth jumps, along columns; rendered open flights have 11 px (9 and 19 px) with this
+option, 6 px (1 and 20 px) without.
 """
 
 from dataclasses import dataclass
@@ -82,8 +82,8 @@ class ActiveStereo:
     """Largest disparity of the search [px]."""
     far_m: float = 10.0
     fill_m: float
-    """Distance at which half of a white wall facing the camera has no depth [m]: twice the manufacturer's ideal range, at which
-    the projector's light has a quarter of the irradiance."""
+    """Distance at which half of a white wall facing the camera has no depth [m]. Assumption: twice the manufacturer's ideal range
+    of 3 m (D435) and 6 m (D455), at which the projector's light has a quarter of the irradiance."""
 
     @property
     def strength_px_m(self) -> float:
@@ -97,8 +97,8 @@ class ActiveStereo:
 
 
 FILL_SPREAD = 0.94
-"""Standard deviation of the logarithm of the light needed for a match: with ``fill_m`` = 6 m, 99 % of a wall at 2 m have depth, as
-the D435 data sheet states (log(6² / 2²) / 2.33)."""
+"""Standard deviation of the logarithm of the light needed for a match. Assumption: with ``fill_m`` = 6 m, 99 % of a white wall at 2 m
+have depth (log(6² / 2²) / 2.33)."""
 CORRELATION_PX = 9
 """Width of the Kinect 1 correlation window [px of a disparity image 640 wide]."""
 
@@ -111,8 +111,9 @@ SENSORS: dict[str, Sensor] = {
     # Fitted to recorded frames: plane-fit residuals of 1.4 to 2.1 mm in blocks of 16×16 between 0.6 and 1.2 m, three
     # quarters of them alike from one pixel to the next.
     "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
-    # Azure Kinect, narrow field of view: the hardware specification allows a random error of 17 mm for 15 % reflectance at the
-    # end of its range, 3.86 m: gain = 0.017 · 0.15 / 3.86². Floor and pattern are those of the Kinect 2.
+    # Azure Kinect, narrow field of view: standard deviation of at most 17 mm (Tölgyessy et al., Sensors 21, 2021, confirm the
+    # manufacturer's figure), assumed to be reached by a reflectance of 15 % at the end of the range: 0.017 · 0.15 / 3.86².
+    # Floor and pattern are those of the Kinect 2.
     "tof": TimeOfFlight(floor_m=0.00115, gain_m=0.00017, ripple_m=0.006, near_m=0.5, far_m=3.86, mixed_dropped=0.0, multipath=True),
     "d435": ActiveStereo(baseline_m=0.050, fill_m=6.0),
     "d455": ActiveStereo(baseline_m=0.095, fill_m=12.0),
