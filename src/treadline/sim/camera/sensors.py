@@ -97,8 +97,8 @@ class ActiveStereo:
 
 
 FILL_SPREAD = 0.94
-"""Standard deviation of the logarithm of the light needed for a match. Assumption: with ``fill_m`` = 6 m, 99 % of a white wall at 2 m
-have depth (log(6² / 2²) / 2.33)."""
+"""Standard deviation of the logarithm of the light needed for a match. Assumption: with ``fill_m`` = 6 m, 99 % of a white wall have
+depth at 2 m (log(6² / 2²) / 2.33)."""
 CORRELATION_PX = 9
 """Width of the Kinect 1 correlation window [px of a disparity image 640 wide]."""
 
