@@ -30,7 +30,7 @@ from jaxtyping import Float
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases, wilson
 
 from treadline.angles import DEG, rotation_of
-from treadline.camera_file import CameraFile
+from treadline.camera_file import CameraFile, read_camera
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
@@ -474,17 +474,33 @@ REAL_COLUMNS = "| | accepted | edge direction off by | declared σ of the headin
 def real_rows() -> Iterator[str]:
     """Yield the angle between the edge direction found in recorded frames and their reference."""
     for reference in sorted(RECORDED.glob("*/reference.json")):
-        for name, true in json.loads(reference.read_text()).items():
+        for name, true in references(json.loads(reference.read_text())):
             depth = reference.with_name(name + DEPTH_ENDING)
-            rgb = next(path for ending in COLOUR_ENDINGS if (path := reference.with_name(name + ending)).exists())
-            detector = StairDetector(DetectorConfig(method="robust"))
-            sight = detector.look(read_frame(rgb, depth, calibration_of(depth, true)), None)
+            rgb = next((path for ending in COLOUR_ENDINGS if (path := reference.with_name(name + ending)).exists()), None)
             label = f"{reference.parent.name} {name}"
+            if rgb is None or not depth.exists():
+                yield f"| {label} | | | | no depth and colour image beside the reference |"
+                continue
+            files = [path for path in reference.parent.glob("*_camera.toml") if name.startswith(path.stem.removesuffix("_camera"))]
+            calibration = read_camera(files[0]) if files else calibration_of(depth, true)
+            down = None if true.get("gravity") is None else np.array(true["gravity"])
+            sight = StairDetector(DetectorConfig(method="robust")).look(read_frame(rgb, depth, calibration), down)
             if sight.edge_direction_C is None or sight.sigma_rad is None:
                 yield f"| {label} | no | | | {sight.reason} |"
             else:
-                off = angle_between(sight.edge_direction_C, np.array(true["edge_direction_camera"])) / DEG
+                edge = np.array(true["edge_direction_camera"] if "edge_direction_camera" in true else true["edge_direction"])
+                off = angle_between(sight.edge_direction_C, edge) / DEG
                 yield f"| {label} | yes | {off:.3f}° | {sight.sigma_rad / DEG:.3f}° | |"
+
+
+def references(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name and the reference of each frame of a table, which may be grouped by sensor."""
+    for name, entry in table.items():
+        if isinstance(entry, dict):
+            if any(name.startswith("edge_direction") for name in entry):
+                yield name, entry
+            else:
+                yield from references(entry)
 
 
 def calibration_of(depth: Path, true: dict[str, float]) -> CameraFile:
@@ -537,7 +553,7 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
         if not RECORDED.exists():
             print(f"\n### Recorded frames\n\nskipped: no folder {RECORDED.relative_to(RECORDED.parents[3])} beside the project")
             return
-        rows("Recorded frames, no gravity", REAL_COLUMNS, real_rows())
+        rows("Recorded frames, with gravity where it is known", REAL_COLUMNS, real_rows())
 
     return {
         "heading": heading,

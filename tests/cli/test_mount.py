@@ -100,7 +100,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     told = tmp_path / "told.toml"
     told.write_text(
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
-        "mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\nsensor = \"kinect1\"\n"
+        'mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\nsensor = "kinect1"\n'
     )
     outcome = run("mount", driven, "--camera", told, "--out", told, "--force")
     assert outcome.code == 0, outcome.err
