@@ -86,7 +86,20 @@ def test_places_without_a_stair_have_no_heading_in_the_truth(run, tmp_path: Path
         assert row["gravity_z"] != ""
 
 
-@pytest.mark.parametrize(("word", "scenes"), [("down", {"down", "edge", "bottom"}), ("top", {"top"}), ("shelf", {"shelf"})])
+def test_the_truth_holds_the_sides_of_the_flight_and_the_calibration_the_sensor(run, tmp_path: Path) -> None:
+    recipe = tmp_path / "recipe.toml"
+    recipe.write_text('width_m = [0.5, 0.5]\nwalls = ["left"]\nbow_m = [0.03, 0.03]\nsensor = "d455"\nsensor_known = true\n')
+    assert run("frames", "--out", tmp_path / "out", "--count", 2, "--recipe", recipe).code == 0
+    for row in table(tmp_path / "out" / "truth.csv").values():
+        assert float(row["left_edge_m"]) + float(row["right_edge_m"]) == pytest.approx(0.5)
+        assert (row["left_side"], row["right_side"]) == ("wall", "open")
+        assert (float(row["bow_m"]), float(row["curvature_1_m"])) == (0.03, 0.0)
+    assert 'sensor = "d455"\n' in (tmp_path / "out" / "camera.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("word", "scenes"), [("down", {"down", "edge", "bottom"}), ("top", {"top"}), ("shelf", {"shelf"}), ("blinds", {"blinds"})]
+)
 def test_a_scene_is_one_or_several(run, tmp_path: Path, word: str, scenes: set[str]) -> None:
     run("frames", "--out", tmp_path, "--count", 12, "--scene", word)
     assert {row["scene"] for row in table(tmp_path / "truth.csv").values()} == scenes

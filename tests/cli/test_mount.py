@@ -100,7 +100,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     told = tmp_path / "told.toml"
     told.write_text(
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
-        "mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\n"
+        'mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\nsensor = "kinect1"\n'
     )
     outcome = run("mount", driven, "--camera", told, "--out", told, "--force")
     assert outcome.code == 0, outcome.err
@@ -111,6 +111,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     assert learned.mount_pitch_deg == pytest.approx(MEANT_PITCH_DEG + PITCH_OFF_DEG, abs=0.3)
     assert learned.mount_roll_deg == pytest.approx(ROLL_OFF_DEG, abs=0.3)
     assert learned.depth_unit_m == 0.0002
+    assert learned.sensor == "kinect1"
     assert learned.mount_m == (0.4, 0.0, 0.8)  # the chair's: the file does not say
     # What was learned stays when it is believed.
     again = run("mount", driven, "--camera", told, "--out", tmp_path / "again.toml", "--json").values

@@ -49,6 +49,8 @@ SCENARIOS = {
 JOBS = (
     ("rendered frames", "frames --out {}/frames --count 12 --scene mixed --clutter all --seed 1"),
     ("rendered frames, Kinect 2", "frames --out {}/kinect2 --count 1 --sensor kinect2"),
+    ("rendered frames, time of flight", "frames --out {}/tof --count 1 --sensor tof --height 288"),
+    ("rendered frames, stereo", "frames --out {}/d435 --count 1 --sensor d435"),
     ("stair detection", "see {}/frames"),
     ("stair detection, Algorithm 1", "see {}/frames --method paper"),
     ("simulator", "climb {}/flight.toml --out {}/run --log-images"),

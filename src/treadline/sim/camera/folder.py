@@ -41,9 +41,16 @@ TRUTH = (
     "left_wall_m",
     "right_wall_m",
     "obstacle_m",
+    "left_edge_m",
+    "right_edge_m",
+    "left_side",
+    "right_side",
+    "bow_m",
+    "curvature_1_m",
 )
 """Columns of truth.csv. Edge and gravity are unit vectors in the camera frame. The next nosing is the intersection of the first
-visible nosing with the chair's middle plane, in the chair frame. Unavailable values are blank."""
+visible nosing with the chair's middle plane, in the chair frame. The edges are the sides of the flight, each ``wall`` or ``open``.
+Unavailable values are blank."""
 
 
 class NamedView(NamedTuple):
@@ -111,7 +118,8 @@ def _camera_toml(camera: PinholeCamera) -> str:
         "mount_yaw_deg": round(camera.mount_yaw_rad / DEG, 9),
         "mount_m": list(camera.mount_m),
     }
-    return "".join(f"{key} = {value}\n" for key, value in values.items())
+    sensor = "" if camera.sensor == "auto" else f'sensor = "{camera.sensor}"\n'
+    return "".join(f"{key} = {value}\n" for key, value in values.items()) + sensor
 
 
 def _gravity_table(written: list[NamedView]) -> str:
@@ -127,7 +135,7 @@ def _truth_row(named: NamedView) -> list[object]:
     gravity = _rounded(view.true_gravity_C.tolist())
     stair = view.stair
     if stair is None:
-        return [name, view.scene, *[""] * 8, *gravity, *[""] * 7]
+        return [name, view.scene, *[""] * 8, *gravity, *[""] * (len(TRUTH) - 13)]
     seen = stair.nosings_B[stair.nosing_in_view]
     following = seen[0, ::2].tolist() if len(seen) else [None, None]
     metres = [*following, stair.left_wall_m, stair.right_wall_m, stair.obstacle_m]
@@ -146,6 +154,10 @@ def _truth_row(named: NamedView) -> list[object]:
         left,
         right,
         obstacle,
+        *_rounded([stair.left_edge_m, stair.right_edge_m]),
+        stair.left_side,
+        stair.right_side,
+        *_rounded([stair.bow_m, stair.curvature_1_m]),
     ]
 
 

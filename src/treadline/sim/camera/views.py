@@ -12,7 +12,7 @@ The same generator state and recipe give byte-identical results.
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -20,19 +20,27 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_z
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mechanics.staircase import FLOOR_LENGTH_M
 from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
-from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
-from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, draw_flight, draw_pose, rocked
+from treadline.sim.camera.camera import Camera
+from treadline.sim.camera.clutter import cast_shadows
+from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
-from treadline.sim.camera.rooms import oblique_wall, plain, room
-from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, upright
+from treadline.sim.camera.rendered_frame import ExactView, Sweep
+from treadline.sim.camera.rooms import room
+from treadline.sim.camera.setting import Setting, stair_setting
+from treadline.sim.camera.solids import SceneBox
 from treadline.sim.camera.truth import StairTruth, stair_truth
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 """Unit vector of gravity in W."""
 DOWN_W.setflags(write=False)
+OPTICS: dict[str, tuple[int, int, float]] = {
+    "kinect2": (512, 424, 365.3),
+    "tof": (640, 576, 504.0),
+    "d435": (640, 480, 387.0),
+    "d455": (640, 480, 387.0),
+}
+"""Width, height and focal length of each sensor's depth image [px]; others have the optics of the chair's camera."""
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Range of the chair's yaw in a scene without a stair [deg]; the objects are rotated as well."""
 
@@ -54,15 +62,6 @@ class View:
     stair: StairTruth | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Setting:
-    """Solids, shadows and puddles of a scene."""
-
-    solids: list[SceneBox]
-    shadows: list[Shadow] = field(default_factory=list)
-    puddles: list[Puddle] = field(default_factory=list)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Stage:
     """Constant part of a sequence of views."""
@@ -74,6 +73,11 @@ class _Stage:
     flight: TiltedFlight | None
     solids: list[SceneBox]
     camera: Camera
+    filled: tuple[Camera, list[SceneBox]] | None = None
+    """Camera before the same scene with solid treads, and its solids, if the treads are gratings or glass: the ground truth counts
+    treads and nosings that a depth sensor sees through."""
+    motion: tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None = None
+    """Readout time of a rolling shutter [s], and velocity [m/s] and rate [rad/s] in B during the readout."""
 
     def view(self, t_s: float, pose: Pose) -> View:
         """Return the view from a pose, with gravity free of error."""
@@ -82,10 +86,11 @@ class _Stage:
         exact = self.camera.exact(R_WC, p_WC)
         stair = None
         if self.flight is not None:
-            stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, self.solids, exact, self.chair)
+            filled, solids = (exact, self.solids) if self.filled is None else (self.filled[0].exact(R_WC, p_WC), self.filled[1])
+            stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, solids, filled, self.chair)
         return View(
             scene=self.scene,
-            frame=self.camera.frame(t_s, R_WC, p_WC),
+            frame=self.camera.frame(t_s, R_WC, p_WC, self._sweep(pose)),
             gravity_C=self.declared.R_BC.T @ pose.R_WB.T @ DOWN_W,
             true_gravity_C=R_WC.T @ DOWN_W,
             true_camera=self.true,
@@ -93,6 +98,23 @@ class _Stage:
             kinds=tuple(solid.kind for solid in self.solids),
             stair=stair,
         )
+
+    def _sweep(self, pose: Pose) -> Sweep | None:
+        """Return the motion of the camera in W during the readout."""
+        if self.motion is None:
+            return None
+        readout_s, velocity_B, rate_B = self.motion
+        lever_W = pose.R_WB @ np.array(self.true.mount_m)
+        rate_W = pose.R_WB @ rate_B
+        return Sweep(readout_s=readout_s, velocity_W=pose.R_WB @ velocity_B + np.cross(rate_W, lever_W), rate_W=rate_W)
+
+
+def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+    """Return readout time, velocity and rate of a rolling shutter; None for a global shutter."""
+    if recipe.readout_s == 0.0:
+        return None
+    velocity_B = np.array([drawn(recipe.speed_m_s, rng), 0.0, 0.0])
+    return recipe.readout_s, velocity_B, recipe.turn_rate_deg_s * DEG * rng.standard_normal(3)
 
 
 def draw_view(rng: np.random.Generator, recipe: ViewRecipe) -> View:
@@ -144,12 +166,13 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
     if scene in STAIR_SCENES:
         flight = draw_flight(recipe, rng)
         pose = draw_pose(scene, flight.staircase, np.array(true.mount_m), recipe, heading, rng)
-        setting = _setting(flight, scene, pose, recipe, rng)
+        flight = bend(flight, recipe, float(pose.p_WB[0]), rng)
+        setting = stair_setting(flight, scene, pose, recipe, rng)
     else:
         flight = None
         yaw = rotation_z(drawn(ROOM_YAW_DEG, rng) * DEG)
         pose = Pose(R_WB=yaw @ rocked(recipe, rng), p_WB=np.array([0.0, drawn(recipe.lateral_m, rng), 0.0]))
-        setting = _Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
+        setting = Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
     length, angle = drawn(recipe.blur_px, rng), rng.uniform(0.0, math.pi)
     camera = Camera(
         setting.solids,
@@ -158,6 +181,8 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         kind=recipe.sensor,
         texture=str(rng.choice(recipe.textures)),
         light=drawn(recipe.light, rng),
+        sigma_px=recipe.sigma_px,
+        edge_holes=recipe.edge_holes,
         grain_px=recipe.grain_px,
         warp_px=recipe.warp_px,
         holes=recipe.holes,
@@ -166,25 +191,35 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         puddles=setting.puddles,
         rng=rng,
     )
-    stage = _Stage(scene=scene, chair=chair, declared=declared, true=true, flight=flight, solids=setting.solids, camera=camera)
+    stage = _Stage(
+        scene=scene,
+        chair=chair,
+        declared=declared,
+        true=true,
+        flight=flight,
+        solids=setting.solids,
+        camera=camera,
+        motion=_motion(recipe, rng),
+        filled=(camera.showing(setting.filled), setting.filled) if setting.filled else None,
+    )
     return stage, pose
 
 
 def calibration_of(recipe: ViewRecipe, chair: ChairDescription) -> PinholeCamera:
     """Return the nominal camera of a recipe's sensor on a chair."""
-    if recipe.sensor != "kinect2":
-        camera = chair.camera_at(recipe.height_px or 240)
-    else:
-        rows = recipe.height_px or 424
-        scale = rows / 424.0
-        # The depth camera of a Kinect 2: 512×424, about 365 px.
+    camera = chair.camera_at(recipe.height_px or 240)
+    if recipe.sensor in OPTICS:
+        width, height, focal_px = OPTICS[recipe.sensor]
+        rows = recipe.height_px or height
+        scale = rows / height
+        columns = round(width * scale)
         camera = replace(
             chair.camera_at(),
-            width_px=round(512 * scale),
+            width_px=columns,
             height_px=rows,
-            fx_px=365.3 * scale,
-            fy_px=365.3 * scale,
-            cx_px=(round(512 * scale) - 1) / 2,
+            fx_px=focal_px * scale,
+            fy_px=focal_px * scale,
+            cx_px=(columns - 1) / 2,
             cy_px=(rows - 1) / 2,
         )
     return camera if recipe.focal_px is None else replace(camera, fx_px=recipe.focal_px, fy_px=recipe.focal_px)
@@ -195,6 +230,8 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
     declared = calibration_of(recipe, chair)
     if recipe.pitch_deg is not None:
         declared = replace(declared, mount_pitch_rad=drawn(recipe.pitch_deg, rng) * DEG)
+    if recipe.sensor_known and recipe.sensor != "ideal":
+        declared = replace(declared, sensor=recipe.sensor)
     scale = 1.0 + recipe.focal_error * float(rng.standard_normal())
     true = replace(
         declared,
@@ -204,44 +241,6 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
         mount_roll_rad=declared.mount_roll_rad + drawn(recipe.mount_roll_error_deg, rng) * DEG,
     )
     return declared, true
-
-
-def _setting(flight: TiltedFlight, scene: str, pose: Pose, recipe: ViewRecipe, rng: np.random.Generator) -> _Setting:
-    """Return the stair and its clutter, one to five steps ahead of the chair's front."""
-    staircase = flight.staircase
-    clutter, shadows, puddles = [], [], []
-    x = np.array([step.x_m for step in staircase.steps])
-    ahead = (pose.p_WB + pose.R_WB @ np.array([1.2, 0.0, 0.0]))[0]
-    nearest = int(np.argmin(np.abs(x - ahead)))
-    direction = 1 if DIRECTIONS[scene] == "up" else -1
-    for name in recipe.clutter:
-        there = rng.random() < recipe.clutter_chance
-        step = min(max(nearest + direction * int(rng.integers(4)), 0), len(x) - 3)
-        if there and name == "shadow":
-            shadows = cast_shadows(rng)
-        elif there and name == "wet":
-            puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
-        elif there:
-            clutter += clutter_of(name, staircase, step, rng)
-    return _Setting(solids=_stair_solids(flight, clutter, recipe, rng), shadows=shadows, puddles=puddles)
-
-
-def _stair_solids(flight: TiltedFlight, clutter: list[SceneBox], recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
-    """Return floor, steps, walls and clutter, with a wall behind the landing and one before the stair."""
-    staircase, last = flight.staircase, flight.staircase.steps[-1]
-    end_x = last.x_m + max(staircase.landing_m, last.depth_m)
-    floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0), texture="concrete")
-    yaw = drawn(recipe.back_wall_deg, rng) * DEG
-    # However yaw, it meets both side walls.
-    behind = oblique_wall(end_x - 0.5 * staircase.width_m * math.tan(abs(yaw)), yaw, low_m=last.z_m)
-    before = oblique_wall(-float(rng.uniform(2.5, 5.5)), math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
-    solids = [floor, behind, before]
-    for solid in flight.solids():
-        if solid.kind == "step" and recipe.worn_m > 0.0:
-            solids += worn_step(solid, staircase.open_risers, recipe.worn_m, rng)
-        elif solid.kind != "floor":
-            solids.append(solid)
-    return [plain(solid) for solid in solids + clutter]
 
 
 def _tilted(direction: Float[np.ndarray, " 3"], angle_rad: float, rng: np.random.Generator) -> Float[np.ndarray, " 3"]:

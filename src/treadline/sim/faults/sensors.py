@@ -33,7 +33,7 @@ from treadline.signals import (
     StairMap,
     TrackReading,
 )
-from treadline.sim.camera.camera import RenderedFrame
+from treadline.sim.camera.rendered_frame import RenderedFrame
 
 CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
 """Types of camera readings."""
