@@ -34,7 +34,7 @@ from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
-from treadline.sim.camera import ROOM_SCENES, Drive, StairTruth, View, ViewRecipe, draw_view
+from treadline.sim.camera import ROOM_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
 """Least share of the image that the stair covers in a frame that counts."""
@@ -418,7 +418,7 @@ def drive(way: Way, seed: int) -> Driven:
     """Return the errors of one drive; the first two seconds do not count."""
     rng = np.random.default_rng(seed)
     recipe = ViewRecipe(**{"scenes": ("up",), "steps": (48, 50), "place_m": (0.3, 0.5), "gravity_error_deg": 0.0} | way.recipe)
-    road, imu = Drive(rng, recipe), Imu(IMUS["mpu6050"], GRAVITY_ERROR_RAD, rng)
+    road, imu = RecordedDrive(rng, recipe), Imu(IMUS["mpu6050"], GRAVITY_ERROR_RAD, rng)
     detector, filter_, mount = StairDetector(), HeadingFilter(), None
     swing, phase = rng.uniform(5.0, 20.0) * DEG, rng.uniform(0.0, 6.28)
     result = Driven(vision=[], fused=[], fused_sigma=[], mount=[])

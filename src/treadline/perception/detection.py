@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.nosings import Direction, NosingObservation
 from treadline.perception.planes import PlanarBlocks, Surface
+from treadline.perception.steps import Direction, NosingObservation
 from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
 
@@ -23,6 +23,10 @@ class StairShape:
     rise_m: float
     run_m: float
     slope_rad: float
+    rise_sigma_m: float
+    run_sigma_m: float
+    slope_sigma_rad: float
+    """Standard deviation of the slope of the nosing plane [rad]."""
     distance_m: float
     """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
     direction: Direction
@@ -66,6 +70,8 @@ class StairDetection(Printable):
     """Smallest and largest column and row of the stair: u0, v0, u1, v1 [px]."""
     shape: StairShape | None
     stages: Stages | None
+    evidence: float | None = None
+    """Log-evidence of a stair against a scene without one [nats]; None for a frame without even a candidate."""
     planes_against_lines_rad: float | None = None
     """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
@@ -94,7 +100,7 @@ class StairDetection(Printable):
         return None if self.draw_map is None else self.draw_map(self.swept_half_m)
 
 
-def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> StairDetection:
+def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None, evidence: float | None = None) -> StairDetection:
     """Return a result without a heading."""
     return StairDetection(
         accepted=False,
@@ -106,4 +112,5 @@ def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -
         box_px=None,
         shape=None,
         stages=stages,
+        evidence=evidence,
     )

@@ -15,12 +15,12 @@ from jaxtyping import Float, Float32
 from treadline.angles import DEG
 from treadline.perception.detection import Parts, StairDetection, StairShape, refused
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
-from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
-from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, viewing_direction
+from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.nosings import SAME_RISE_M, Axes, Direction
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UPRIGHT, Flight, flight_in, scene_of
 from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.stair_map import map_of
+from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame, StairMap
@@ -133,9 +133,19 @@ def _look_under(
     down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
 ) -> StairDetection:
     """Return the detection result of a frame under one hypothesis of gravity."""
-    seen = flight_under(frame, blocks, unit, down.direction, down.directions, watch)
+    scene = scene_of(frame, blocks, down.direction)
+    if scene is None:
+        return refused("the camera looks straight up or down")
+    seen = flight_in(scene, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
+    if seen.evidence < EVIDENCE:
+        return refused(
+            f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
+            f"{seen.evidence:.1f} of {EVIDENCE:g} needed",
+            edge_count=len(seen.nosings),
+            evidence=seen.evidence,
+        )
     fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down, watch)
@@ -155,12 +165,10 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
     sigma = fit.sigma_of(change)
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
-    shape = shape_of(seen.nosings, axes, seen.direction)
-    if shape is None:
-        return refused("edges one step apart, but the height of the step is unknown", edge_count=len(seen.nosings))
-    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
+    shape = _shape_of(seen)
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down)
     if rejection_reason is not None:
-        return refused(rejection_reason, edge_count=len(seen.nosings))
+        return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
     return StairDetection(
         accepted=True,
@@ -169,11 +177,12 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
         sigma_rad=sigma,
         edge_direction_C=edge,
         edge_count=len(seen.nosings),
-        box_px=_box(frame, blocks, [*seen.risers, *_steps(seen, axes)]),
+        box_px=_box(frame, blocks, [*seen.risers, *seen.steps]),
         shape=shape,
         stages=None,
+        evidence=seen.evidence,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=directions_of(frame.t_s, seen.nosings, tilted, shape, edge, sigma),
+        axes=directions_of(frame.t_s, tilted, shape, edge, sigma),
         parts=Parts(
             risers=tuple(seen.risers),
             treads=tuple(seen.treads),
@@ -195,13 +204,13 @@ def _drawn_map(
 
 
 def _rejection_reason(
-    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, levels: int
+    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down
 ) -> str | None:
     """Return the reason for rejection as a stair, or None."""
     if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
-    if levels < down.least_levels:
-        return f"no gravity, and {levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
+    if seen.levels < down.least_levels:
+        return f"no gravity, and {seen.levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
@@ -225,12 +234,18 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
-def _steps(seen: Flight, axes: Axes) -> list[Surface]:
-    """Return the treads starting at a detected nosing: floors and landings do not belong to the stair."""
-    heights = [float(nosing.point @ axes.up) for nosing in seen.nosings]
-    levels = [float(tread.centre @ axes.up) for tread in seen.treads]
-    nearest = [min(abs(level - height) for height in heights) for level in levels]
-    return [tread for tread, off_m in zip(seen.treads, nearest, strict=True) if off_m < SAME_RISE_M]
+def _shape_of(seen: Flight) -> StairShape:
+    rise, run = seen.rise_m, seen.run_m
+    return StairShape(
+        rise_m=rise,
+        run_m=run,
+        rise_sigma_m=seen.rise_sigma_m,
+        run_sigma_m=seen.run_sigma_m,
+        slope_rad=float(np.arctan2(rise, run)),
+        slope_sigma_rad=float(np.hypot(run * seen.rise_sigma_m, rise * seen.run_sigma_m) / (rise**2 + run**2)),
+        distance_m=seen.nosings[0].ahead_m,
+        direction=seen.direction,
+    )
 
 
 def _box(frame: RgbdFrame, blocks: PlanarBlocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.perception import kernels
 from treadline.perception.detection import StairShape
-from treadline.perception.geometry import first_crowd, normal_of, points_of, viewing_direction
-from treadline.perception.nosings import Axes, NosingObservation
+from treadline.perception.geometry import first_crowd, normal_of, viewing_direction
 from treadline.perception.planes import PlanarBlocks
+from treadline.perception.steps import Axes, NosingObservation
 from treadline.signals import RgbdFrame, StairMap
 
 SIDE_WALL = 15.0 * DEG
@@ -60,7 +60,7 @@ def map_of(
         swept_half_m: Half width of the volume swept by the chair.
     """
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
-    points = points_of(flight, axes, shape)
+    points = [nosing.point for nosing in flight]
     way = viewing_direction(R_BC)
     nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
