@@ -14,7 +14,15 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
 from treadline.perception.geometry import viewing_direction
-from treadline.perception.lattice_kernels import best_lattice
+from treadline.perception.lattice_kernels import (
+    HIDDEN_SIGMA_M,
+    OVERHANG_SIGMA_M,
+    RISE_MEAN_M,
+    RISE_SIGMA_M,
+    RUN_MEAN_M,
+    RUN_SIGMA_M,
+    best_lattice,
+)
 from treadline.perception.lines import Line
 from treadline.perception.planes import PlanarBlocks, Surface, components, joined
 from treadline.perception.steps import (
@@ -22,11 +30,13 @@ from treadline.perception.steps import (
     Axes,
     Direction,
     NosingObservation,
+    Placed,
     Riser,
     Tread,
     riser_of,
     riser_rows,
     seed_points,
+    spacing,
     tread_of,
     tread_rows,
 )
@@ -47,6 +57,8 @@ LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
 TALLEST_M = 0.25
 """Largest height of a riser [m]."""
+PLANE_SIGMA_M = 0.001
+"""Standard deviation of the place of a plane of a hundred blocks, for rise and run [m]: a Kinect's noise of 6 mm at 2 m."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 LEVEL_LEAST = 0.2
@@ -62,8 +74,6 @@ class Flight:
     """Log-evidence against a scene without a stair [nats]."""
     rise_m: float
     run_m: float
-    rise_sigma_m: float
-    run_sigma_m: float
     levels: int
     """Number of steps with a measured height."""
     risers: list[Surface]
@@ -75,6 +85,9 @@ class Flight:
     """Nosings, nearest first."""
     facing: Float[np.ndarray, " 3"]
     """Horizontal unit vector, approximately perpendicular to the edges, in C."""
+    matched_treads: list[tuple[int, bool, Tread]]
+    """Step, whether the front is a nosing, and tread."""
+    matched_risers: list[tuple[int, Riser]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,20 +235,27 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     upright = riser_rows(risers, blocks, axes, camera)
     of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
     front_on = np.empty(len(treads), dtype=np.bool_)
-    found = best_lattice(seed_points(treads, upright), treads, upright, of_tread, front_on, of_riser)
+    sign = 1.0 if direction == "up" else -1.0
+    found = best_lattice(
+        seed_points(treads, upright),
+        treads,
+        upright,
+        blocks.nearness,
+        (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px),
+        np.stack([sign * axes.ahead, axes.up, axes.right]),
+        of_tread,
+        front_on,
+        of_riser,
+    )
     if not math.isfinite(found[0]):
         return None
-    evidence, rise, run, x0, z0, rise_variance, run_variance, first, last, levels, _places = found.tolist()
+    evidence, rise, run, _, z0, _, _, first, last, levels, _ = found.tolist()
     inside = (of_tread >= first) & (of_tread <= last)
-    sign = 1.0 if direction == "up" else -1.0
+    standing = (of_riser >= first) & (of_riser <= last)
     nosings = [
         nosing
         for k in range(int(first), int(last) + 1)
-        if (
-            nosing := _nosing(
-                scene, risers, treads, upright, of_tread, front_on, of_riser, k, axes, sign, x0 + k * run, z0 + k * rise
-            )
-        )
+        if (nosing := _nosing(scene, risers, treads, upright, of_tread, front_on, of_riser, k, axes, sign, z0 + k * rise))
         is not None
     ]
     if not any(nosing.has_direction for nosing in nosings):
@@ -245,15 +265,51 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         evidence=evidence,
         rise_m=rise,
         run_m=run,
-        rise_sigma_m=math.sqrt(rise_variance),
-        run_sigma_m=math.sqrt(run_variance),
         levels=int(levels),
         risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
         treads=[tread.surface for tread in scene.treads],
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
         facing=axes.ahead,
+        matched_treads=[(int(of_tread[t]), bool(front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
+        matched_risers=[(int(of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
     )
+
+
+def rise_and_run(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> tuple[tuple[float, float], ...]:
+    """Return rise and run, each with its standard deviation [m]: planes determine them, ends add to them.
+
+    Args:
+        axes: Axes of the stair; the vertical of the search can be off by the error of gravity.
+    """
+    treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
+    risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
+    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
+    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_) & np.isfinite(treads[:, 3])
+    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
+    tops, feet = np.isfinite(risers[:, 3]), np.isfinite(risers[:, 5])
+    rise = spacing(
+        [
+            _placed(of_tread, treads[:, 0], np.full(len(treads), PLANE_SIGMA_M**2), 0.0),
+            _placed(of_riser[tops], risers[tops, 2], risers[tops, 3], HIDDEN_SIGMA_M),
+            _placed(of_riser[feet] - 1, risers[feet, 4], risers[feet, 5], HIDDEN_SIGMA_M),
+        ],
+        (RISE_MEAN_M, RISE_SIGMA_M),
+    )
+    run = spacing(
+        [
+            _placed(of_riser, risers[:, 0], np.full(len(risers), PLANE_SIGMA_M**2), 0.0),
+            _placed(of_tread[front_on], treads[front_on, 2], treads[front_on, 3], OVERHANG_SIGMA_M),
+        ],
+        (RUN_MEAN_M, RUN_SIGMA_M),
+    )
+    return rise, run
+
+
+def _placed(
+    steps: Int[np.ndarray, " k"], values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], offset_sigma_m: float
+) -> Placed:
+    return Placed(steps=steps, values_m=values, variances_m2=variances, offset_sigma_m=offset_sigma_m)
 
 
 def _nosing(
@@ -267,7 +323,6 @@ def _nosing(
     k: int,
     axes: Axes,
     sign: float,
-    x_m: float,
     z_m: float,
 ) -> NosingObservation | None:
     """Return the nosing of one step from its parts; None without a riser and a front."""
@@ -285,10 +340,11 @@ def _nosing(
     riser = max((risers[r] for r in own.tolist()), key=lambda r: r.surface.blocks.size, default=None)
     if riser is not None and riser.upper is not None:
         lines.append(riser.upper)
-    up_m = float(tread_table[levels, 0].mean()) if levels.size else z_m
     ahead_m = float(riser_table[own, 0].mean()) if own.size else sign * float(tread_table[fronts, 2].mean())
     spans = np.concatenate([tread_table[fronts, 6:8], riser_table[own, 6:8]])
     start = riser.surface.centre if riser is not None else lines[0].middle
+    heights = [_height_at(scene.treads[t].surface, start, axes) for t in levels.tolist()]
+    up_m = float(np.mean(heights)) if heights else z_m
     point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
     return NosingObservation(
         step=k,
@@ -298,6 +354,12 @@ def _nosing(
         riser=None if riser is None else riser.surface,
         lines=tuple(line for line in lines if abs(float(line.normal @ axes.ahead)) > LEAST_LEVER),
     )
+
+
+def _height_at(tread: Surface, point: Float[np.ndarray, " 3"], axes: Axes) -> float:
+    """Return the height of a tread's plane above or below a point."""
+    foot = point - float(point @ axes.up) * axes.up
+    return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
 
 
 def _is_low(surface: Surface, blocks: PlanarBlocks, axes: Axes) -> bool:

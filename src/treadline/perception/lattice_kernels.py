@@ -1,8 +1,8 @@
 """Search of one staircase that explains treads, risers and their ends, and its log-evidence; compiled.
 
-A staircase is a lattice: nosing k lies at (x0 + k·run, z0 + k·rise) in the plane across the edges. Tread k has the height of nosing
-k, starts there and ends under nosing k + 1; riser k stands under nosing k. Coordinates rise along x; a falling flight is mirrored by
-its caller.
+A staircase is a lattice: nosing k lies at (x0 + k·run, z0 + k·rise) in the plane across the edges. Tread k has the height of
+nosing k, starts there and ends under nosing k + 1; riser k stands under nosing k. Coordinates rise along x; a falling flight is
+mirrored by its caller.
 
 Columns of ``treads``: height and its variance, front and its variance, back and its variance, lateral range, extent along x.
 Columns of ``risers``: place and its variance, top and its variance, bottom and its variance, lateral range. Unknown values have an
@@ -42,10 +42,14 @@ SIGMAS = 3.0
 STRAY, OTHER_END = 0.15, 0.3
 """Prior probabilities that a part at a place of the lattice does not belong to it, and that a tread's end is that of a landing or
 floor, or of an object on it."""
-FOREIGN, CONTRADICTION = -0.7, -3.0
-"""Log-probabilities of a level between two steps, and of a tread that continues where the next step stands."""
-CONTINUES_M = 0.10
-"""Length by which such a tread exceeds its step [m]: a third of a run."""
+FOREIGN, MISSING = -0.7, -3.0
+"""Log-probabilities of a level between two steps, and of a step that is not there where it is in view."""
+PROBES = 7
+"""Number of points across a tread at which the depth image is compared with it."""
+SEEN_THROUGH = 0.5
+"""Least fraction of these points past which the depth image shows something lower for a missing tread."""
+BELOW_EYE_M = 0.10
+"""Least height of the camera above a tread whose absence can be seen [m]."""
 KEPT = 6
 """Number of hypotheses that are refined."""
 FOUND = 11
@@ -273,15 +277,18 @@ def _group(heights, places, spans, bounds):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def best_lattice(points, treads, risers, of_tread, front_on, of_riser):
+def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, front_on, of_riser):
     """Return the staircase with the most evidence; NaN evidence without one.
 
     Args:
         points: Seeds of the search: kind (0 fronts of treads, 1 tops of risers, 2 feet of risers), x, z, lateral range.
+        nearness: Inverse depth, one row per column of the image; ``pinhole``: fx, fy, cx, cy.
+        axes: Rows: directions in C of x, z and the lateral coordinate.
         of_tread, front_on, of_riser: Filled with the assignment of the parts, as in ``_assign``.
 
     Returns:
-        Evidence, rise, run, x0, z0, variances of rise and run, first and last step, numbers of steps with a height and with a place.
+        Evidence, rise, run, x0, z0, variances of rise and run, first and last step, numbers of steps with a height and with a
+        place.
     """
     size = 2 * LAST + 1
     levels, fronts, best = np.empty(size), np.empty(size), np.empty((KEPT, 5))
@@ -308,7 +315,8 @@ def best_lattice(points, treads, risers, of_tread, front_on, of_riser):
             z0, rise, x0, run = up[0], up[1], along[0], along[1]
         if not (RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run):
             continue
-        evidence += _contradictions(treads, rise, run, x0, z0, mine, bounds, spans)
+        evidence += _foreign_levels(treads, rise, run, x0, z0, mine, bounds, spans)
+        evidence += _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
         if evidence > -np.inf and not evidence <= found[0]:
             found[0], found[1], found[2], found[3], found[4] = evidence, rise, run, x0, z0
             found[5], found[6], found[7], found[8], found[9], found[10] = up[2], along[2], bounds[0], bounds[1], up[3], along[3]
@@ -320,8 +328,8 @@ def best_lattice(points, treads, risers, of_tread, front_on, of_riser):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _contradictions(treads, rise, run, x0, z0, of_tread, bounds, spans):
-    """Return the log-probability of the treads that contradict the lattice."""
+def _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans):
+    """Return the log-probability of the levels in the midst of the lattice that do not belong to it."""
     total = 0.0
     for t in range(treads.shape[0]):
         k = of_tread[t]
@@ -331,9 +339,44 @@ def _contradictions(treads, rise, run, x0, z0, of_tread, bounds, spans):
             inside = bounds[0] < level < bounds[1] and min(treads[t, 9], x0 + (at + 2) * run) > max(treads[t, 8], x0 + at * run)
             if inside and min(treads[t, 7], spans[at + LAST, 1]) - max(treads[t, 6], spans[at + LAST, 0]) > OVERLAP_M:
                 total += FOREIGN
-        elif bounds[0] <= k < bounds[1]:
-            following = spans[k + 1 + LAST]
-            if treads[t, 9] > x0 + (k + 1) * run + CONTINUES_M:
-                if min(treads[t, 7], following[1]) - max(treads[t, 6], following[0]) > OVERLAP_M:
-                    total += CONTRADICTION
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
+    """Return the log-probability of the treads that would be in view where the depth image shows something lower and further."""
+    fx, fy, cx, cy = pinhole
+    total, left, right = 0.0, np.inf, -np.inf
+    for k in range(bounds[0], bounds[1] + 1):
+        left, right = min(left, spans[k + LAST, 0]), max(right, spans[k + LAST, 1])
+    for k in range(bounds[0], bounds[1] + 1):
+        height = z0 + k * rise
+        if height > -BELOW_EYE_M:
+            continue
+        low, high = spans[k + LAST, 0], spans[k + LAST, 1]
+        if not high > low:
+            low, high = left, right
+        through = seen = 0
+        for i in range(PROBES):
+            aside = low + (i + 1.0) / (PROBES + 1.0) * (high - low)
+            for part in (0.35, 0.65):
+                along = x0 + (k + part) * run
+                x = along * axes[0, 0] + height * axes[1, 0] + aside * axes[2, 0]
+                y = along * axes[0, 1] + height * axes[1, 1] + aside * axes[2, 1]
+                z = along * axes[0, 2] + height * axes[1, 2] + aside * axes[2, 2]
+                if not z > 0.1:
+                    continue
+                u, v = int(round(fx * x / z + cx)), int(round(fy * y / z + cy))
+                if not (0 <= u < nearness.shape[0] and 0 <= v < nearness.shape[1]):
+                    continue
+                w = nearness[u, v]
+                if w != w:
+                    continue
+                seen += 1
+                # On the same ray heights are proportional to depth.
+                if w * z < 1.0 and height / (w * z) < height - 0.5 * rise:
+                    through += 1
+        if seen >= PROBES and through > SEEN_THROUGH * seen:
+            total += MISSING
     return total

@@ -17,13 +17,13 @@ from treadline.perception.detection import Parts, StairDetection, StairShape, re
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UPRIGHT, Flight, flight_in, scene_of
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
 from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.stair_map import map_of
 from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
-from treadline.signals import RgbdFrame, StairMap
+from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 
 HALF = 0.5
 """Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
@@ -165,7 +165,7 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
     sigma = fit.sigma_of(change)
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
-    shape = _shape_of(seen)
+    shape = _shape_of(seen, blocks, frame.camera, axes)
     rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
@@ -234,15 +234,15 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
-def _shape_of(seen: Flight) -> StairShape:
-    rise, run = seen.rise_m, seen.run_m
+def _shape_of(seen: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> StairShape:
+    (rise, rise_sigma_m), (run, run_sigma_m) = rise_and_run(seen, blocks, camera, axes)
     return StairShape(
         rise_m=rise,
         run_m=run,
-        rise_sigma_m=seen.rise_sigma_m,
-        run_sigma_m=seen.run_sigma_m,
+        rise_sigma_m=rise_sigma_m,
+        run_sigma_m=run_sigma_m,
         slope_rad=float(np.arctan2(rise, run)),
-        slope_sigma_rad=float(np.hypot(run * seen.rise_sigma_m, rise * seen.run_sigma_m) / (rise**2 + run**2)),
+        slope_sigma_rad=float(np.hypot(run * rise_sigma_m, rise * run_sigma_m) / (rise**2 + run**2)),
         distance_m=seen.nosings[0].ahead_m,
         direction=seen.direction,
     )
