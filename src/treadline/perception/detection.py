@@ -59,8 +59,9 @@ class StairDetection(Printable):
     """Detection result of one frame."""
 
     accepted: bool
+    """Whether the frame alone shows a stair. An unconfirmed detection has a heading as well."""
     reason: str | None
-    """Reason of the rejection; None if accepted."""
+    """Reason of the rejection, or why the detection is unconfirmed; None if accepted."""
     heading_rad: float | None
     sigma_rad: float | None
     edge_direction_C: Float[np.ndarray, " 3"] | None
@@ -72,6 +73,9 @@ class StairDetection(Printable):
     stages: Stages | None
     evidence: float | None = None
     """Log-evidence of a stair against a scene without one [nats]; None for a frame without even a candidate."""
+    unconfirmed: bool = False
+    """Whether two levels and two fronts are all that is seen, which furniture in front of a wall can show as well: the heading is
+    that of a stair if this is one, and rise and run are hardly known."""
     planes_against_lines_rad: float | None = None
     """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
@@ -84,6 +88,9 @@ class StairDetection(Printable):
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
         if self.heading_rad is None or self.sigma_rad is None:
             return f"no heading: {self.reason}", []
+        if self.unconfirmed:
+            heading = f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %), unconfirmed"
+            return heading, [("edges", str(self.edge_count)), ("reason", str(self.reason))]
         rows = [("edges", str(self.edge_count))]
         if self.shape is not None:
             shape = self.shape

@@ -67,6 +67,8 @@ def _words(sight: StairDetection) -> list[tuple[str, tuple[int, int, int]]]:
         return [("no heading", OBSTACLE), (sight.reason or "", NEEDLE)]
     heading = f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)"
     heading += f" from {sight.edge_count} nosings"
+    if sight.unconfirmed:
+        return [(f"{heading}, unconfirmed", NEEDLE), (sight.reason or "", NEEDLE)]
     if sight.stair_map is None:
         return [(heading, NEEDLE)]
     seen = sight.stair_map

@@ -17,7 +17,7 @@ from treadline.perception.detection import Parts, StairDetection, StairShape, re
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
 from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.stair_map import map_of
 from treadline.perception.steps import Axes, Direction
@@ -60,6 +60,8 @@ class _Down:
     """Least number of evenly spaced tread levels: higher for an uncertain direction."""
     directions: tuple[Direction, ...] = ("up", "down")
     """Possible directions of the flight."""
+    may_be_unconfirmed: bool = True
+    """Whether an unconfirmed detection has a heading."""
 
 
 def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> StairDetection:
@@ -82,19 +84,21 @@ def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wa
         if imu_down is None:
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         down = _Down(direction=levelled(imu_down, unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
-        sight = _look_under(down, frame, blocks, unit, watch)
-        return _unless_treads_differ(sight, imu_down, frame, blocks, unit, watch)
+        sight = _look_under(down, frame, blocks, watch)
+        return _unless_treads_differ(sight, imu_down, frame, blocks, watch)
     sight = refused("no gravity, and no treads to estimate it from")
     guess = down_of_treads(unit, LOOKING_AHEAD)
     if guess is not None:
-        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
+        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, watch)
         if sight.accepted:
             return sight
     guess = down_of_treads(unit, LOOKING_DOWN)
     if guess is not None:
         # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
-        ladder = _Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",))
-        tried = _look_under(ladder, frame, blocks, unit, watch)
+        ladder = _Down(
+            direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
+        )
+        tried = _look_under(ladder, frame, blocks, watch)
         sight = tried if tried.accepted else sight
     return sight
 
@@ -104,7 +108,6 @@ def _unless_treads_differ(
     imu_down: Float[np.ndarray, " 3"],
     frame: RgbdFrame,
     blocks: PlanarBlocks,
-    unit: Float[np.ndarray, "b 3"],
     watch: Stopwatch,
 ) -> StairDetection:
     """Return the result, or a rejection if it has hardly a tread because the gravity error makes all treads appear tilted.
@@ -113,10 +116,10 @@ def _unless_treads_differ(
     """
     if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
         return sight
-    guess = down_of_treads(unit, LOOKING_AHEAD)
+    guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
     if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
         return sight
-    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
+    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, watch)
     treads = () if other.parts is None else other.parts.treads
     normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
     off = off_gravity(normals, imu_down)
@@ -129,9 +132,7 @@ def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
     return depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable)
 
 
-def _look_under(
-    down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
-) -> StairDetection:
+def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, watch: Stopwatch) -> StairDetection:
     """Return the detection result of a frame under one hypothesis of gravity."""
     scene = scene_of(frame, blocks, down.direction)
     if scene is None:
@@ -139,13 +140,9 @@ def _look_under(
     seen = flight_in(scene, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
-    if seen.evidence < EVIDENCE:
-        return refused(
-            f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
-            f"{seen.evidence:.1f} of {EVIDENCE:g} needed",
-            edge_count=len(seen.nosings),
-            evidence=seen.evidence,
-        )
+    unconfirmed = UNCONFIRMED <= seen.evidence < EVIDENCE and down.may_be_unconfirmed
+    if seen.evidence < EVIDENCE and not unconfirmed:
+        return refused(_lacking(seen), edge_count=len(seen.nosings), evidence=seen.evidence)
     fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down, watch)
@@ -171,8 +168,9 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
     return StairDetection(
-        accepted=True,
-        reason=None,
+        accepted=seen.evidence >= EVIDENCE,
+        reason=None if seen.evidence >= EVIDENCE else _lacking(seen),
+        unconfirmed=seen.evidence < EVIDENCE,
         heading_rad=heading,
         sigma_rad=sigma,
         edge_direction_C=edge,
@@ -232,6 +230,14 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     """Return ψ = atan2(-e·forward, e·right) of an edge pointing right."""
     e_B = R_BC @ edge
     return float(np.arctan2(-e_B[0], -e_B[1]))
+
+
+def _lacking(seen: Flight) -> str:
+    """Return which evidence is lacking for a stair."""
+    return (
+        f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence {seen.evidence:.1f} of "
+        f"{EVIDENCE:g} needed"
+    )
 
 
 def _shape_of(seen: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> StairShape:
