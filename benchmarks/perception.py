@@ -1,8 +1,10 @@
 """Accuracy of the stair perception: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Seven tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Nine tables:
 
 heading    error of the heading by slope, heading, light, sensor, place, clutter and calibration error
+sensors    the same by depth sensor, noise, image size and distance
+conditions the same by kinds of stair, motion and mount that break an assumption, with the sides of the flight
 geometry   error of slope, rise, run, nosings, walls and the flight's end
 axes       error of the stair's axes in the camera frame, the input of the mount calibration
 drives     heading by vision and fused with a gyro, and the mount's calibration, over a minute on a flight
@@ -10,7 +12,7 @@ stairless  number of scenes without a stair in which a stair is detected (target
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
 real       recorded frames with a reference, if available
 
-Frames with less than 15 % stair do not count. Times are CPU time of one core.
+Frames with less than 15 % stair do not count. Fractions have 95 % intervals (Wilson). Times are CPU time of one core.
 """
 
 import argparse
@@ -21,10 +23,11 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases, wilson
 
 from treadline.angles import DEG, rotation_of
 from treadline.camera_file import CameraFile
@@ -34,12 +37,11 @@ from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception.images import read_frame
 from treadline.signals import StairMap
-from treadline.sim.camera import ROOM_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
+from treadline.sim.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
+from treadline.sim.camera.recipe import STEPPED_SCENES
 
-LEAST_SHARE = 0.15
-"""Least share of the image that the stair covers in a frame that counts."""
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
-TABLES = ("heading", "geometry", "axes", "drives", "stairless", "paper", "real")
+TABLES = ("heading", "sensors", "conditions", "geometry", "axes", "drives", "stairless", "paper", "real")
 GRAVITY_ERROR_RAD = 0.5 * DEG
 """Angle of the IMU's error of the gravity direction on a drive [rad], in a random direction."""
 NEXT_NOSING_M = 1.4
@@ -48,30 +50,8 @@ SEEN_M = 2.5
 """Distance along x [m] up to which nosings and flight ends count as missed if they are not reported."""
 SAME_NOSING_M = 0.08
 """Largest distance between a nosing found and its true nosing [m]: half of the smallest step. Others count as false."""
-LIFELIKE: dict[str, object] = {
-    "grain_px": 1.2,
-    "warp_px": 0.03,
-    "worn_m": 0.006,
-    "tread_tilt_deg": 0.3,
-    "nosing_yaw_jitter_deg": 0.15,
-    "rise_jitter_m": 0.003,
-    "run_jitter_m": 0.003,
-    "rock_deg": 0.5,
-}
-"""Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
 FIELD: dict[str, object] = {"clutter": ("legs", "mat", "bag", "strips", "shadow", "wet", "rail_left", "rail_right")}
 """Recipe with all kinds of clutter, each of which may be present."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
-    """One row of a table."""
-
-    label: str
-    recipe: dict[str, Any] = field(default_factory=dict)
-    method: Literal["paper", "robust"] = "robust"
-    taken_off_deg: float = 0.0
-    knows_down: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,11 +62,6 @@ class Look:
     sight: StairDetection
     spent_ms: float
     stages_ms: dict[str, float]
-
-
-def fixed(value: float) -> tuple[float, float]:
-    """Return the range that holds one value."""
-    return (value, value)
 
 
 def heading_cases() -> Iterator[Case]:
@@ -187,7 +162,7 @@ def looks(case: Case, seeds: range) -> Iterator[Look]:
     recipe = ViewRecipe(**case.recipe)
     for seed in seeds:
         view = draw_view(np.random.default_rng(seed), recipe)
-        if view.stair is not None and view.stair.share < LEAST_SHARE:
+        if view.stair is not None and view.stair.share < case.least_share:
             continue
         if case.method == "paper":
             view.frame.rgb  # noqa: B018 - painted before the clock runs
@@ -223,13 +198,14 @@ def heading_row(case: Case, seeds: range) -> str:
         return f"| {case.label} | 0 | | | | | | | | |"
     spent_ms = np.median(spent)
     if not errors:
-        return f"| {case.label} | {len(spent)} | 0 % | | | | | | | {spent_ms:.1f} |"
+        return f"| {case.label} | {len(spent)} | {percent(0, len(spent))} | | | | | | | {spent_ms:.1f} |"
     size, strain = np.abs(errors), np.array(strains)
-    of_enough = f"{100 * np.mean(enough):.0f} % of {len(enough)}" if enough else ""
-    accepted = f"{len(spent)} | {100 * len(errors) / len(spent):.0f} % | {of_enough}"
+    of_enough = f"{percent(sum(enough), len(enough))} of {len(enough)}" if enough else ""
+    accepted = f"{len(spent)} | {percent(len(errors), len(spent))} | {of_enough}"
     return (
         f"| {case.label} | {accepted} | {np.sqrt(np.mean(size**2)):.3f}° | "
-        f"{np.quantile(size, 0.95):.3f}° | {size.max():.3f}° | {100 * np.mean(np.abs(strain) < 1.96):.0f} % | "
+        f"{np.quantile(size, 0.95):.3f}° | {size.max():.3f}° | "
+        f"{percent(int(np.count_nonzero(np.abs(strain) < 1.96)), len(errors))} | "
         f"{np.mean(strain**2):.2f} | {spent_ms:.1f} |"
     )
 
@@ -341,22 +317,62 @@ def obstacles(pairs: list[tuple[StairMap, StairTruth]]) -> str:
     return f"{len(both)}, {missed}, {false}, {rms([told - true for told, true in both]) * 1e3:.0f} mm"
 
 
-STAIRLESS_COLUMNS = "| | frames | accepted | without gravity | with the chair ±3° askew | ms (median) | seeds of those accepted |"
+SIDES_COLUMNS = "| | maps | sides reported | error of reported sides RMSE | wall or open right | width RMSE (n), true width |"
 
 
-def stairless_row(scene: str, seeds: range) -> str:
-    """Return how many frames of a place without a stair are taken for one."""
-    recipe = {"scenes": (scene,), "pitch_deg": (10.0, 50.0), "lateral_m": (-0.5, 0.5), "textures": ("wood", "carpet", "terrazzo")}
-    upright = list(looks(Case(label=scene, recipe=recipe), seeds))
-    blind = list(looks(Case(label=scene, recipe=recipe, knows_down=False), seeds))
-    askew = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
-    counts = [sum(look.sight.accepted for look in group) for group in (upright, blind, askew)]
-    # Nothing is left out of these rows, so that looks and seeds run side by side.
-    taken = [seed for group in (upright, blind, askew) for seed, look in zip(seeds, group, strict=True) if look.sight.accepted]
+def sides_row(case: Case, seeds: range) -> str:
+    """Return how well the sides of the flight are reported."""
+    pairs = [(look.sight.stair_map, look.view.stair) for look in looks(case, seeds)]
+    found = [(seen, truth) for seen, truth in pairs if seen is not None and truth is not None]
+    errors, right, widths = [], [], []
+    for seen, truth in found:
+        both = []
+        for side in ("left", "right"):
+            edge_m = getattr(seen, f"{side}_edge_m", None)
+            if edge_m is not None:
+                both.append(edge_m)
+                errors.append(edge_m - getattr(truth, f"{side}_edge_m"))
+                right.append(getattr(seen, f"{side}_side", None) == getattr(truth, f"{side}_side"))
+        widths += [(sum(both), truth.width_m)] if len(both) == 2 else []
+    width = f"{rms([told - true for told, true in widths]) * 1e3:.0f} mm ({len(widths)})" if widths else ""
     return (
-        f"| {scene} | {len(upright)} | {counts[0]} | {counts[1]} | {counts[2]} | "
-        f"{np.median([look.spent_ms for look in upright]):.1f} | {', '.join(map(str, sorted(set(taken))[:5]))} |"
+        f"| {case.label} | {len(found)} | {percent(len(errors), 2 * len(found))} | {rms(errors) * 1e3:.0f} mm | "
+        f"{percent(sum(right), len(right))} | {width} |"
     )
+
+
+STAIRLESS_COLUMNS = (
+    "| | frames | accepted | without gravity | with the chair ±3° askew | 95 % interval of all | ms (median) | "
+    "seeds of those accepted |"
+)
+
+
+def stairless_rows(seeds: range) -> Iterator[str]:
+    """Yield how many frames of each scene without a stair are taken for one, and the sums."""
+    totals = {"**stairs by shape**": (0, 0), "**all others**": (0, 0)}
+    for scene in STAIRLESS_SCENES:
+        recipe = {
+            "scenes": (scene,),
+            "pitch_deg": (10.0, 50.0),
+            "lateral_m": (-0.5, 0.5),
+            "textures": ("wood", "carpet", "terrazzo"),
+        }
+        upright = list(looks(Case(label=scene, recipe=recipe), seeds))
+        blind = list(looks(Case(label=scene, recipe=recipe, knows_down=False), seeds))
+        askew = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
+        groups = (upright, blind, askew)
+        counts, frames = [sum(look.sight.accepted for look in group) for group in groups], sum(map(len, groups))
+        # Nothing is left out of these rows, so that looks and seeds run side by side.
+        taken = [seed for group in groups for seed, look in zip(seeds, group, strict=True) if look.sight.accepted]
+        kind = "**stairs by shape**" if scene in STEPPED_SCENES else "**all others**"
+        totals[kind] = (totals[kind][0] + sum(counts), totals[kind][1] + frames)
+        yield (
+            f"| {scene} | {len(upright)} | {counts[0]} | {counts[1]} | {counts[2]} | {percent(sum(counts), frames)} | "
+            f"{np.median([look.spent_ms for look in upright]):.1f} | {', '.join(map(str, sorted(set(taken))[:5]))} |"
+        )
+    for kind, (hits, frames) in totals.items():
+        low, high = wilson(hits, frames)
+        yield f"| {kind} | {frames} | {hits} | | | {100 * hits / frames:.2f} % [{100 * low:.2f}, {100 * high:.2f}] | | |"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -512,6 +528,11 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
         for line in stage_lines(seeds[: max(len(seeds) // 3, 5)]):
             print(f"\n{line}")
 
+    def conditions() -> None:
+        rows("Heading by condition", HEADING_COLUMNS, (heading_row(case, seeds) for case in condition_cases()))
+        sided = [case for case in condition_cases() if "wide" in case.label or case.label in ("plain", "open risers")]
+        rows("Sides of the flight", SIDES_COLUMNS, (sides_row(case, seeds) for case in sided))
+
     def real() -> None:
         if not RECORDED.exists():
             print(f"\n### Recorded frames\n\nskipped: no folder {RECORDED.relative_to(RECORDED.parents[3])} beside the project")
@@ -520,6 +541,8 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
 
     return {
         "heading": heading,
+        "sensors": lambda: rows("Heading by sensor", HEADING_COLUMNS, (heading_row(case, seeds) for case in sensor_cases())),
+        "conditions": conditions,
         "geometry": lambda: rows("Geometry", GEOMETRY_COLUMNS, (geometry_row(case, seeds) for case in geometry_cases())),
         "axes": lambda: rows("The stair's axes in the camera's frame", AXES_COLUMNS, (axes_row(c, seeds) for c in axes_cases())),
         "drives": lambda: rows(
@@ -527,9 +550,7 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
             DRIVE_COLUMNS,
             (drive_row(way, seeds[: max(len(seeds) // 15, 1)]) for way in drive_cases()),
         ),
-        "stairless": lambda: rows(
-            "Places without a stair", STAIRLESS_COLUMNS, (stairless_row(scene, seeds) for scene in ROOM_SCENES)
-        ),
+        "stairless": lambda: rows("Places without a stair", STAIRLESS_COLUMNS, stairless_rows(seeds)),
         "paper": lambda: rows("Heading, Algorithm 1", HEADING_COLUMNS, (heading_row(case, seeds) for case in paper_cases())),
         "real": real,
     }

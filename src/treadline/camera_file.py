@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from treadline.angles import DEG
 from treadline.settings import Settings, read_toml
-from treadline.signals import PinholeCamera
+from treadline.signals import DepthSensor, PinholeCamera
 
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
@@ -38,6 +38,8 @@ class CameraFile(Settings):
     cy_px: float
     depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
     """Depth per count of the depth image; counts 0 and 65535 mean no return."""
+    sensor: DepthSensor = "auto"
+    """Kind of the depth sensor, a prior of its noise: kinect1 (also Xtion, Astra), kinect2, d435, d455, tof or auto."""
     registered: bool = True
     """Whether colour and depth share one image plane; if not, the calibration is that of the depth camera."""
     X_depth_colour: tuple[float, ...] | None = None
@@ -111,6 +113,7 @@ class CameraFile(Settings):
             mount_roll_rad=self.mount_roll_deg * DEG,
             mount_yaw_rad=self.mount_yaw_deg * DEG,
             mount_m=self.mount_m,
+            sensor=self.sensor,
         )
 
 

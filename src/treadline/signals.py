@@ -48,6 +48,11 @@ def on_the_tick(period_s: float) -> bool:
     )
 
 
+DepthSensor = Literal["auto", "kinect1", "kinect2", "d435", "d455", "tof"]
+"""Kind of a depth sensor: structured light (kinect1, also Xtion and Astra), time of flight (kinect2, or tof for others), active
+stereo (d435, d455), or unknown (auto)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PinholeCamera:
     """Calibration of a pinhole camera and its mount on the chair. Pixel centres have integer coordinates."""
@@ -66,6 +71,8 @@ class PinholeCamera:
     """Yaw of the mount [rad]. The rotation order is yaw, pitch, roll."""
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of C in B [m]."""
+    sensor: DepthSensor = "auto"
+    """Kind of the depth sensor, a prior of its noise."""
 
     @property
     def R_BC(self) -> Float[np.ndarray, "3 3"]:

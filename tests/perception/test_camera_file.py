@@ -6,6 +6,8 @@ from treadline.camera_file import CameraFile
 from treadline.errors import SettingsError
 from treadline.settings import settings_of
 
+CALIBRATION: dict[str, object] = {"width": 320, "height": 240, "fx_px": 287.5, "fy_px": 287.5, "cx_px": 159.5, "cy_px": 119.5}
+
 
 def calibration(width: int, height: int, fx_px: float, fy_px: float, **mount: float) -> CameraFile:
     lens = {"fx_px": fx_px, "fy_px": fy_px, "cx_px": 0.5 * width, "cy_px": 0.5 * height}
@@ -42,3 +44,19 @@ def test_an_impossible_calibration_is_refused_with_its_number(fx_px: float, moun
     with pytest.raises(SettingsError) as refused:
         calibration(320, 240, fx_px, 287.5, **mount)
     assert str(refused.value).startswith(f"camera.toml: {message}")
+
+
+@pytest.mark.parametrize("sensor", ["auto", "kinect1", "kinect2", "d435", "d455", "tof"])
+def test_the_kind_of_sensor_reaches_the_calibration(sensor: str) -> None:
+    file = settings_of({**CALIBRATION, "sensor": sensor}, CameraFile, where="camera.toml")
+    assert file.camera.sensor == sensor
+
+
+def test_a_file_without_a_kind_of_sensor_says_auto() -> None:
+    assert settings_of(CALIBRATION, CameraFile, where="camera.toml").camera.sensor == "auto"
+
+
+def test_an_unknown_kind_of_sensor_is_refused_with_the_choices() -> None:
+    with pytest.raises(SettingsError) as refused:
+        settings_of({**CALIBRATION, "sensor": "d415"}, CameraFile, where="camera.toml")
+    assert str(refused.value) == "camera.toml: sensor: must be 'auto', 'kinect1', 'kinect2', 'd435', 'd455' or 'tof' (got 'd415')"

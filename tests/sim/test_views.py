@@ -11,7 +11,7 @@ from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
 from treadline.settings import settings_of
 from treadline.signals import RgbdFrame
-from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
+from treadline.sim.camera import STAIR_SCENES, STAIRLESS_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
 from treadline.sim.camera.recipe import CLUTTER
 from treadline.sim.camera.solids import Puddle, Shadow, upright
 
@@ -30,7 +30,7 @@ def points_B(seen: View) -> Float[np.ndarray, "h w 3"]:
     return (rays * seen.exact.depth_m[:, :, None]) @ camera.R_BC.T + np.array(camera.mount_m)
 
 
-@pytest.mark.parametrize("sensor", ["kinect1", "kinect2", "ideal"])
+@pytest.mark.parametrize("sensor", ["kinect1", "kinect2", "tof", "d435", "d455", "ideal"])
 def test_the_same_seed_gives_the_same_bytes(sensor: str) -> None:
     recipe = {"sensor": sensor, "clutter": CLUTTER, "worn_m": 0.01, "blur_px": (3.0, 6.0), "warp_px": 0.05, "grain_px": 1.0}
     first, second, other = (view(seed, **recipe) for seed in (1, 1, 2))
@@ -210,7 +210,7 @@ def test_a_plain_view_is_what_the_plants_camera_sees() -> None:
     np.testing.assert_allclose(seen.exact.depth_m[both], plant[both], atol=1e-9)
 
 
-@pytest.mark.parametrize("scene", ROOM_SCENES)
+@pytest.mark.parametrize("scene", STAIRLESS_SCENES)
 def test_a_place_without_a_stair_has_no_truth_of_one_but_depth(scene: str) -> None:
     for seed in range(3):
         seen = view(seed, scenes=(scene,))
@@ -333,3 +333,13 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
 def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
     with pytest.raises(SettingsError, match=scene):
         RecordedDrive(np.random.default_rng(0), ViewRecipe(scenes=(scene,)))
+
+
+def test_there_are_more_than_twenty_kinds_of_scenes_without_a_stair() -> None:
+    assert len(set(STAIRLESS_SCENES)) == len(STAIRLESS_SCENES) >= 30
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_calibration_names_the_sensor_if_the_recipe_says_so(known: bool) -> None:
+    seen = view(1, sensor="d455", sensor_known=known)
+    assert seen.frame.camera.sensor == ("d455" if known else "auto")

@@ -33,9 +33,11 @@ def frames(
         seed: Random seed. The same seed gives byte-identical results.
         scene: up, top, foot (facing up the flight), down (facing down it), mixed (all of these), stairless, or the name of
             one scene: edge, bottom, floor, wall, corridor, corner, shelf, table, boxes, ramp, landing, steep, ladder,
-            threshold, stripes, bench, pallets. Default: up.
-        sensor: Noise model: kinect1 (the default), kinect2 or ideal.
-        height: Image rows, from 120 to 1080. Default: 240; for a Kinect 2: 424.
+            threshold, stripes, bench, pallets, carton_steps, pallet_steps, drawers, escalator, blinds, radiator, chairs,
+            sofa, cable_ladder, crates, rubble, corrugated, relief, kerb, ramp_turn, street, terrace, podium, fence. The
+            group stairless holds those up to pallets. Default: up.
+        sensor: Noise model: kinect1 (the default), kinect2, tof, d435, d455 or ideal.
+        height: Image rows, from 120 to 1080. Default: 240; for a Kinect 2: 424, for a D435 or D455: 480, for tof: 576.
         heading: Smallest and largest heading in degrees. Default: -35,35.
         clutter: Objects that may be present: legs, mat, bag, strips, shadow, wet, rail_left, rail_right; or all. Default: none.
         open_risers: Render steps without risers.
@@ -80,13 +82,13 @@ def frames(
 
 def _scenes(word: str) -> tuple[str, ...]:
     """Return the scenes that a name stands for: a group, or one scene."""
-    from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES
+    from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, STAIRLESS_SCENES
 
     several: dict[str, tuple[str, ...]] = {
         "down": ("down", "edge", "bottom"),
         "mixed": STAIR_SCENES,
         "stairless": ROOM_SCENES,
     }
-    single: dict[str, tuple[str, ...]] = {name: (name,) for name in (*STAIR_SCENES, *ROOM_SCENES)}
+    single: dict[str, tuple[str, ...]] = {name: (name,) for name in (*STAIR_SCENES, *STAIRLESS_SCENES)}
     known = single | several
     return known[choice("--scene", word, sorted(known))]

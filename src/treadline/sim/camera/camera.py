@@ -1,8 +1,9 @@
 """RGB-D camera without OpenGL: exact depth by ray casting on boxes, then colour and sensor errors."""
 
 import copy
+import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -13,15 +14,20 @@ from treadline.errors import ImageError
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera, RgbdFrame
 from treadline.sim.camera import kernels
+from treadline.sim.camera.matching import JUMP_PX, stereo_depth, straddling
+from treadline.sim.camera.multipath import multipath_bias
 from treadline.sim.camera.sensors import (
+    CORRELATION_PX,
     DISPARITY_PX_M,
     SENSOR_WIDTH_PX,
     SENSORS,
     TIME_OF_FLIGHT_WIDTH_PX,
+    ActiveStereo,
     StructuredLight,
     TimeOfFlight,
     alike,
     warp,
+    windowed,
 )
 from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, solids_of
 
@@ -45,6 +51,9 @@ POOL = 1_000_000
 """Number of start positions in the stored random numbers of a camera."""
 SHADES = (0.72, 0.72, 0.85, 0.8, 0.4, 1.15)
 """Brightness of the sides -x, +x, -y, +y, -z, +z with light from above: risers are darker than treads."""
+BANDS, SWEEP_M = 24, 0.2
+"""Number of bands of rows with a pose of their own under a rolling shutter: at 30°/s and 33 ms bands differ by 0.04°, 0.2 pixels at
+320×240. Largest motion during the readout [m]."""
 SQUARE = 0.99
 """Cosine above which a box counts as aligned with the world axes and has the six brightness values unchanged."""
 
@@ -56,6 +65,16 @@ class ExactView:
     depth_m: Float[np.ndarray, "h w"]
     face: Int[np.ndarray, "h w"]
     """Visible face: 6 · solid + side, with the index of the solid in the scene; -1 without a hit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sweep:
+    """Motion of the camera while a rolling shutter reads the image from the top row to the bottom row."""
+
+    readout_s: float
+    velocity_W: Float[np.ndarray, " 3"]
+    rate_W: Float[np.ndarray, " 3"]
+    """Angular velocity [rad/s]."""
 
 
 class RenderedFrame(RgbdFrame):
@@ -98,6 +117,8 @@ class Camera:
 
     Args:
         declared: Calibration stored in the frames, if different from the true calibration.
+        sigma_px: Standard deviation of the disparity noise [sensor pixels]; None: the sensor's default.
+        edge_holes: Whether a Kinect 1 loses the pixels whose correlation window contains a depth jump.
         grain_px: Correlation length of the depth noise [sensor pixels]; zero is white noise.
         warp_px: Smooth, constant depth error across the image [px of Kinect 1 disparity].
         holes: Fraction of the depth image lost in blotches.
@@ -113,6 +134,8 @@ class Camera:
         kind: str = "kinect1",
         texture: str = "wood",
         light: float = 1.0,
+        sigma_px: float | None = None,
+        edge_holes: bool = False,
         grain_px: float = 0.0,
         warp_px: float = 0.0,
         holes: float = 0.0,
@@ -124,7 +147,11 @@ class Camera:
         solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
         self._declared = declared or calibration
-        self._sensor = SENSORS.get(kind)
+        sensor = SENSORS.get(kind)
+        if sigma_px is not None and isinstance(sensor, StructuredLight | ActiveStereo):
+            sensor = replace(sensor, sigma_px=sigma_px)
+        self._sensor = sensor
+        self._edge_holes = edge_holes
         self._texture = texture
         self._light = light
         self._blur_px = blur_px
@@ -140,14 +167,22 @@ class Camera:
         if isinstance(self._sensor, StructuredLight):
             lateral_px = self._sensor.lateral_px * calibration.width_px / SENSOR_WIDTH_PX
             self._jitter = np.rint(lateral_px * self._depth_normal.astype(np.float64)).astype(np.int8)
+        if isinstance(self._sensor, ActiveStereo):
+            window_px = max(round(self._sensor.window_px * calibration.width_px / SENSOR_WIDTH_PX), 1)
+            self._depth_normal = windowed(self._normal, calibration.width_px, window_px)
         self._warp_px = warp(calibration, warp_px, rng) if warp_px > 0.0 else None
         self._face(solids)
 
     def facing(self, solids: Sequence[SceneBox], shadows: Sequence[Shadow] = ()) -> "Camera":
         """Return a copy of this camera with additional solids; both use the same stream of random numbers."""
-        other = copy.copy(self)
-        other._face((*self._solids, *solids))  # noqa: SLF001 - its own copy
+        other = self.showing((*self._solids, *solids))
         other._shadows = np.concatenate([self._shadows, _bands(shadows)])  # noqa: SLF001 - as above
+        return other
+
+    def showing(self, solids: Sequence[SceneBox]) -> "Camera":
+        """Return a copy of this camera before other solids; both use the same stream of random numbers."""
+        other = copy.copy(self)
+        other._face(solids)  # noqa: SLF001 - its own copy
         return other
 
     def _face(self, solids: Sequence[SceneBox]) -> None:
@@ -161,6 +196,7 @@ class Camera:
         self._colours = np.array([solid.colour or colours.get(solid.kind, COLOURS[self._texture]) for solid in solids])
         # Near infrared: what is dark to the eye is less so to the sensor.
         self._albedos = 0.35 + 0.5 * self._colours.mean(axis=1) / 255.0
+        self._returns = np.array([solid.returns for solid in solids])
         self._radii = np.linalg.norm(self._halves, axis=1)
         self._large = np.array([solid.kind in ("wall", "floor", "landing") for solid in solids])
         self._shades = np.array([_shades(solid) for solid in solids])
@@ -171,13 +207,21 @@ class Camera:
         depth, face, near = self._cast(R_WC, p_WC)
         return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
-    def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
-        """Return a frame with sensor errors; its colours are rendered on first access."""
-        depth, face, near = self._cast(R_WC, p_WC)
+    def frame(
+        self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], sweep: Sweep | None = None
+    ) -> RgbdFrame:
+        """Return a frame with sensor errors; its colours are rendered on first access.
+
+        Args:
+            R_WC: Orientation at the time of the middle row.
+            p_WC: Position at the time of the middle row.
+            sweep: Motion of a rolling shutter during the readout; None: a global shutter. Colours are those of a global shutter.
+        """
+        depth, face, near = self._cast(R_WC, p_WC) if sweep is None else self._cast_in_bands(R_WC, p_WC, sweep)
         place = int(self._rng.integers(POOL))
         return RenderedFrame(
             t_s=t_s,
-            depth_m=self._spoilt(self._measured(depth, face, near), depth, R_WC, p_WC),
+            depth_m=self._spoilt(self._measured(depth, face, near), depth, face, near, R_WC, p_WC),
             camera=self._declared,
             painter=partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy(), place),
         )
@@ -231,12 +275,43 @@ class Camera:
     def _cast(
         self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
     ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
-        camera = self.calibration
-        towards = self._centres - p_WC
-        ahead = towards @ R_WC[:, 2] > -self._radii
-        near = np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + VIEW_M) & ahead) | self._large)
+        camera, near = self.calibration, self._in_front(R_WC, p_WC, VIEW_M)
         depth = np.empty((camera.height_px, camera.width_px))
         face = np.empty((camera.height_px, camera.width_px), dtype=np.int32)
+        self._cast_rows(near, R_WC, p_WC, 0, depth, face)
+        return depth, face, near
+
+    def _cast_in_bands(
+        self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], sweep: Sweep
+    ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
+        """Return depth and faces with the pose of each band of rows."""
+        camera, near = self.calibration, self._in_front(R_WC, p_WC, VIEW_M + SWEEP_M)
+        depth = np.empty((camera.height_px, camera.width_px))
+        face = np.empty((camera.height_px, camera.width_px), dtype=np.int32)
+        rows = np.linspace(0, camera.height_px, BANDS + 1).astype(int)
+        for top, bottom in itertools.pairwise(rows.tolist()):
+            after = (0.5 * (top + bottom) / camera.height_px - 0.5) * sweep.readout_s
+            R_band = cv2.Rodrigues(after * sweep.rate_W)[0] @ R_WC
+            self._cast_rows(near, R_band, p_WC + after * sweep.velocity_W, top, depth[top:bottom], face[top:bottom])
+        return depth, face, near
+
+    def _in_front(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], range_m: float) -> Int[np.ndarray, " b"]:
+        """Return the indices of the solids that may be in view."""
+        towards = self._centres - p_WC
+        ahead = towards @ R_WC[:, 2] > -self._radii
+        return np.flatnonzero(((np.linalg.norm(towards, axis=1) < self._radii + range_m) & ahead) | self._large)
+
+    def _cast_rows(
+        self,
+        near: Int[np.ndarray, " b"],
+        R_WC: Float[np.ndarray, "3 3"],
+        p_WC: Float[np.ndarray, " 3"],
+        top: int,
+        depth: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+    ) -> None:
+        """Fill consecutive rows of the image, from the row ``top`` on."""
+        camera = self.calibration
         kernels.cast(
             self._centres[near],
             self._halves[near],
@@ -246,24 +321,29 @@ class Camera:
             camera.fx_px,
             camera.fy_px,
             camera.cx_px,
-            camera.cy_px,
+            camera.cy_px - top,
             2.0 * VIEW_M,
             depth,
             face,
         )
-        return depth, face, near
 
     def _spoilt(
         self,
         measured: Float32[np.ndarray, "h w"],
         exact: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+        near: Int[np.ndarray, " b"],
         R_WC: Float[np.ndarray, "3 3"],
         p_WC: Float[np.ndarray, " 3"],
     ) -> Float32[np.ndarray, "h w"]:
-        """Return measured depth with the errors of puddles, sunlight and sensor warp."""
+        """Return measured depth with the errors of puddles, absorbing surfaces, sunlight and sensor warp."""
         if len(self._puddles) and self._sensor is not None:
             c, place = self.calibration, int(self._rng.integers(POOL))
             kernels.soak(measured, exact, R_WC, p_WC, c.fx_px, c.fy_px, c.cx_px, c.cy_px, self._puddles, self._chance, place)
+        if self._returns[near].min() < 1.0 and self._sensor is not None:
+            place = int(self._rng.integers(POOL))
+            chance = self._chance[place : place + measured.size].reshape(measured.shape)
+            measured[(face >= 0) & (chance >= self._returns[near][face // 6])] = np.nan
         if self._holes > 0.0:
             coarse = self._rng.standard_normal((measured.shape[0] // 12, measured.shape[1] // 12)).astype(np.float32)
             blotches = cv2.resize(coarse, measured.shape[::-1], interpolation=cv2.INTER_CUBIC)
@@ -278,8 +358,10 @@ class Camera:
         sensor, camera = self._sensor, self.calibration
         if sensor is None:
             return exact.astype(np.float32)
-        measured = np.empty(exact.shape, dtype=np.float32)
         places = self._rng.integers(POOL, size=4)
+        if isinstance(sensor, ActiveStereo):
+            return stereo_depth(sensor, camera, exact, face, self._albedos[near], self._depth_normal, places)
+        measured = np.empty(exact.shape, dtype=np.float32)
         if isinstance(sensor, TimeOfFlight):
             kernels.time_of_flight(
                 exact,
@@ -295,11 +377,14 @@ class Camera:
                 camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
                 sensor.near_m,
                 sensor.far_m,
+                sensor.mixed_dropped,
                 self._depth_normal,
                 self._chance,
                 places,
                 measured,
             )
+            if sensor.multipath:
+                measured += multipath_bias(camera, exact, face, self._albedos[near]).astype(np.float32)
             return measured
         kernels.kinect(
             exact,
@@ -317,6 +402,10 @@ class Camera:
             places,
             measured,
         )
+        if self._edge_holes:
+            scale = camera.width_px / SENSOR_WIDTH_PX
+            disparity = np.nan_to_num(sensor.focal_px * sensor.baseline_m / exact).astype(np.float32)
+            measured[straddling(disparity, round(CORRELATION_PX * scale), JUMP_PX / scale)] = np.nan
         return measured
 
 

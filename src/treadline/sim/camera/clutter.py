@@ -3,14 +3,12 @@
 import itertools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.mechanics.staircase import TREAD_THICKNESS_M, Staircase, Step
 from treadline.sim.camera.recipe import Clutter
-from treadline.sim.camera.solids import Puddle, Rgb, SceneBox, Shadow, beam, upright
+from treadline.sim.camera.solids import Puddle, Rgb, SceneBox, Shadow, beam, part_of, placed_in, upright
 
 RAIL_INSET_M = 0.07
 """Distance from the side of the stair to the middle of a rail [m]."""
@@ -158,23 +156,17 @@ def worn_step(solid: SceneBox, open_risers: bool, worn_m: float, rng: np.random.
     limit = min(worn_m, 0.4 * TREAD_THICKNESS_M) if open_risers else worn_m
     half_depth, half_width, half_height = solid.half_m
     parts = [
-        _part(solid, (-half_depth, half_depth), (-half_width, half_width), (-half_height, half_height - limit)),
-        _part(solid, (limit - half_depth, half_depth), (-half_width, half_width), (half_height - limit, half_height)),
+        part_of(solid, (-half_depth, half_depth), (-half_width, half_width), (-half_height, half_height - limit)),
+        part_of(solid, (limit - half_depth, half_depth), (-half_width, half_width), (half_height - limit, half_height)),
     ]
     cuts = np.linspace(-half_width, half_width, max(2, round(2.0 * half_width / PIECE_M)) + 1)
     for right, left in itertools.pairwise(cuts.tolist()):
         size = float(rng.uniform(0.15, 1.0)) * limit
         front, top = -half_depth, half_height
-        parts.append(_part(solid, (front, front + limit), (right, left), (top - limit, top - size)))
-        parts.append(_part(solid, (front + size, front + limit), (right, left), (top - size, top)))
+        parts.append(part_of(solid, (front, front + limit), (right, left), (top - limit, top - size)))
+        parts.append(part_of(solid, (front + size, front + limit), (right, left), (top - size, top)))
         parts.append(_chamfer(solid, size, 0.5 * (right + left), 0.5 * (left - right)))
     return parts
-
-
-def _part(solid: SceneBox, x_m: tuple[float, float], y_m: tuple[float, float], z_m: tuple[float, float]) -> SceneBox:
-    """Return a part of a solid, between coordinates of its own frame."""
-    low, high = np.array([x_m[0], y_m[0], z_m[0]]), np.array([x_m[1], y_m[1], z_m[1]])
-    return _like(solid, 0.5 * (low + high), 0.5 * (high - low), np.eye(3))
 
 
 def _chamfer(solid: SceneBox, size: float, y: float, half_width: float) -> SceneBox:
@@ -185,10 +177,4 @@ def _chamfer(solid: SceneBox, size: float, y: float, half_width: float) -> Scene
     normal = np.array([-c, 0.0, c])
     turn = np.column_stack([np.array([c, 0.0, c]), np.array([0.0, 1.0, 0.0]), normal])
     thickness = min(CHAMFER_M, c * size)
-    return _like(solid, face - 0.5 * thickness * normal, np.array([c * size, half_width, 0.5 * thickness]), turn)
-
-
-def _like(
-    solid: SceneBox, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
-) -> SceneBox:
-    return replace(solid, centre_W=solid.centre_W + solid.R_WK @ centre_K, half_m=half_m, R_WK=solid.R_WK @ turn)
+    return placed_in(solid, face - 0.5 * thickness * normal, np.array([c * size, half_width, 0.5 * thickness]), turn)

@@ -111,7 +111,8 @@ def _camera_toml(camera: PinholeCamera) -> str:
         "mount_yaw_deg": round(camera.mount_yaw_rad / DEG, 9),
         "mount_m": list(camera.mount_m),
     }
-    return "".join(f"{key} = {value}\n" for key, value in values.items())
+    sensor = "" if camera.sensor == "auto" else f'sensor = "{camera.sensor}"\n'
+    return "".join(f"{key} = {value}\n" for key, value in values.items()) + sensor
 
 
 def _gravity_table(written: list[NamedView]) -> str:

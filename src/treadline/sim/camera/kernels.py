@@ -299,7 +299,7 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def time_of_flight(
-    exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, normal, chance, places, measured
+    exact, face, fx, fy, cx, cy, albedos, floor_m, gain_m, ripple_m, scale, near, far, dropped, normal, chance, places, measured
 ):
     """Fill ``measured`` with the output of a time-of-flight sensor for exact depth.
 
@@ -309,6 +309,7 @@ def time_of_flight(
             decreasing signal: with distance squared, at grazing angles, on dark surfaces.
         ripple_m: Amplitude of the sensor's fixed pattern across the image.
         scale: Pixels of this image per sensor pixel.
+        dropped: Fraction of the mixed pixels that the driver removes.
         normal: Standard normal numbers, and ``places`` the start positions of this frame's streams.
     """
     rows, columns = exact.shape
@@ -321,7 +322,7 @@ def time_of_flight(
                 continue
             n = v * columns + u
             f = face[v, u]
-            # Mixed pixels: light from both sides of an edge comes back at once; most the driver drops.
+            # Mixed pixels: light from both sides of an edge comes back at once.
             lu, ru, lv, rv = max(u - 1, 0), min(u + 1, columns - 1), max(v - 1, 0), min(v + 1, rows - 1)
             beyond = z
             for k in range(4):
@@ -330,7 +331,7 @@ def time_of_flight(
                 if names != f and other == other and abs(other - z) > abs(beyond - z):
                     beyond = other
             jump = abs(beyond - z)
-            if jump > 0.04 * z and chance[first + n] < 0.7:
+            if jump > 0.04 * z and chance[first + n] < dropped:
                 continue
             # The inverse depth's gradient on this face gives its normal, and so the angle at which it is seen.
             w = 1.0 / z

@@ -10,19 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from treadline.angles import DEG, rotation_y
+from treadline.sim.camera import furniture, outdoors
+from treadline.sim.camera.placing import BEECH, CARDBOARD, WALL_M, WHITE, legged, oblique_wall, turned
 from treadline.sim.camera.solids import Rgb, SceneBox, beam, upright
 
-BEECH: Rgb = (176.0, 132.0, 84.0)
-"""Colours of furniture (red, green, blue)."""
-WHITE: Rgb = (205.0, 203.0, 198.0)
-CARDBOARD: Rgb = (158.0, 124.0, 84.0)
 BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))
+"""Colours of books (red, green, blue)."""
 FLOORS = ("wood", "concrete", "carpet", "terrazzo")
 """Textures of floors."""
 HALL_M = 8.0
 """Half size of the floor [m]."""
-WALL_M = 3.0
-"""Height of walls [m]."""
 
 
 def room(scene: str, rng: np.random.Generator) -> list[SceneBox]:
@@ -34,14 +31,6 @@ def room(scene: str, rng: np.random.Generator) -> list[SceneBox]:
 def plain(solid: SceneBox) -> SceneBox:
     """Return a wall with a plaster texture; other solids unchanged."""
     return replace(solid, texture="dark") if solid.kind == "wall" else solid
-
-
-def oblique_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> SceneBox:
-    """Return a wall across the path, rotated about its middle."""
-    centre = np.array([middle_x_m + 0.05 * math.cos(yaw_rad), y_m + 0.05 * math.sin(yaw_rad)])
-    low = (centre[0] - 0.05, centre[1] - half_m, low_m - 0.2)
-    high = (centre[0] + 0.05, centre[1] + half_m, low_m + WALL_M)
-    return upright("wall", low, high, yaw_rad=yaw_rad)
 
 
 def _floor(rng: np.random.Generator) -> list[SceneBox]:
@@ -97,35 +86,18 @@ def _shelf(rng: np.random.Generator) -> list[SceneBox]:
         for side in (-half, half)
     ]
     back = upright("shelf", (x + depth, -half, 0.0), (x + depth + 0.01, half, 1.95), colour=BEECH, texture="wood")
-    return [_turned(solid, yaw, (x, 0.0)) for solid in (*boards, *frame, back)]
-
-
-def _turned(solid: SceneBox, yaw_rad: float, about_m: tuple[float, float]) -> SceneBox:
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    pivot = np.array([*about_m, 0.0])
-    return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
-
-
-def _legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[SceneBox]:
-    plate = upright("furniture", (x - half[0], y - half[1], top - 0.03), (x + half[0], y + half[1], top), colour=colour)
-    legs = [
-        upright("furniture", (cx - leg, cy - leg, 0.0), (cx + leg, cy + leg, top - 0.03), colour=colour)
-        for cx in (x - half[0] + leg, x + half[0] - leg)
-        for cy in (y - half[1] + leg, y + half[1] - leg)
-    ]
-    return [plate, *legs]
+    return [turned(solid, yaw, (x, 0.0)) for solid in (*boards, *frame, back)]
 
 
 def _table(rng: np.random.Generator) -> list[SceneBox]:
     x, y, yaw = rng.uniform(1.6, 2.6), rng.uniform(-0.4, 0.4), rng.uniform(-40.0, 40.0) * DEG
-    solids = _legged(x, y, (0.45, 0.8), 0.74, 0.025, BEECH)
+    solids = legged(x, y, (0.45, 0.8), 0.74, 0.025, BEECH)
     for side in (-0.35, 0.35):
         cx, cy = x - 0.55, y + side
-        solids += _legged(cx, cy, (0.22, 0.2), 0.45, 0.018, WHITE)
+        solids += legged(cx, cy, (0.22, 0.2), 0.45, 0.018, WHITE)
         solids.append(upright("furniture", (cx - 0.24, cy - 0.2, 0.55), (cx - 0.22, cy + 0.2, 0.9), colour=WHITE, texture="dark"))
     wall = [oblique_wall(x + rng.uniform(0.8, 2.0), yaw)] if rng.random() < 0.5 else []
-    return [*(_turned(solid, yaw, (x, y)) for solid in solids), *wall]
+    return [*(turned(solid, yaw, (x, y)) for solid in solids), *wall]
 
 
 def _boxes(rng: np.random.Generator) -> list[SceneBox]:
@@ -193,7 +165,7 @@ def _stripes(rng: np.random.Generator) -> list[SceneBox]:
     lines = [
         upright("strip", (x, -1.5, 0.0), (x + wide, 1.5, 0.0005), colour=WHITE, texture="dark") for x in np.arange(0.5, 5.0, gap)
     ]
-    return [_turned(line, yaw, (1.5, 0.0)) for line in lines]
+    return [turned(line, yaw, (1.5, 0.0)) for line in lines]
 
 
 def _bench(rng: np.random.Generator) -> list[SceneBox]:
@@ -201,7 +173,7 @@ def _bench(rng: np.random.Generator) -> list[SceneBox]:
     x, deep, high = rng.uniform(1.1, 2.0), rng.uniform(0.2, 0.45), rng.uniform(0.1, 0.6)
     yaw = rng.uniform(-20.0, 20.0) * DEG
     seat = upright("furniture", (x, -1.2, 0.0), (x + deep + 0.1, 1.2, high), colour=BEECH, texture="wood")
-    return [_turned(seat, yaw, (x, 0.0)), _turned(oblique_wall(x + deep, 0.0), yaw, (x, 0.0))]
+    return [turned(seat, yaw, (x, 0.0)), turned(oblique_wall(x + deep, 0.0), yaw, (x, 0.0))]
 
 
 def _pallets(rng: np.random.Generator) -> list[SceneBox]:
@@ -214,7 +186,7 @@ def _pallets(rng: np.random.Generator) -> list[SceneBox]:
                 y = -0.4 + i * (0.17 if high != 0.12 else 0.34)
                 box = ((x, y, floor * 0.144 + low), (x + 1.2, y + 0.1, floor * 0.144 + high))
                 boards.append(upright("pallet", *box, colour=BEECH, texture="wood"))
-    return [_turned(board, yaw, (x, 0.0)) for board in boards]
+    return [turned(board, yaw, (x, 0.0)) for board in boards]
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
@@ -233,5 +205,7 @@ MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
     "stripes": _stripes,
     "bench": _bench,
     "pallets": _pallets,
+    **furniture.MAKERS,
+    **outdoors.MAKERS,
 }
 """Function of each scene."""

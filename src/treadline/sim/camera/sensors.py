@@ -7,7 +7,20 @@ angles. The noise belongs to the sensor: an image of 320×240 has the same noise
 Kinect 2: time of flight, 1 to 2 mm at 1 m and more at low signal, correlated between neighbouring pixels, mixed pixels at edges, no
 shadow.
 
-Optional for both: spatially correlated noise, and a smooth warp across the image.
+tof: as the Kinect 2, without a filter of mixed pixels (Wasenmüller and Stricker, ACCV workshops 2016: flying pixels fill the gap
+between object and background) and with multipath, which rounds concave corners (``multipath_kernels``).
+
+D435, D455: active stereo, disparity d = f·B/Z with B = 50 or 95 mm and f = 387 px at 640×480 (librealsense issue 11511: field of
+view of 79.2°). The noise of Z is Z²·σ_d/(f·B) with σ_d of 0.05 to 0.12 px (Keselman et al., CVPR workshops 2017, eq. 2; Intel,
+"Tuning depth cameras for best performance"), in steps of 1/32 px (Intel, "Subpixel linearity improvement"), alike over the matching
+window of 7×7 px (Keselman et al.: Census cost, aggregated by a box of 7×7). The left imager is the reference: background left of an
+object is hidden from the right imager, and a band of f·B/Z columns at the left border has no depth (D400 data sheet, section 4.5).
+The search covers 128 disparities, which gives the nearest depth f·B/126. Objects are wider by half of the matching window.
+
+Optional for all: spatially correlated noise, and a smooth warp across the image. Optional for the Kinect 1: pixels lost where the
+correlation window of 9×9 px contains a depth jump (Khoshelham and Elberink, Sensors 12, 2012: the Kinect correlates windows of
+9×9). Two recorded frames of a flight with open risers have holes of 9 px (median; quartiles 6 and 19 px) across their depth jumps,
+along columns; rendered open flights have 11 px (9 and 19 px) with this option, 6 px (1 and 20 px) without.
 """
 
 from dataclasses import dataclass
@@ -47,15 +60,62 @@ class TimeOfFlight:
     ripple_m: float
     near_m: float
     far_m: float
+    mixed_dropped: float = 0.7
+    """Fraction of the mixed pixels at depth edges that the driver removes."""
+    multipath: bool = False
+    """Whether light that takes a detour over another surface adds to the depth."""
 
 
-SENSORS: dict[str, StructuredLight | TimeOfFlight] = {
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActiveStereo:
+    """Parameters of a stereo camera with a projector of texture."""
+
+    baseline_m: float
+    sigma_px: float = 0.08
+    """Standard deviation of the disparity noise of an image 640 pixels wide [px]."""
+    focal_px: float = 387.0
+    """Focal length of an image 640 pixels wide [px]."""
+    step_px: float = 1.0 / 32.0
+    window_px: int = 7
+    """Width of the matching window [px]: the correlation length of the noise; objects grow by half of it on each side."""
+    disparities: int = 126
+    """Largest disparity of the search [px]."""
+    far_m: float = 10.0
+    fill_m: float
+    """Distance at which half of a white wall facing the camera has no depth [m]: twice the manufacturer's ideal range, at which
+    the projector's light has a quarter of the irradiance."""
+
+    @property
+    def strength_px_m(self) -> float:
+        """Product f·B [px m]."""
+        return self.focal_px * self.baseline_m
+
+    @property
+    def near_m(self) -> float:
+        """Depth at the largest disparity of the search [m]."""
+        return self.strength_px_m / self.disparities
+
+
+FILL_SPREAD = 0.94
+"""Standard deviation of the logarithm of the light needed for a match: with ``fill_m`` = 6 m, 99 % of a wall at 2 m have depth, as
+the D435 data sheet states (log(6² / 2²) / 2.33)."""
+CORRELATION_PX = 9
+"""Width of the Kinect 1 correlation window [px of a disparity image 640 wide]."""
+
+Sensor = StructuredLight | TimeOfFlight | ActiveStereo
+"""Parameters of any depth sensor."""
+SENSORS: dict[str, Sensor] = {
     "kinect1": StructuredLight(
         focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0
     ),
     # Fitted to recorded frames: plane-fit residuals of 1.4 to 2.1 mm in blocks of 16×16 between 0.6 and 1.2 m, three
     # quarters of them alike from one pixel to the next.
     "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
+    # Azure Kinect, narrow field of view: the hardware specification allows a random error of 17 mm for 15 % reflectance at the
+    # end of its range, 3.86 m: gain = 0.017 · 0.15 / 3.86². Floor and pattern are those of the Kinect 2.
+    "tof": TimeOfFlight(floor_m=0.00115, gain_m=0.00017, ripple_m=0.006, near_m=0.5, far_m=3.86, mixed_dropped=0.0, multipath=True),
+    "d435": ActiveStereo(baseline_m=0.050, fill_m=6.0),
+    "d455": ActiveStereo(baseline_m=0.095, fill_m=12.0),
 }
 """Parameters by sensor name."""
 
@@ -69,6 +129,15 @@ def alike(normal: Float32[np.ndarray, " n"], width_px: int, sigma_px: float) -> 
     alike = normal.copy()
     alike[:whole] = (smooth / smooth.std()).ravel()
     return alike
+
+
+def windowed(normal: Float32[np.ndarray, " n"], width_px: int, window_px: int) -> Float32[np.ndarray, " n"]:
+    """Return normal numbers averaged over a window of an image and scaled to unit variance: matches of neighbours share pixels."""
+    whole = len(normal) // width_px * width_px
+    smooth = cv2.blur(normal[:whole].reshape(-1, width_px), (window_px, window_px))
+    same = normal.copy()
+    same[:whole] = (smooth / smooth.std()).ravel()
+    return same
 
 
 def warp(camera: PinholeCamera, spread_px: float, rng: np.random.Generator) -> Float[np.ndarray, "h w"]:

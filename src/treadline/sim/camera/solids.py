@@ -1,7 +1,7 @@
 """Visible objects of a scene: boxes with orientation and colour."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -47,6 +47,8 @@ class SceneBox:
     """Texture; None: the default of the scene."""
     index: int = -1
     """Index of the step; -1 for other objects."""
+    returns: float = 1.0
+    """Fraction of its pixels with depth: 0 for a mirroring metal strip or the shadow of an edge."""
 
 
 def solids_of(boxes: Iterable[Box]) -> tuple[SceneBox, ...]:
@@ -84,6 +86,19 @@ def upright(
         texture=texture,
         index=index,
     )
+
+
+def part_of(solid: SceneBox, x_m: tuple[float, float], y_m: tuple[float, float], z_m: tuple[float, float]) -> SceneBox:
+    """Return a part of a solid, between coordinates of its own frame."""
+    low, high = np.array([x_m[0], y_m[0], z_m[0]]), np.array([x_m[1], y_m[1], z_m[1]])
+    return placed_in(solid, 0.5 * (low + high), 0.5 * (high - low), np.eye(3))
+
+
+def placed_in(
+    solid: SceneBox, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
+) -> SceneBox:
+    """Return a box of the same kind, placed in the frame of a solid."""
+    return replace(solid, centre_W=solid.centre_W + solid.R_WK @ centre_K, half_m=half_m, R_WK=solid.R_WK @ turn)
 
 
 def beam(

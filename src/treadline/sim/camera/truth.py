@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -26,8 +27,14 @@ LEAST_TREAD = 0.01
 """Least image fraction of a visible tread."""
 UPPER_SIDE = 5
 """Index of the upper side of a box."""
+BOW_ITERATIONS = 4
+"""Newton steps to intersect a bowed nosing with the chair's middle plane."""
 HIDDEN_M = 0.03
 """Distance behind the visible surface beyond which a nosing counts as hidden [m]."""
+
+
+Side = Literal["wall", "open"]
+"""Side of a flight: with a wall or rail, or with a drop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,6 +68,23 @@ class StairTruth:
     """Distance from the chair's middle perpendicular to the wall or rail on the right [m]; None if not in view."""
     obstacle_m: float | None
     """Distance along x to the nearest obstacle in the volume swept by the tracks [m]."""
+    left_edge_m: float
+    """Distance from the chair's middle to the left side of the flight, square to the flight [m]; also if not in view."""
+    right_edge_m: float
+    """Distance from the chair's middle to the right side of the flight, square to the flight [m]; also if not in view."""
+    left_side: Side
+    """What stands along the left side: a wall or rail, or nothing."""
+    right_side: Side
+    """What stands along the right side."""
+    bow_m: float
+    """Sagitta of the nosings over the width [m]; positive if the middle protrudes towards the foot."""
+    curvature_1_m: float
+    """Curvature of the flight's centre line [1/m]; positive if the flight turns left going up."""
+
+    @property
+    def width_m(self) -> float:
+        """Width of the flight [m]."""
+        return self.left_edge_m + self.right_edge_m
 
 
 def stair_truth(
@@ -78,8 +102,9 @@ def stair_truth(
     is_step = np.array([*(solid.kind == "step" for solid in solids), False])
     staircase = flight.staircase
     nosings = _nosings(flight, pose, direction)
-    on_stair = np.abs((pose.p_WB + nosings @ pose.R_WB.T)[:, 1]) <= 0.5 * staircase.width_m
+    on_stair = np.abs(_aside(flight, pose, nosings, direction)) <= 0.5 * staircase.width_m
     steps = staircase.steps
+    up = 1.0 if direction == "up" else -1.0
     left, right = _walls(staircase, solids, pose, direction, exact)
     return StairTruth(
         direction=direction,
@@ -97,15 +122,47 @@ def stair_truth(
         left_wall_m=left,
         right_wall_m=right,
         obstacle_m=_obstacle(solids, pose, chair),
+        left_edge_m=0.5 * staircase.width_m - up * float(pose.p_WB[1]),
+        right_edge_m=0.5 * staircase.width_m + up * float(pose.p_WB[1]),
+        left_side=_side(staircase, solids, up),
+        right_side=_side(staircase, solids, -up),
+        bow_m=flight.bow_m,
+        curvature_1_m=flight.curvature_1_m,
     )
 
 
 def _nosings(flight: TiltedFlight, pose: Pose, direction: Direction) -> Float[np.ndarray, "n 3"]:
     """Return the nosings ahead of the chair's middle, nearest first."""
-    steps = [step for step in flight.staircase.steps[:: 1 if direction == "up" else -1] if not step.missing]
-    places = np.array([[step.x_m, 0.0, step.z_m] for step in steps])
-    points = crossings(places, np.array([flight.along(step) for step in steps]), pose.R_WB, pose.p_WB)
+    steps = _steps(flight, direction)
+    aside = np.zeros(len(steps))
+    for _ in range(1 if flight.bow_m == 0.0 else BOW_ITERATIONS):
+        lines = [flight.nosing(step, float(y)) for step, y in zip(steps, aside, strict=True)]
+        points = crossings(np.array([place for place, _ in lines]), np.array([along for _, along in lines]), pose.R_WB, pose.p_WB)
+        if flight.bow_m != 0.0:
+            points_W = pose.p_WB + points @ pose.R_WB.T
+            aside = np.array([flight.along(step) @ (at - step.nosing_F) for step, at in zip(steps, points_W, strict=True)])
     return points[points[:, 0] > 0.0]
+
+
+def _steps(flight: TiltedFlight, direction: Direction) -> list[Step]:
+    """Return the steps with a tread in the order of a chair that goes up or down."""
+    return [step for step in flight.staircase.steps[:: 1 if direction == "up" else -1] if not step.missing]
+
+
+def _aside(flight: TiltedFlight, pose: Pose, nosings_B: Float[np.ndarray, "n 3"], direction: Direction) -> Float[np.ndarray, " n"]:
+    """Return the distance of each nosing's intersection to the left of the middle of the flight [m]."""
+    points_W = pose.p_WB + nosings_B @ pose.R_WB.T
+    if not flight.curvature_1_m:
+        return np.asarray(points_W[:, 1])
+    steps = _steps(flight, direction)[-len(points_W) :] if len(points_W) else []
+    return np.array([flight.along(step) @ (at - step.nosing_F) for step, at in zip(steps, points_W, strict=True)])
+
+
+def _side(staircase: Staircase, solids: list[SceneBox], sign: float) -> Side:
+    """Return what stands along a side of the flight: the left one going up for a sign of 1."""
+    walled = staircase.walls in ("both", "left" if sign > 0.0 else "right")
+    railed = any(solid.kind == "rail" and sign * solid.centre_W[1] > 0.0 for solid in solids)
+    return "wall" if walled or railed else "open"
 
 
 def _in_view(points_B: Float[np.ndarray, "n 3"], camera: PinholeCamera, exact: ExactView) -> Bool[np.ndarray, " n"]:
@@ -129,7 +186,7 @@ def _treads_in_view(solids: list[SceneBox], exact: ExactView) -> int:
 
 def _end_in_view(flight: TiltedFlight, step: Step, pose: Pose, camera: PinholeCamera, exact: ExactView) -> bool:
     aside = np.linspace(-0.5, 0.5, 21)[:, None] * flight.staircase.width_m
-    points_W = np.array([step.x_m, 0.0, step.z_m]) + aside * flight.along(step)
+    points_W = step.nosing_F + aside * flight.along(step)
     return bool(_in_view((points_W - pose.p_WB) @ pose.R_WB, camera, exact).any())
 
 

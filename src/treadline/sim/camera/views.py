@@ -22,17 +22,28 @@ from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import FLOOR_LENGTH_M
 from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera.camera import VIEW_M, Camera, ExactView
+from treadline.sim.camera.camera import VIEW_M, Camera, ExactView, Sweep
 from treadline.sim.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
-from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, draw_flight, draw_pose, rocked
+from treadline.sim.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
+from treadline.sim.camera.placing import oblique_wall
 from treadline.sim.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
-from treadline.sim.camera.rooms import oblique_wall, plain, room
+from treadline.sim.camera.rooms import plain, room
 from treadline.sim.camera.solids import Puddle, SceneBox, Shadow, upright
+from treadline.sim.camera.step_shapes import shaped
 from treadline.sim.camera.truth import StairTruth, stair_truth
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 """Unit vector of gravity in W."""
 DOWN_W.setflags(write=False)
+OPTICS: dict[str, tuple[int, int, float]] = {
+    "kinect2": (512, 424, 365.3),
+    "tof": (640, 576, 504.0),
+    "d435": (640, 480, 387.0),
+    "d455": (640, 480, 387.0),
+}
+"""Width, height and focal length of each sensor's depth image [px]; others have the optics of the chair's camera."""
+BEHIND_M = 0.6
+"""Least distance from the chair's middle to the wall behind it [m]: half of its length."""
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Range of the chair's yaw in a scene without a stair [deg]; the objects are rotated as well."""
 
@@ -61,6 +72,8 @@ class _Setting:
     solids: list[SceneBox]
     shadows: list[Shadow] = field(default_factory=list)
     puddles: list[Puddle] = field(default_factory=list)
+    filled: list[SceneBox] = field(default_factory=list)
+    """The same solids with solid treads; empty if the treads are solid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,6 +87,11 @@ class _Stage:
     flight: TiltedFlight | None
     solids: list[SceneBox]
     camera: Camera
+    filled: tuple[Camera, list[SceneBox]] | None = None
+    """Camera before the same scene with solid treads, and its solids, if the treads are gratings or glass: the ground truth counts
+    treads and nosings that a depth sensor sees through."""
+    motion: tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None = None
+    """Readout time of a rolling shutter [s], and velocity [m/s] and rate [rad/s] in B during the readout."""
 
     def view(self, t_s: float, pose: Pose) -> View:
         """Return the view from a pose, with gravity free of error."""
@@ -82,10 +100,11 @@ class _Stage:
         exact = self.camera.exact(R_WC, p_WC)
         stair = None
         if self.flight is not None:
-            stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, self.solids, exact, self.chair)
+            filled, solids = (exact, self.solids) if self.filled is None else (self.filled[0].exact(R_WC, p_WC), self.filled[1])
+            stair = stair_truth(DIRECTIONS[self.scene], self.flight, pose, self.true, solids, filled, self.chair)
         return View(
             scene=self.scene,
-            frame=self.camera.frame(t_s, R_WC, p_WC),
+            frame=self.camera.frame(t_s, R_WC, p_WC, self._sweep(pose)),
             gravity_C=self.declared.R_BC.T @ pose.R_WB.T @ DOWN_W,
             true_gravity_C=R_WC.T @ DOWN_W,
             true_camera=self.true,
@@ -93,6 +112,23 @@ class _Stage:
             kinds=tuple(solid.kind for solid in self.solids),
             stair=stair,
         )
+
+    def _sweep(self, pose: Pose) -> Sweep | None:
+        """Return the motion of the camera in W during the readout."""
+        if self.motion is None:
+            return None
+        readout_s, velocity_B, rate_B = self.motion
+        lever_W = pose.R_WB @ np.array(self.true.mount_m)
+        rate_W = pose.R_WB @ rate_B
+        return Sweep(readout_s=readout_s, velocity_W=pose.R_WB @ velocity_B + np.cross(rate_W, lever_W), rate_W=rate_W)
+
+
+def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+    """Return readout time, velocity and rate of a rolling shutter; None for a global shutter."""
+    if recipe.readout_s == 0.0:
+        return None
+    velocity_B = np.array([drawn(recipe.speed_m_s, rng), 0.0, 0.0])
+    return recipe.readout_s, velocity_B, recipe.turn_rate_deg_s * DEG * rng.standard_normal(3)
 
 
 def draw_view(rng: np.random.Generator, recipe: ViewRecipe) -> View:
@@ -144,6 +180,7 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
     if scene in STAIR_SCENES:
         flight = draw_flight(recipe, rng)
         pose = draw_pose(scene, flight.staircase, np.array(true.mount_m), recipe, heading, rng)
+        flight = bend(flight, recipe, float(pose.p_WB[0]), rng)
         setting = _setting(flight, scene, pose, recipe, rng)
     else:
         flight = None
@@ -158,6 +195,8 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         kind=recipe.sensor,
         texture=str(rng.choice(recipe.textures)),
         light=drawn(recipe.light, rng),
+        sigma_px=recipe.sigma_px,
+        edge_holes=recipe.edge_holes,
         grain_px=recipe.grain_px,
         warp_px=recipe.warp_px,
         holes=recipe.holes,
@@ -166,25 +205,35 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         puddles=setting.puddles,
         rng=rng,
     )
-    stage = _Stage(scene=scene, chair=chair, declared=declared, true=true, flight=flight, solids=setting.solids, camera=camera)
+    stage = _Stage(
+        scene=scene,
+        chair=chair,
+        declared=declared,
+        true=true,
+        flight=flight,
+        solids=setting.solids,
+        camera=camera,
+        motion=_motion(recipe, rng),
+        filled=(camera.showing(setting.filled), setting.filled) if setting.filled else None,
+    )
     return stage, pose
 
 
 def calibration_of(recipe: ViewRecipe, chair: ChairDescription) -> PinholeCamera:
     """Return the nominal camera of a recipe's sensor on a chair."""
-    if recipe.sensor != "kinect2":
-        camera = chair.camera_at(recipe.height_px or 240)
-    else:
-        rows = recipe.height_px or 424
-        scale = rows / 424.0
-        # The depth camera of a Kinect 2: 512×424, about 365 px.
+    camera = chair.camera_at(recipe.height_px or 240)
+    if recipe.sensor in OPTICS:
+        width, height, focal_px = OPTICS[recipe.sensor]
+        rows = recipe.height_px or height
+        scale = rows / height
+        columns = round(width * scale)
         camera = replace(
             chair.camera_at(),
-            width_px=round(512 * scale),
+            width_px=columns,
             height_px=rows,
-            fx_px=365.3 * scale,
-            fy_px=365.3 * scale,
-            cx_px=(round(512 * scale) - 1) / 2,
+            fx_px=focal_px * scale,
+            fy_px=focal_px * scale,
+            cx_px=(columns - 1) / 2,
             cy_px=(rows - 1) / 2,
         )
     return camera if recipe.focal_px is None else replace(camera, fx_px=recipe.focal_px, fy_px=recipe.focal_px)
@@ -195,6 +244,8 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
     declared = calibration_of(recipe, chair)
     if recipe.pitch_deg is not None:
         declared = replace(declared, mount_pitch_rad=drawn(recipe.pitch_deg, rng) * DEG)
+    if recipe.sensor_known and recipe.sensor != "ideal":
+        declared = replace(declared, sensor=recipe.sensor)
     scale = 1.0 + recipe.focal_error * float(rng.standard_normal())
     true = replace(
         declared,
@@ -223,25 +274,37 @@ def _setting(flight: TiltedFlight, scene: str, pose: Pose, recipe: ViewRecipe, r
             puddles = spilt(staircase, range(max(nearest - 6, 0), min(nearest + 7, len(x) - 1)), rng)
         elif there:
             clutter += clutter_of(name, staircase, step, rng)
-    return _Setting(solids=_stair_solids(flight, clutter, recipe, rng), shadows=shadows, puddles=puddles)
+    around = _surroundings(flight, pose, recipe, rng)
+    solids = [plain(solid) for solid in (*around, *_stair_solids(flight, recipe, rng), *clutter)]
+    filled = [plain(solid) for solid in (*around, *flight.solids(), *clutter)] if recipe.treads != "solid" else []
+    return _Setting(solids=solids, shadows=shadows, puddles=puddles, filled=filled)
 
 
-def _stair_solids(flight: TiltedFlight, clutter: list[SceneBox], recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
-    """Return floor, steps, walls and clutter, with a wall behind the landing and one before the stair."""
+def _surroundings(flight: TiltedFlight, pose: Pose, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
+    """Return the floor, a wall behind the landing and one before the stair."""
     staircase, last = flight.staircase, flight.staircase.steps[-1]
-    end_x = last.x_m + max(staircase.landing_m, last.depth_m)
+    end_x = max(step.x_m for step in staircase.steps) + max(staircase.landing_m, last.depth_m)
     floor = upright("floor", (-FLOOR_LENGTH_M, -VIEW_M, -0.2), (end_x + VIEW_M, VIEW_M, 0.0), texture="concrete")
     yaw = drawn(recipe.back_wall_deg, rng) * DEG
     # However yaw, it meets both side walls.
     behind = oblique_wall(end_x - 0.5 * staircase.width_m * math.tan(abs(yaw)), yaw, low_m=last.z_m)
-    before = oblique_wall(-float(rng.uniform(2.5, 5.5)), math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
-    solids = [floor, behind, before]
+    # A chair far before the flight stands before that wall as well.
+    before_x = min(-float(rng.uniform(2.5, 5.5)), float(pose.p_WB[0]) - BEHIND_M)
+    before = oblique_wall(before_x, math.pi + float(rng.uniform(-20.0, 20.0)) * DEG)
+    return [floor, behind, before]
+
+
+def _stair_solids(flight: TiltedFlight, recipe: ViewRecipe, rng: np.random.Generator) -> list[SceneBox]:
+    """Return steps, landing and walls."""
+    solids: list[SceneBox] = []
     for solid in flight.solids():
         if solid.kind == "step" and recipe.worn_m > 0.0:
-            solids += worn_step(solid, staircase.open_risers, recipe.worn_m, rng)
+            solids += worn_step(solid, recipe.open_risers, recipe.worn_m, rng)
+        elif solid.kind in ("step", "landing"):
+            solids += shaped(solid, recipe, flight.bow_m)
         elif solid.kind != "floor":
             solids.append(solid)
-    return [plain(solid) for solid in solids + clutter]
+    return solids
 
 
 def _tilted(direction: Float[np.ndarray, " 3"], angle_rad: float, rng: np.random.Generator) -> Float[np.ndarray, " 3"]:

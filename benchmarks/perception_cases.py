@@ -1,0 +1,118 @@
+"""Rows of the tables ``sensors`` and ``conditions`` of ``perception.py``, and the intervals of its fractions."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+LEAST_SHARE = 0.15
+"""Least share of the image that the stair covers in a frame that counts."""
+LIFELIKE: dict[str, object] = {
+    "grain_px": 1.2,
+    "warp_px": 0.03,
+    "worn_m": 0.006,
+    "tread_tilt_deg": 0.3,
+    "nosing_yaw_jitter_deg": 0.15,
+    "rise_jitter_m": 0.003,
+    "run_jitter_m": 0.003,
+    "rock_deg": 0.5,
+}
+"""Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
+ROLLING: dict[str, object] = {"readout_s": 0.03, "speed_m_s": (0.1, 0.3), "turn_rate_deg_s": 8.0}
+"""Rolling shutter of a Kinect 1 on a chair that drives and rocks: at 1 Hz, an amplitude of 1.8° has rates of 8°/s RMS."""
+NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One row of a table."""
+
+    label: str
+    recipe: dict[str, Any] = field(default_factory=dict)
+    method: Literal["paper", "robust"] = "robust"
+    taken_off_deg: float = 0.0
+    knows_down: bool = True
+    least_share: float = LEAST_SHARE
+    """Least share of the image that the stair covers in a frame that counts."""
+
+
+def fixed(value: float) -> tuple[float, float]:
+    """Return the range that holds one value."""
+    return (value, value)
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a fraction (Wilson, JASA 22, 1927)."""
+    if count == 0:
+        return (0.0, 1.0)
+    share, square = hits / count, NORMAL_95**2
+    middle = (share + 0.5 * square / count) / (1.0 + square / count)
+    half = NORMAL_95 / (1.0 + square / count) * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2)
+    return (max(middle - half, 0.0), min(middle + half, 1.0))
+
+
+def percent(hits: int, count: int) -> str:
+    """Return a fraction with its 95 % interval, in percent."""
+    low, high = wilson(hits, count)
+    return f"{100 * hits / count:.0f} % [{100 * low:.0f}, {100 * high:.0f}]" if count else ""
+
+
+def sensor_cases() -> Iterator[Case]:
+    """Yield the rows of the table of sensors."""
+    for rows in (240, 480):
+        size = f"{rows * 4 // 3}×{rows}"
+        yield Case(label=f"Kinect 1, {size}", recipe={"height_px": rows})
+        yield Case(label=f"Kinect 1 with edge holes, {size}", recipe={"height_px": rows, "edge_holes": True})
+        open_risers = {"height_px": rows, "edge_holes": True, "open_risers": True}
+        yield Case(label=f"Kinect 1 with edge holes, open risers, {size}", recipe=open_risers)
+        yield Case(label=f"Kinect 1, noise 50 % above, {size}", recipe={"height_px": rows, "sigma_px": 0.075})
+    yield Case(label="Kinect 2, 512×424", recipe={"sensor": "kinect2"})
+    for rows in (288, 576):
+        yield Case(label=f"time of flight with multipath, {rows * 10 // 9}×{rows}", recipe={"sensor": "tof", "height_px": rows})
+    yield Case(label="time of flight with multipath, sensor known", recipe={"sensor": "tof", "sensor_known": True})
+    for sensor in ("d435", "d455"):
+        for sigma in (0.05, 0.08, 0.12):
+            yield Case(label=f"{sensor.upper()}, {sigma:g} px, 640×480", recipe={"sensor": sensor, "sigma_px": sigma})
+    yield Case(label="D435, 0.12 px, sensor known", recipe={"sensor": "d435", "sigma_px": 0.12, "sensor_known": True})
+    yield Case(label="D435, 0.08 px, 320×240", recipe={"sensor": "d435", "height_px": 240})
+    yield Case(label="D435, 0.08 px, open risers", recipe={"sensor": "d435", "open_risers": True})
+    yield Case(label="D435, 0.08 px, facing down", recipe={"sensor": "d435", "scenes": ("down",)})
+    for sensor in ("kinect1", "d455"):
+        for distance in (2.0, 3.0, 4.0, 5.0):
+            far = {"sensor": sensor, "scenes": ("foot",), "place_m": fixed(distance), "pitch_deg": fixed(10.0), "height_px": 480}
+            # From 5 m a flight 1 m wide covers 5 % of the image.
+            yield Case(label=f"{sensor}, {distance:.0f} m before the flight, camera 10° down", recipe=far, least_share=0.01)
+
+
+def condition_cases() -> Iterator[Case]:
+    """Yield the rows of the table of conditions: each is a kind of stair, motion or mount that breaks an assumption."""
+    yield Case(label="plain")
+    yield Case(label="with what real ones add", recipe=LIFELIKE)
+    yield Case(label="facing down, with what real ones add", recipe=LIFELIKE | {"scenes": ("down",)})
+    yield Case(label="edge holes of a Kinect 1", recipe={"edge_holes": True})
+    yield Case(label="open risers", recipe={"open_risers": True})
+    yield Case(label="open risers, edge holes of a Kinect 1", recipe={"open_risers": True, "edge_holes": True})
+    for band in (15, 30):
+        yield Case(
+            label=f"open risers, {band} mm without depth at each edge", recipe={"open_risers": True, "edge_holes_m": band / 1e3}
+        )
+    yield Case(label="closed risers, 30 mm without depth at each nosing", recipe={"edge_holes_m": 0.03})
+    yield Case(label="grating treads", recipe={"treads": "grating"})
+    yield Case(label="glass treads", recipe={"treads": "glass"})
+    yield Case(label="glass treads with strips", recipe={"treads": "glass_strips"})
+    yield Case(label="carpet runner, 8 mm", recipe={"runner": True})
+    for bow in (2, 5, -5, 15):
+        yield Case(label=f"nosings bowed by {bow} cm", recipe={"bow_m": fixed(bow / 100.0)})
+    for radius in (12, 6, 3):
+        yield Case(label=f"curved flight, radius {radius} m", recipe={"radius_m": fixed(radius)})
+    yield Case(label="winders ahead", recipe={"winder_radius_m": (0.55, 0.9), "width_m": (0.8, 1.0)})
+    yield Case(label="rolling shutter, 0.1 to 0.3 m/s, 8°/s RMS", recipe=ROLLING)
+    yield Case(label="45 cm wide, open at both sides", recipe={"width_m": fixed(0.45), "walls": ("none",)})
+    yield Case(label="1.0 to 1.6 m wide, open at both sides", recipe={"walls": ("none",)})
+    for roll in (1, 3, 5):
+        yield Case(label=f"mount rolled by {roll}°", recipe={"mount_roll_error_deg": fixed(float(roll))})
+    yield Case(label="mount pitched by 3°", recipe={"mount_pitch_error_deg": fixed(3.0)})
+    yield Case(label="gravity not known", knows_down=False)
+    yield Case(label="rise and run uneven, σ 8 mm", recipe={"rise_jitter_m": 0.008, "run_jitter_m": 0.008})
+    yield Case(label="D435, 0.12 px", recipe={"sensor": "d435", "sigma_px": 0.12})
+    yield Case(label="time of flight with multipath", recipe={"sensor": "tof", "height_px": 288})
