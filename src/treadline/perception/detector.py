@@ -117,7 +117,7 @@ class StairDetector:
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
-            return replace(detect_stair(frame, gravity_C, watch), swept_half_m=self._config.swept_half_m)
+            return replace(detect_stair(frame, gravity_C, self._config.swept_half_m, watch), swept_half_m=self._config.swept_half_m)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
 
 

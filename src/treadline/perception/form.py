@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception import form_kernels
-from treadline.perception.planes import JUMP, PlanarBlocks, Surface
+from treadline.perception.planes import JUMP, Ends, PlanarBlocks, Surface
+from treadline.perception.random_effects import pooled_mean
 from treadline.perception.steps import Axes
 from treadline.signals import PinholeCamera
 
@@ -27,8 +28,9 @@ ENDS_LEAST = 2
 """Least number of surfaces that end at one side."""
 PARTS = 16
 """Number of parts of a profile whose scatter gives the standard deviation of its curvature."""
-STEP_BOW = 0.02
-"""Standard deviation of the curvature of a single edge of a straight flight [1/m]: 2 mm of bow over a metre, worn unevenly."""
+STEP_BOWS = np.geomspace(0.02, 0.5, 8)
+"""Grid of the scatter of curvature between the edges of one flight [1/m]: 2 mm of bow over a metre, worn unevenly, to the errors of
+profiles that objects cut off."""
 BOW_KNOWN, BOW_LEAST, BOW_SIGMAS = 0.08, 0.02, 4.0
 """Largest standard deviation of a curvature that is evaluated [1/m], and least size of a significant one [1/m] and in standard
 deviations."""
@@ -64,7 +66,9 @@ class Bow:
         return self.sigma_1_m < BOW_KNOWN and size > BOW_LEAST and size > BOW_SIGMAS * self.sigma_1_m
 
 
-def sides_of(surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> tuple[Side | None, Side | None]:
+def sides_of(
+    surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     look = max(2, camera.width_px // LOOK_SHARE)
@@ -104,22 +108,25 @@ def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side
     return None
 
 
-def bow_of(surfaces: Sequence[Surface], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> Bow:
+def bow_of(
+    fronts: Sequence[tuple[Surface, Ends]], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> Bow:
     """Return the curvature of the edges, pooled over the fronts of treads and the faces of risers.
 
     Args:
-        surfaces: Treads whose front is a nosing.
+        fronts: Treads whose front is a nosing, with that end.
     """
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     curvatures, variances, middles = [], [], []
-    profiles = [(tread, False) for tread in surfaces] + [(riser, True) for riser in risers]
-    for surface, is_riser in profiles:
+    profiles = [(tread, end, False) for tread, end in fronts] + [(riser, riser.upper, True) for riser in risers]
+    for surface, end, is_riser in profiles:
         curvature, sigma, middle = form_kernels.curvature_of(
             blocks.nearness,
             surface.upper.columns,
             surface.upper.rows,
             surface.lower.rows,
-            surface.lower.follows,
+            end.rows,
+            end.follows,
             surface.normal,
             axes.ahead,
             axes.right,
@@ -129,17 +136,13 @@ def bow_of(surfaces: Sequence[Surface], risers: Sequence[Surface], blocks: Plana
         )
         if math.isfinite(curvature):
             curvatures.append(curvature)
-            variances.append(sigma**2 + STEP_BOW**2)
+            variances.append(sigma**2)
             middles.append(middle)
     if not curvatures:
         return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
+    pooled = pooled_mean(np.array(curvatures), np.array(variances), np.zeros(len(curvatures), dtype=bool), STEP_BOWS)
     weights = 1.0 / np.array(variances)
-    total = float(weights.sum())
-    return Bow(
-        curvature_1_m=float(weights @ curvatures) / total,
-        sigma_1_m=1.0 / math.sqrt(total),
-        seen_aside_m=float(weights @ middles) / total,
-    )
+    return Bow(curvature_1_m=pooled.mean, sigma_1_m=pooled.sigma, seen_aside_m=float(weights @ middles) / float(weights.sum()))
 
 
 def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:

@@ -81,13 +81,13 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def curvature_of(nearness, columns, upper, lower, follows, plane, ahead, right, is_riser, parts, fx, fy, cx, cy):
+def curvature_of(nearness, columns, upper, lower, rows, follows, plane, ahead, right, is_riser, parts, fx, fy, cx, cy):
     """Return the curvature of a surface's edge, its standard deviation, and the mean lateral position; NaN without a profile.
 
     Args:
-        follows: Codes of the surroundings of the lower end.
+        rows, follows: End of a tread at its nosing, and the codes of its surroundings.
         ahead, right: Directions in C.
-        is_riser: Whether the profile is the face of a riser; otherwise the lower end of a tread.
+        is_riser: Whether the profile is the face of a riser; otherwise the end of a tread.
     """
     x, y = np.empty(columns.size), np.empty(columns.size)
     count = 0
@@ -105,9 +105,9 @@ def curvature_of(nearness, columns, upper, lower, follows, plane, ahead, right, 
             b = (0.5 * (upper[k] + lower[k]) - cy) / fy
             w = plane[0] * a + plane[1] * b + plane[2] + total / held
         else:
-            if follows[k] == BEFORE or lower[k] >= nearness.shape[1] - BORDER_PX:
+            if follows[k] == BEFORE or not BORDER_PX <= rows[k] < nearness.shape[1] - BORDER_PX:
                 continue
-            b = (lower[k] - cy) / fy
+            b = (rows[k] - cy) / fy
             w = plane[0] * a + plane[1] * b + plane[2]
         y[count] = (ahead[0] * a + ahead[1] * b + ahead[2]) / w
         x[count] = (right[0] * a + right[1] * b + right[2]) / w

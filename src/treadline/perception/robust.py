@@ -15,6 +15,7 @@ from jaxtyping import Float, Float32
 from treadline.angles import DEG
 from treadline.perception.detection import Parts, StairDetection, StairShape, refused
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
+from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
 from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
@@ -64,8 +65,14 @@ class _Down:
     """Whether an unconfirmed detection has a heading."""
 
 
-def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> StairDetection:
-    """Return the detection result of a frame."""
+def detect_stair(
+    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, swept_half_m: float, watch: Stopwatch | None = None
+) -> StairDetection:
+    """Return the detection result of a frame.
+
+    Args:
+        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected.
+    """
     watch = watch or Stopwatch()
     # A contiguous copy: each memory layout would compile the kernels again.
     frame = replace(frame, depth_m=np.require(frame.depth_m, np.float32, ["C", "W"])) if _is_odd(frame.depth_m) else frame
@@ -84,12 +91,12 @@ def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wa
         if imu_down is None:
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         down = _Down(direction=levelled(imu_down, unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
-        sight = _look_under(down, frame, blocks, watch)
-        return _unless_treads_differ(sight, imu_down, frame, blocks, watch)
+        sight = _look_under(down, frame, blocks, swept_half_m, watch)
+        return _unless_treads_differ(sight, imu_down, frame, blocks, swept_half_m, watch)
     sight = refused("no gravity, and no treads to estimate it from")
     guess = down_of_treads(unit, LOOKING_AHEAD)
     if guess is not None:
-        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, watch)
+        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, swept_half_m, watch)
         if sight.accepted:
             return sight
     guess = down_of_treads(unit, LOOKING_DOWN)
@@ -98,7 +105,7 @@ def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wa
         ladder = _Down(
             direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
         )
-        tried = _look_under(ladder, frame, blocks, watch)
+        tried = _look_under(ladder, frame, blocks, swept_half_m, watch)
         sight = tried if tried.accepted else sight
     return sight
 
@@ -108,6 +115,7 @@ def _unless_treads_differ(
     imu_down: Float[np.ndarray, " 3"],
     frame: RgbdFrame,
     blocks: PlanarBlocks,
+    swept_half_m: float,
     watch: Stopwatch,
 ) -> StairDetection:
     """Return the result, or a rejection if it has hardly a tread because the gravity error makes all treads appear tilted.
@@ -119,7 +127,7 @@ def _unless_treads_differ(
     guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
     if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
         return sight
-    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, watch)
+    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, swept_half_m, watch)
     treads = () if other.parts is None else other.parts.treads
     normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
     off = off_gravity(normals, imu_down)
@@ -132,7 +140,7 @@ def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
     return depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable)
 
 
-def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, watch: Stopwatch) -> StairDetection:
+def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_m: float, watch: Stopwatch) -> StairDetection:
     """Return the detection result of a frame under one hypothesis of gravity."""
     scene = scene_of(frame, blocks, down.direction)
     if scene is None:
@@ -145,25 +153,34 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, watch: Stop
         return refused(_lacking(seen), edge_count=len(seen.nosings), evidence=seen.evidence)
     fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
     watch.lap("direction")
-    sight = _answer(frame, blocks, seen, fit, down, watch)
+    sight = _answer(frame, blocks, seen, fit, down, swept_half_m, watch)
     watch.lap("geometry")
     return sight
 
 
-def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, down: _Down, watch: Stopwatch) -> StairDetection:
+def _answer(
+    frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, down: _Down, swept_half_m: float, watch: Stopwatch
+) -> StairDetection:
     R_BC = frame.camera.R_BC
+    in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
+    fronts = [(tread.surface, tread.nosing_end(in_view, seen.direction)) for _, on, tread in seen.matched_treads if on]
+    sides = sides_of([*(tread for tread, _ in fronts), *seen.risers], blocks, frame.camera, in_view)
+    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
+    turn, turn_sigma = turn_by(bow, sides)
+    chord = fit.edge + turn * fit.ahead
+    chord /= np.linalg.norm(chord)
     # The chair's right is the image's left for a rear camera.
-    edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
+    edge = chord if float((R_BC @ chord)[1]) < 0.0 else -chord
     heading = _heading(edge, R_BC)
     # Derivative of the heading with respect to the edge vector, in C.
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
-    sigma = fit.sigma_of(change)
+    sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = _shape_of(seen, blocks, frame.camera, axes)
-    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down)
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
@@ -188,21 +205,28 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
             aside=cross(down.direction, seen.facing),
             blocks=blocks,
         ),
-        draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, watch)),
+        draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, sides, watch)),
     )
 
 
 def _drawn_map(
-    frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch, swept_half_m: float
+    frame: RgbdFrame,
+    blocks: PlanarBlocks,
+    seen: Flight,
+    axes: Axes,
+    shape: StairShape,
+    sides: tuple[Side | None, Side | None],
+    watch: Stopwatch,
+    swept_half_m: float,
 ) -> StairMap:
     watch.resume()
-    stair_map = map_of(frame, blocks, seen.nosings, axes, shape, swept_half_m)
+    stair_map = map_of(frame, blocks, seen.nosings, axes, shape, sides, swept_half_m)
     watch.lap("map")
     return stair_map
 
 
 def _rejection_reason(
-    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down
+    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, bow: Bow
 ) -> str | None:
     """Return the reason for rejection as a stair, or None."""
     if shape.slope_rad > SLOPE_LIMIT:
@@ -216,9 +240,25 @@ def _rejection_reason(
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
+    if not sigma_rad <= SIGMA_LIMIT and bow.is_significant:
+        return (
+            f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
+            f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
+        )
     if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
     return None
+
+
+def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:
+    """Return the reason for rejection of a flight whose visible width is less than the chair sweeps, or None."""
+    left, right = sides
+    if left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
+        return None
+    return (
+        f"the flight is {right.aside_m - left.aside_m:.2f} m wide between {left.kind} and {right.kind} side; the chair sweeps "
+        f"{2.0 * swept_half_m:.2f} m"
+    )
 
 
 def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
@@ -235,8 +275,8 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
 def _lacking(seen: Flight) -> str:
     """Return which evidence is lacking for a stair."""
     return (
-        f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence {seen.evidence:.1f} of "
-        f"{EVIDENCE:g} needed"
+        f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
+        f"{seen.evidence:.1f} of {EVIDENCE:g} needed"
     )
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from treadline.perception import kernels
 from treadline.perception.lines import Line, nosing_line
-from treadline.perception.planes import PlanarBlocks, Surface
+from treadline.perception.planes import Ends, PlanarBlocks, Surface
 from treadline.perception.random_effects import posterior_weights
 from treadline.signals import PinholeCamera
 
@@ -65,6 +65,12 @@ class Tread:
         if float(self.lower.middle @ axes.ahead) <= float(self.upper.middle @ axes.ahead):
             return self.lower, self.upper
         return self.upper, self.lower
+
+    def nosing_end(self, axes: Axes, direction: Direction) -> Ends:
+        """Return the end of the surface at its nosing: the near one in a rising flight, the far one in a falling flight."""
+        near, far = self.ends(axes)
+        line = near if direction == "up" else far
+        return self.surface.upper if line is not None and line is self.upper else self.surface.lower
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
