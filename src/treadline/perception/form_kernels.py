@@ -71,10 +71,11 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, 
             on_plane += 1
         else:
             empty += 1
-    half = ROWS // 2
-    if nearer > half:
+    # No depth at all past a surface is a drop out of range; a shadow falls on one side of a sensor alone.
+    away = further + empty
+    if nearer > max(away, on_plane):
         return place, WALL
-    if further + empty > half and further > 0:
+    if away > on_plane:
         return place, OPEN
     return place, CUT
 
