@@ -25,7 +25,8 @@ from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import MujocoPlant, open_plant
-from treadline.sim.scene import TIMESTEP_S, model_xml
+from treadline.sim.physics import Physics
+from treadline.sim.scene import model_xml
 
 SPAN_S = 2.0
 REPEATS = 5
@@ -53,13 +54,13 @@ def plant_rate(plants: list[MujocoPlant], threads: int) -> list[float]:
             until_s += SPAN_S
             started = time.perf_counter()
             list(pool.map(lambda plant, t_s=until_s: plant.advance(t_s), plants))
-            rates.append(len(plants) * SPAN_S / TIMESTEP_S / (time.perf_counter() - started))
+            rates.append(len(plants) * SPAN_S / Physics().timestep_s / (time.perf_counter() - started))
     return rates
 
 
 def rollout_rate(plants: list[MujocoPlant], threads: int) -> list[float]:
     """Return the same of ``mujoco.rollout``, MuJoCo's own step."""
-    steps, kind = round(SPAN_S / TIMESTEP_S), mujoco.mjtState.mjSTATE_FULLPHYSICS
+    steps, kind = round(SPAN_S / Physics().timestep_s), mujoco.mjtState.mjSTATE_FULLPHYSICS
     models = [plant._model for plant in plants]  # noqa: SLF001 - the peer runs on the plant's own scene
     states = np.empty((len(plants), mujoco.mj_stateSize(models[0], kind)))
     for state, plant in zip(states, plants, strict=True):
@@ -123,7 +124,7 @@ def main() -> None:
         ("mujoco.rollout", peer),
     ):
         rate = statistics.median(rates)
-        print(f"  {name:36s} {rate:9.0f}  ({min(rates):.0f} to {max(rates):.0f}), {rate * TIMESTEP_S:.0f} x real time")
+        print(f"  {name:36s} {rate:9.0f}  ({min(rates):.0f} to {max(rates):.0f}), {rate * Physics().timestep_s:.0f} x real time")
     print(f"  ratio to mujoco.rollout {statistics.median(ours) / statistics.median(peer):.2f}")
     if options.warp:
         print(f"  mujoco-warp, exported scene: {on_warp()}")

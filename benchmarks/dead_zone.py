@@ -11,7 +11,8 @@ from treadline.mechanics.dead_zone import DIFFERENCES_M_S, HEADINGS_RAD, dead_zo
 from treadline.mechanics.quasi_static import steady_motion
 from treadline.mechanics.stance import stair_stance
 from treadline.paper import FRICTION
-from treadline.scenario import RUN_DEFAULT_M, Chair
+from treadline.scenario import Chair
+from treadline.stair_settings import RUN_DEFAULT_M
 
 SLOW_M_S = 0.1
 FRICTIONS = (FRICTION, (0.7, 0.5), (0.8, 0.5), (0.9, 0.5), (0.62, 0.3))

@@ -13,7 +13,8 @@ from treadline.experiments.traverse import traverse
 from treadline.mechanics.chair import read_chair
 from treadline.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
 from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import MujocoPlant, kernels, open_plant
+from treadline.sim import MujocoPlant, open_plant
+from treadline.sim.physics import Physics
 
 SEED = 0
 SIMULATED_S = 30.0
@@ -57,7 +58,7 @@ def step_us_on_a_flight(slope_deg: float, belts: tuple[float, float], *, correct
     plant.advance(1.0)
     started = time.process_time()
     plant.advance(1.0 + TURN_S)
-    return 1e6 * (time.process_time() - started) / (100.0 * kernels.SUBSTEPS * TURN_S)
+    return 1e6 * (time.process_time() - started) / (100.0 * Physics().substeps * TURN_S)
 
 
 class _TimedPlant(MujocoPlant):
@@ -74,7 +75,7 @@ class _TimedPlant(MujocoPlant):
         started = time.process_time()
         super()._run(ticks, log, friction)
         self.spent_s += time.process_time() - started
-        self.steps += kernels.SUBSTEPS * ticks
+        self.steps += Physics().substeps * ticks
 
 
 def step_us_in_a_traversal(scenario_name: str, *, corrected: bool) -> float:

@@ -39,7 +39,7 @@ from treadline.perception import StairDetector
 from treadline.signals import HeadingMeasurement, StairMap
 from treadline.sim.camera import Camera, ViewRecipe
 from treadline.sim.camera.camera import TEXTURES
-from treadline.sim.camera.flight import Flight, draw_flight
+from treadline.sim.camera.flight import TiltedFlight, draw_flight
 
 AS_BUILT: dict[str, Any] = {
     "grain_px": 1.2,
@@ -137,7 +137,7 @@ DATA = Path(__file__).parents[1] / "src" / "treadline" / "data" / "cameras" / "s
 Record = dict[str, Any]
 
 
-def stair_of(seed: int, *, rear: bool) -> tuple[Flight, ViewRecipe, np.random.Generator]:
+def stair_of(seed: int, *, rear: bool) -> tuple[TiltedFlight, ViewRecipe, np.random.Generator]:
     """Return a drive's stair, and the chance that goes on from it."""
     rng = np.random.default_rng([seed, int(rear)])
     slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
@@ -200,7 +200,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
 
 
 def poses(
-    flight: Flight, rng: np.random.Generator, *, rear: bool
+    flight: TiltedFlight, rng: np.random.Generator, *, rear: bool
 ) -> Iterator[tuple[float, str, Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]]:
     """Yield way, scene and pose along a traversal, up with the front camera, down with the rear one."""
     staircase = flight.staircase

@@ -215,6 +215,21 @@ class StairMap:
     obstacle_m: float | None
     """Distance along x in the camera's viewing direction from B to the nearest obstacle in the volume swept by the chair [m]; None
     if free."""
+    left_edge_m: float | None = None
+    """Distance from the chair's middle plane to the flight's left side [m]; None if it is not in view, which is no width."""
+    right_edge_m: float | None = None
+    """Distance from the chair's middle plane to the flight's right side [m]; None if it is not in view."""
+    left_side: Literal["wall", "open"] | None = None
+    """What follows beyond the left side: a wall or rail, or a drop; None if the side is not in view."""
+    right_side: Literal["wall", "open"] | None = None
+    """What follows beyond the right side; None if it is not in view."""
+
+    @property
+    def width_m(self) -> float | None:
+        """Width of the flight [m]; None unless both sides are in view."""
+        if self.left_edge_m is None or self.right_edge_m is None:
+            return None
+        return self.left_edge_m + self.right_edge_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

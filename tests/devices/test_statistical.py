@@ -12,7 +12,7 @@ from treadline.devices.visibility import Geometry
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.perception import StairDetection, StairDetector
-from treadline.perception.nosings import STEP_RUN_M
+from treadline.perception.lattice_kernels import RUN_M
 from treadline.scenario import Stair
 from treadline.signals import HeadingMeasurement, StairMap
 from treadline.sim.camera import Camera
@@ -161,7 +161,7 @@ def test_a_missing_step_ends_the_row() -> None:
 
 
 def test_steps_too_long_for_the_detector_are_too_long_for_the_model() -> None:
-    assert STEP_RUN_M[1] == LONGEST_RUN_M == 0.52
+    assert RUN_M[1] == LONGEST_RUN_M == 0.52
     staircase = stair(rise_m=0.17, run_m=0.53)
     assert camera(staircase).look(0.0, *on_the_flight(staircase, 1.5)) == ()
 

@@ -12,7 +12,7 @@ from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.gravity_from_treads import down_of_treads
 from treadline.perception.kernels import BEYOND
 from treadline.perception.lines import Line
-from treadline.perception.nosings import NosingObservation
+from treadline.perception.steps import NosingObservation
 from treadline.perception.planes import Ends, Surface
 
 CAMERA = read_chair("wheelchair").camera_at(240)
@@ -38,7 +38,7 @@ def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, dist
 def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> NosingObservation:
     plane = surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
     return NosingObservation(
-        ahead_m=distance_m, up_m=None, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=(), weight=9.0
+        step=0, ahead_m=distance_m, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=()
     )
 
 
@@ -122,7 +122,7 @@ def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
         ends_px=np.zeros(4),
         ends_m=np.array([middle - 0.5 * along, middle + 0.5 * along]),
         count=200,
-        is_corner=True,
+        kind="corner",
     )
 
 

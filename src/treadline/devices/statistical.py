@@ -25,7 +25,7 @@ EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 LEAST_WALL = 0.03
 """Fraction of the coarse image filled by a wall above which the wall is always detected."""
 LONGEST_RUN_M = 0.52
-"""Longest run of a step accepted by the detector [m], as in ``perception.nosings.STEP_RUN_M``."""
+"""Longest run of a step accepted by the detector [m], as in ``perception.lattice_kernels.RUN_M``."""
 FAR_END_M = 2.5
 """Depth above which a visible end of the flight is often missed [m]."""
 COUNTS = (2, 3, 4, 6)

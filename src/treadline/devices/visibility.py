@@ -20,7 +20,7 @@ NEAR_M, FAR_M = 0.45, 4.0
 ASIDES = 13
 """Number of points per edge tested for visibility."""
 LEAST_WIDTH_M = 0.3
-"""Least visible width of an edge [m], as required by ``perception.nosings``."""
+"""Least visible width of an edge [m], as required by ``perception.lattice_kernels``."""
 BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
 """Margin outside the image within which an edge can be detected from its riser [px]; and the margin assigned to hidden edges
 [px]."""

@@ -371,7 +371,8 @@ def _plan(r: CdrReader) -> MotionPlan:
 def _stair_map(r: CdrReader) -> StairMap:
     t_s, direction, values = _named(r)
     nosings = [[values.pop(f"nosing{i}_{axis}_m") for axis in "xyz"] for i in range(int(values.pop("nosings")))]
-    seen = {name: values.pop(name, None) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
+    names = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m")
+    seen = {name: values.pop(name, None) for name in names}
     return StairMap(
         t_s=t_s,
         direction=one_of(Literal["up", "down"], direction),
@@ -380,8 +381,20 @@ def _stair_map(r: CdrReader) -> StairMap:
         run_m=values["run_m"],
         slope_rad=values["slope_rad"],
         ends=bool(values["ends"]),
-        **seen,
+        left_side=_side_of(values.pop("left_open", None)),
+        right_side=_side_of(values.pop("right_open", None)),
+        left_wall_m=seen["left_wall_m"],
+        right_wall_m=seen["right_wall_m"],
+        obstacle_m=seen["obstacle_m"],
+        left_edge_m=seen["left_edge_m"],
+        right_edge_m=seen["right_edge_m"],
     )
+
+
+def _side_of(is_open: float | None) -> Literal["wall", "open"] | None:
+    if is_open is None:
+        return None
+    return "open" if is_open else "wall"
 
 
 IMU = "sensor_msgs/msg/Imu"

@@ -219,6 +219,10 @@ def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[M
     ]
 
 
+def _sides(stair: StairMap) -> tuple[tuple[str, str | None], ...]:
+    return (("left", stair.left_side), ("right", stair.right_side))
+
+
 def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     w = writer()
     w.stamp(stair.t_s, "chair")
@@ -226,7 +230,8 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     for place in stair.nosings_B.tolist():
         w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
     # Quantities without a measurement are left out, so that no number encodes "unknown".
-    maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m")}
+    maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m")}
+    maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in _sides(stair)}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
     known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}
     for i, place in enumerate(stair.nosings_B.tolist()):

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.nosings import Direction, NosingObservation
 from treadline.perception.planes import PlanarBlocks, Surface
+from treadline.perception.steps import Direction, NosingObservation
 from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
 
@@ -23,6 +23,10 @@ class StairShape:
     rise_m: float
     run_m: float
     slope_rad: float
+    rise_sigma_m: float
+    run_sigma_m: float
+    slope_sigma_rad: float
+    """Standard deviation of the slope of the nosing plane [rad]."""
     distance_m: float
     """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
     direction: Direction
@@ -55,8 +59,9 @@ class StairDetection(Printable):
     """Detection result of one frame."""
 
     accepted: bool
+    """Whether the frame alone shows a stair. An unconfirmed detection has a heading as well."""
     reason: str | None
-    """Reason of the rejection; None if accepted."""
+    """Reason of the rejection, or why the detection is unconfirmed; None if accepted."""
     heading_rad: float | None
     sigma_rad: float | None
     edge_direction_C: Float[np.ndarray, " 3"] | None
@@ -66,6 +71,11 @@ class StairDetection(Printable):
     """Smallest and largest column and row of the stair: u0, v0, u1, v1 [px]."""
     shape: StairShape | None
     stages: Stages | None
+    evidence: float | None = None
+    """Log-evidence of a stair against a scene without one [nats]; None for a frame without even a candidate."""
+    unconfirmed: bool = False
+    """Whether two levels and two fronts are all that is seen, which furniture in front of a wall can show as well: the heading is
+    that of a stair if this is one, and rise and run are hardly known."""
     planes_against_lines_rad: float | None = None
     """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
@@ -78,6 +88,9 @@ class StairDetection(Printable):
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
         if self.heading_rad is None or self.sigma_rad is None:
             return f"no heading: {self.reason}", []
+        if self.unconfirmed:
+            heading = f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %), unconfirmed"
+            return heading, [("edges", str(self.edge_count)), ("reason", str(self.reason))]
         rows = [("edges", str(self.edge_count))]
         if self.shape is not None:
             shape = self.shape
@@ -94,7 +107,7 @@ class StairDetection(Printable):
         return None if self.draw_map is None else self.draw_map(self.swept_half_m)
 
 
-def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -> StairDetection:
+def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None, evidence: float | None = None) -> StairDetection:
     """Return a result without a heading."""
     return StairDetection(
         accepted=False,
@@ -106,4 +119,5 @@ def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None) -
         box_px=None,
         shape=None,
         stages=stages,
+        evidence=evidence,
     )

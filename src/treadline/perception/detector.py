@@ -4,6 +4,7 @@
 rejection.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -13,7 +14,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.arrays import shaped
 from treadline.errors import ImageError
-from treadline.perception.detection import SWEPT_HALF_M, StairDetection
+from treadline.perception.detection import SWEPT_HALF_M, StairDetection, StairShape
 from treadline.perception.paper import PaperConfig, look_as_printed
 from treadline.perception.robust import detect_stair
 from treadline.perception.stopwatch import Stopwatch
@@ -21,6 +22,11 @@ from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap
 
 PAPER_SIGMA_RAD = 2.0 * DEG
 """Declared standard deviation of Algorithm 1 [rad]: the printed method has none; its RMSE on accepted frames is 2.2°."""
+
+CONFIRMED_FOR_S = 10.0
+"""Time for which a confirmed flight supports frames with two steps [s]: a chair at 0.1 m/s passes two steps in 7 s."""
+SAME_SIGMAS = 3.0
+"""Largest difference in rise and run of the same flight, in standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,14 +50,19 @@ class FrameResult:
     @property
     def stair_map(self) -> StairMap | None:
         """Map of the stair in the viewing direction, computed on first access; None without a heading."""
-        return None if self.sight is None else self.sight.stair_map
+        return None if self.sight is None or not self.sight.accepted else self.sight.stair_map
 
 
 class StairDetector:
-    """Detector for single frames; its only state is the measured processing time."""
+    """Detector for single frames; ``see`` and ``step`` remember the last flight that a frame confirmed.
+
+    A frame that shows two steps alone is unconfirmed: furniture in front of a wall can look the same. It counts for
+    ``CONFIRMED_FOR_S`` after a frame that showed more, with the same rise and run.
+    """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
         self._config = config or DetectorConfig()
+        self._confirmed: tuple[float, StairShape] | None = None
         self.timings: dict[str, float] = {}
         """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
@@ -76,7 +87,19 @@ class StairDetector:
             sight = self.look(frame, gravity_C)
         except ImageError:
             return FrameResult(measurement=None, sight=None)  # the guard detects the missing measurements
+        sight = self._confirmed_by_memory(frame.t_s, sight)
         return FrameResult(measurement=_measured(frame.t_s, sight), sight=sight)
+
+    def _confirmed_by_memory(self, t_s: float, sight: StairDetection) -> StairDetection:
+        """Return the detection as accepted if it is unconfirmed and continues a confirmed flight."""
+        if sight.accepted and sight.shape is not None:
+            self._confirmed = (t_s, sight.shape)
+        if not sight.unconfirmed or sight.shape is None or self._confirmed is None:
+            return sight
+        since_s, known = self._confirmed
+        if not 0.0 <= t_s - since_s <= CONFIRMED_FOR_S or not _same_flight(known, sight.shape):
+            return sight
+        return replace(sight, accepted=True, unconfirmed=False, reason=None)
 
     def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> StairDetection:
         """Return the full result of a frame; ``stages`` adds the intermediate images of the paper's method.
@@ -94,8 +117,18 @@ class StairDetector:
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
-            return replace(detect_stair(frame, gravity_C, watch), swept_half_m=self._config.swept_half_m)
+            return replace(detect_stair(frame, gravity_C, self._config.swept_half_m, watch), swept_half_m=self._config.swept_half_m)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
+
+
+def _same_flight(known: StairShape, seen: StairShape) -> bool:
+    rise_sigma_m = math.hypot(known.rise_sigma_m, seen.rise_sigma_m)
+    run_sigma_m = math.hypot(known.run_sigma_m, seen.run_sigma_m)
+    return (
+        known.direction == seen.direction
+        and abs(known.rise_m - seen.rise_m) < SAME_SIGMAS * rise_sigma_m
+        and abs(known.run_m - seen.run_m) < SAME_SIGMAS * run_sigma_m
+    )
 
 
 def _check_size(name: str, image: np.ndarray, size: tuple[int, int]) -> None:
@@ -113,6 +146,6 @@ def _kind(image: object) -> str:
 
 
 def _measured(t_s: float, sight: StairDetection) -> HeadingMeasurement | None:
-    if sight.heading_rad is None or sight.sigma_rad is None:
+    if not sight.accepted or sight.heading_rad is None or sight.sigma_rad is None:
         return None
     return HeadingMeasurement(t_s=t_s, heading_rad=sight.heading_rad, sigma_rad=sight.sigma_rad, edge_count=sight.edge_count)

@@ -19,11 +19,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.nosings import NosingObservation
 from treadline.perception.nuisance.kernels import marginal_posterior, reject_outliers, variances
 from treadline.perception.nuisance.prior import Prior, prior
 from treadline.perception.nuisance.warp import TERMS, turns_of
 from treadline.perception.planes import Surface
+from treadline.perception.steps import NosingObservation
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
@@ -250,7 +250,7 @@ def _normals(
             units.append(line.normal)
             covariances.append(line.covariance)
             tilts.append(True)
-            stray.append(CORNER_STRAY if line.is_corner else STRAY)
+            stray.append(STRAY if line.kind == "edge" else CORNER_STRAY)
         group += [number] * (len(units) - len(group))
     group.append(-1)
     return _Normals(

@@ -19,6 +19,13 @@ ROUNDING = 1e-11
 """Relative threshold of a centred sum of squares: pixels in a single row or column. Two rows at the image border give 1e-6."""
 WIDENED = 3.7
 """Number of median deviations within which points of a line are kept: 2.5 sigma of a normal error."""
+HOLE_SHARE = 12
+"""Image rows divided by the longest hole past which the surroundings of a surface's end are evaluated: the infrared shadow of a
+nosing, a strip without return, the occlusion of a stereo camera."""
+BORDER_PX = 4
+"""Distance from the image border within which a surface's end is the image's."""
+VAGUE_SHARE = 0.4
+"""Least fraction of a surface's end on one line if nothing is known of its surroundings."""
 CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 """Codes for the surroundings of a surface's end: an adjacent surface, a surface behind, an object in front, unknown."""
 
@@ -94,6 +101,25 @@ def fit_plane(s, plane):
     residual = math.sqrt(max(ww - alpha * xw - beta * yw, 0.0) / n)
     turn = residual / math.sqrt(min(xx, yy)) / math.sqrt(alpha * alpha + beta * beta + gamma * gamma)
     return residual, turn
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def block_residuals(cells, full):
+    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not."""
+    rows, columns = cells.shape[0], cells.shape[1]
+    found, total, plane, count = np.empty(rows * columns), np.empty(SUMS), np.empty(3), 0
+    for i in range(rows - 1):
+        for j in range(columns - 1):
+            for k in range(SUMS):
+                total[k] = cells[i, j, k] + cells[i, j + 1, k] + cells[i + 1, j, k] + cells[i + 1, j + 1, k]
+            if total[COUNT] < 4.0 * full:
+                continue
+            residual, _turn = fit_plane(total, plane)
+            if residual == residual:
+                found[count] = residual
+                count += 1
+    return found[:count].copy()
 
 
 @njit(cache=True, error_model="numpy")
@@ -321,18 +347,26 @@ def _ending(near, v, way, start, slope, jump):
     """
     rows = near.shape[0]
     first = second = np.nan
-    for k in range(2, 5):
+    hole = max(5, rows // HOLE_SHARE)
+    for k in range(2, hole):
         row = v + way * k
-        if 0 <= row < rows:
-            off = near[row] - start - slope * row
-            if off == off:
-                first = off
-                further = v + way * 2 * k
-                if 0 <= further < rows:
-                    second = near[further] - start - slope * further
-                break
+        if not 0 <= row < rows:
+            break
+        off = near[row] - start - slope * row
+        if off == off:
+            first = off
+            # Behind a wide hole the second pixel is the next one: twice the distance would reach a further surface.
+            further = v + way * 2 * k if k < 5 else row + way * 2
+            if 0 <= further < rows:
+                second = near[further] - start - slope * further
+            break
     if first != first or second != second:
         return UNKNOWN
+    if k >= 5:
+        # A hole can hide a crease, so only a jump is certain.
+        if max(first, second) < -jump:
+            return BEYOND
+        return BEFORE if min(first, second) > jump else UNKNOWN
     # Extrapolated back to the surface's end: an adjacent surface has no offset there, the background has a jump.
     there = 2.0 * first - second
     if there < -jump and first < -jump:
@@ -526,38 +560,49 @@ def fit_line(u, v, near, line):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx, fy, cx, cy):
+def nosing_line(columns, rows, follows, plane, height, near, least, beyond, aliasing, fx, fy, cx, cy):
     """Return the line at a surface's end before a larger depth or at a corner, and the plane through line and camera centre.
 
     Args:
         rows: End row of the surface in each of its columns, and ``follows`` the codes of its surroundings.
         plane: n of the surface.
+        height: Number of image rows.
         near: Largest distance of a point from the line [rows].
         least: Least number of columns of a line.
         beyond: Least fraction of the end with a larger depth behind; otherwise the line is a corner.
         aliasing: Lower limit of the relative error of a line's ends [rows], for any number of points.
 
     Returns:
-        Number of columns, 0 without a line; whether it is a corner; the plane's unit normal and its covariance; the line's middle
-        and ends on the surface; u1, v1, u2, v2 of its ends, the left one first.
+        Number of columns, 0 without a line; its kind: ``BEYOND`` for a larger depth behind, ``CREASE`` for a corner, ``UNKNOWN``
+        for a line past which nothing is known; the plane's unit normal and its covariance; the line's middle and ends on the
+        surface; u1, v1, u2, v2 of its ends, the left one first.
     """
     normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
     held = np.zeros(UNKNOWN + 1, dtype=np.int64)
     for what in follows:
         held[what] += 1
     share = beyond * (follows.size - held[UNKNOWN])
-    is_corner = held[BEYOND] < share
-    wanted = CREASE if is_corner else BEYOND
-    if held[wanted] < max(least, share):
-        return 0, is_corner, normal, covariance, points, ends
-    u, v, line, count = np.empty(held[wanted]), np.empty(held[wanted]), np.empty(5), 0
-    for k in range(follows.size):
-        if follows[k] == wanted:
-            u[count], v[count] = columns[k], rows[k]
-            count += 1
-    count = fit_line(u, v, near, line)
+    kind = CREASE if held[BEYOND] < share else BEYOND
+    u, v, line, count = np.empty(follows.size), np.empty(follows.size), np.empty(5), 0
+    if held[kind] >= max(least, share):
+        for k in range(follows.size):
+            if follows[k] == kind:
+                u[count], v[count] = columns[k], rows[k]
+                count += 1
+    usable = count
+    count = fit_line(u[:usable], v[:usable], near, line) if usable else 0
     if count < least:
-        return 0, is_corner, normal, covariance, points, ends
+        kind, usable = UNKNOWN, 0
+        for k in range(follows.size):
+            if follows[k] != BEFORE and BORDER_PX <= rows[k] < height - BORDER_PX:
+                u[usable], v[usable] = columns[k], rows[k]
+                usable += 1
+        if usable < max(least, 0.5 * follows.size):
+            return 0, kind, normal, covariance, points, ends
+        count = fit_line(u[:usable], v[:usable], near, line)
+        if count < max(least, VAGUE_SHARE * usable):
+            return 0, kind, normal, covariance, points, ends
+    u, v = u[:usable], v[:usable]
     a, v0, u0 = line[0], line[1], line[2]
     # Other ends at the surface's level, beyond a wall next to the flight, do not belong to the line.
     left, right = u[-1], u[0]
@@ -565,17 +610,17 @@ def nosing_line(columns, rows, follows, plane, near, least, beyond, aliasing, fx
         if abs(v[k] - v0 - a * (u[k] - u0)) < near:
             left, right = min(left, u[k]), max(right, u[k])
     if left >= right:
-        return 0, is_corner, normal, covariance, points, ends
+        return 0, kind, normal, covariance, points, ends
     ends[0], ends[1], ends[2], ends[3] = left, v0 + a * (left - u0), right, v0 + a * (right - u0)
     for k, at, row in ((0, u0, v0 + a * (u0 - u0)), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
         ray = points[k]
         ray[0], ray[1], ray[2] = (at - cx) / fx, (row - cy) / fy, 1.0
         nearness = along(ray, plane)
         if nearness <= 0.0:  # behind the camera
-            return 0, is_corner, normal, covariance, points, ends
+            return 0, kind, normal, covariance, points, ends
         ray[0], ray[1], ray[2] = ray[0] / nearness, ray[1] / nearness, ray[2] / nearness
     _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
-    return count, is_corner, normal, covariance, points, ends
+    return count, kind, normal, covariance, points, ends
 
 
 @njit(cache=True, error_model="numpy")
@@ -598,11 +643,15 @@ def span(points, members, direction):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def height_of_end(columns, rows, follows, plane, up, fx, fy, cx, cy):
-    """Return the median height of a surface's end, NaN if most of its end is occluded or unknown."""
+def height_of_end(columns, rows, follows, plane, up, height, fx, fy, cx, cy):
+    """Return the median height of a surface's end; NaN if an object in front or the image border cuts off most of it.
+
+    Args:
+        height: Number of image rows.
+    """
     heights, count, ray = np.empty(columns.size), 0, np.ones(3)
     for k in range(columns.size):
-        if follows[k] != UNKNOWN:
+        if follows[k] != BEFORE and BORDER_PX <= rows[k] < height - BORDER_PX:
             ray[0], ray[1] = (columns[k] - cx) / fx, (rows[k] - cy) / fy
             heights[count] = along(ray, up) / along(ray, plane)
             count += 1

@@ -24,6 +24,11 @@ BEYOND_SHARE = 0.5
 """Least fraction of a surface's end with a larger depth behind; otherwise it is a corner, or occluded."""
 
 
+LineKind = Literal["edge", "corner", "vague"]
+"""Kind of a line by what is measured past it."""
+_KINDS: dict[int, LineKind] = {kernels.BEYOND: "edge", kernels.CREASE: "corner", kernels.UNKNOWN: "vague"}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
     """Image line of one nosing."""
@@ -38,24 +43,25 @@ class Line:
     """Ends of the line on its surface, left end first, in C [m]."""
     ends_px: Float[np.ndarray, " 4"]
     """Ends of the line u1, v1, u2, v2, left end first [px]."""
-    is_corner: bool
-    """Whether a riser starts at the line, instead of a larger depth."""
+    kind: LineKind
+    """Surroundings of the line: a larger depth (``edge``), an adjacent surface (``corner``), or nothing known (``vague``)."""
     count: int
     """Number of columns."""
 
 
 def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: PinholeCamera) -> Line | None:
-    """Return the line at the end of a surface before a larger depth or at a corner, or None.
+    """Return the line at the end of a surface, or None; the image border and objects in front give no line.
 
     A corner belongs to a riser too low in the image to be a separate surface. The end of the surface has a constant offset along a
     corner, so that the direction of the line is correct.
     """
     ends: Ends = surface.upper if end == "upper" else surface.lower
-    count, is_corner, normal, covariance, points, ends_px = kernels.nosing_line(
+    count, kind, normal, covariance, points, ends_px = kernels.nosing_line(
         ends.columns,
         ends.rows,
         ends.follows,
         surface.normal,
+        camera.height_px,
         NEAR_AT_240 * camera.height_px / 240,
         LEAST_SHARE * camera.width_px,
         BEYOND_SHARE,
@@ -73,6 +79,6 @@ def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: Pinhol
         middle=points[0],
         ends_m=points[1:],
         ends_px=ends_px,
-        is_corner=is_corner,
+        kind=_KINDS[kind],
         count=count,
     )

@@ -8,8 +8,8 @@ from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
 from treadline.perception.detection import StairDetection
-from treadline.perception.nosings import NosingObservation
 from treadline.perception.planes import Surface
+from treadline.perception.steps import NosingObservation
 from treadline.signals import PinholeCamera, RgbdFrame
 
 Picture = UInt8[np.ndarray, "h w 3"]
@@ -67,6 +67,8 @@ def _words(sight: StairDetection) -> list[tuple[str, tuple[int, int, int]]]:
         return [("no heading", OBSTACLE), (sight.reason or "", NEEDLE)]
     heading = f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)"
     heading += f" from {sight.edge_count} nosings"
+    if sight.unconfirmed:
+        return [(f"{heading}, unconfirmed", NEEDLE), (sight.reason or "", NEEDLE)]
     if sight.stair_map is None:
         return [(heading, NEEDLE)]
     seen = sight.stair_map

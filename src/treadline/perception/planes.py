@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
@@ -39,6 +40,11 @@ FULL = 0.6
 """Least fraction of a block's pixels with depth."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 """Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
+NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
+"""Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
+(recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
+TURN_NOISE_MOST = 1.5
+"""Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer tells a riser from a tread."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 
@@ -60,6 +66,20 @@ class PlanarBlocks:
     places: Int[np.ndarray, "b 3"]
     """First row and column of cells, and number of rows of cells of each block."""
     cell_px: int
+    noise: float
+    """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
+
+
+def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> float:
+    """Return the noise of a frame relative to a Kinect 1, from the residuals of its flatter blocks.
+
+    The quantile holds planar blocks alone as long as a third of the image is flat.
+    """
+    residuals = kernels.block_residuals(cells, full)
+    if residuals.size == 0:
+        return 1.0
+    quantile = float(np.quantile(residuals, NOISE_QUANTILE))
+    return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST))
 
 
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
@@ -67,10 +87,18 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    noise = noise_of(cells, FULL * size * size)
     sums, normals, unit, centres, places = kernels.plane_blocks(
-        cells, FULL * size * size, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, TURN_LIMIT, LEAST_RESIDUAL
+        cells,
+        FULL * size * size,
+        BLOCK_RESIDUAL * noise,
+        DEPTH_RESIDUAL_M * noise,
+        TURN_LIMIT * min(noise, TURN_NOISE_MOST),
+        LEAST_RESIDUAL,
     )
-    return PlanarBlocks(nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size)
+    return PlanarBlocks(
+        nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size, noise=noise
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,7 +187,16 @@ def joined(
     levels = blocks.centres[members] @ direction
     order = np.argsort(levels, kind="stable")
     members, stops, normals, squares = kernels.planes_along(
-        blocks.sums, blocks.centres, members[order], levels[order], gap_m, least, BLOCK_RESIDUAL, DEPTH_RESIDUAL_M, SAMPLE, FRAGMENT
+        blocks.sums,
+        blocks.centres,
+        members[order],
+        levels[order],
+        gap_m,
+        least,
+        BLOCK_RESIDUAL * blocks.noise,
+        DEPTH_RESIDUAL_M * blocks.noise,
+        SAMPLE,
+        FRAGMENT,
     )
     found = kernels.surfaces(
         blocks.nearness,
@@ -169,9 +206,9 @@ def joined(
         blocks.cell_px,
         normals,
         squares,
-        TOLERANCE,
+        TOLERANCE * blocks.noise,
         TOLERANCE_SIGMAS,
-        JUMP,
+        JUMP * blocks.noise,
         LEAST_RESIDUAL**2,
         camera.fx_px,
         camera.fy_px,
@@ -179,6 +216,19 @@ def joined(
         camera.cy_px,
     )
     return list(_surfaces(members, stops, *found))
+
+
+def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:
+    """Return some blocks separated by their connection in the image, the largest component first."""
+    mask = np.zeros(np.max(blocks.places[:, :2], axis=0) + 2, dtype=np.uint8)
+    row, column, height = blocks.places[members].T
+    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        inside = down < height
+        mask[row[inside] + down, column[inside] + right] = 1
+    count, labels = cv2.connectedComponents(mask, connectivity=8)
+    of_member = labels[row, column]
+    groups = [members[of_member == label] for label in range(1, count)]
+    return sorted(groups, key=len, reverse=True)
 
 
 def _surfaces(

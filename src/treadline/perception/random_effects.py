@@ -23,13 +23,19 @@ class PooledMean:
     sigma: float
 
 
-def pooled_mean(values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], regular: Bool[np.ndarray, " k"]) -> PooledMean:
-    """Return the pooled mean of angles with known noise and an unknown common irregularity.
+def pooled_mean(
+    values: Float[np.ndarray, " k"],
+    variances: Float[np.ndarray, " k"],
+    regular: Bool[np.ndarray, " k"],
+    sizes: Float[np.ndarray, " g"] = TURNS,
+) -> PooledMean:
+    """Return the pooled mean of values with known noise and an unknown common irregularity.
 
     Args:
         regular: Mask of measurements without irregularity: gravity.
+        sizes: Grid of the irregularity, in the unit of the values.
     """
-    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * TURNS[:, None] ** 2
+    spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * sizes[:, None] ** 2
     precision = 1.0 / spread
     total = precision.sum(axis=1)
     means = precision @ values / total

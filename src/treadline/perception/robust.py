@@ -15,15 +15,16 @@ from jaxtyping import Float, Float32
 from treadline.angles import DEG
 from treadline.perception.detection import Parts, StairDetection, StairShape, refused
 from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
-from treadline.perception.flights import LEAST_BLOCKS, UPRIGHT, Flight, flight_under
-from treadline.perception.geometry import axes_of, directions_of, levels_of, shape_of, viewing_direction
+from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
+from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.nosings import SAME_RISE_M, Axes, Direction
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
 from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.stair_map import map_of
+from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.vectors import cross
-from treadline.signals import RgbdFrame, StairMap
+from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 
 HALF = 0.5
 """Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
@@ -60,10 +61,18 @@ class _Down:
     """Least number of evenly spaced tread levels: higher for an uncertain direction."""
     directions: tuple[Direction, ...] = ("up", "down")
     """Possible directions of the flight."""
+    may_be_unconfirmed: bool = True
+    """Whether an unconfirmed detection has a heading."""
 
 
-def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, watch: Stopwatch | None = None) -> StairDetection:
-    """Return the detection result of a frame."""
+def detect_stair(
+    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, swept_half_m: float, watch: Stopwatch | None = None
+) -> StairDetection:
+    """Return the detection result of a frame.
+
+    Args:
+        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected.
+    """
     watch = watch or Stopwatch()
     # A contiguous copy: each memory layout would compile the kernels again.
     frame = replace(frame, depth_m=np.require(frame.depth_m, np.float32, ["C", "W"])) if _is_odd(frame.depth_m) else frame
@@ -82,19 +91,21 @@ def detect_stair(frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, wa
         if imu_down is None:
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         down = _Down(direction=levelled(imu_down, unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
-        sight = _look_under(down, frame, blocks, unit, watch)
-        return _unless_treads_differ(sight, imu_down, frame, blocks, unit, watch)
+        sight = _look_under(down, frame, blocks, swept_half_m, watch)
+        return _unless_treads_differ(sight, imu_down, frame, blocks, swept_half_m, watch)
     sight = refused("no gravity, and no treads to estimate it from")
     guess = down_of_treads(unit, LOOKING_AHEAD)
     if guess is not None:
-        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
+        sight = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, swept_half_m, watch)
         if sight.accepted:
             return sight
     guess = down_of_treads(unit, LOOKING_DOWN)
     if guess is not None:
         # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
-        ladder = _Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",))
-        tried = _look_under(ladder, frame, blocks, unit, watch)
+        ladder = _Down(
+            direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
+        )
+        tried = _look_under(ladder, frame, blocks, swept_half_m, watch)
         sight = tried if tried.accepted else sight
     return sight
 
@@ -104,7 +115,7 @@ def _unless_treads_differ(
     imu_down: Float[np.ndarray, " 3"],
     frame: RgbdFrame,
     blocks: PlanarBlocks,
-    unit: Float[np.ndarray, "b 3"],
+    swept_half_m: float,
     watch: Stopwatch,
 ) -> StairDetection:
     """Return the result, or a rejection if it has hardly a tread because the gravity error makes all treads appear tilted.
@@ -113,10 +124,10 @@ def _unless_treads_differ(
     """
     if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
         return sight
-    guess = down_of_treads(unit, LOOKING_AHEAD)
+    guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
     if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
         return sight
-    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, unit, watch)
+    other = _look_under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), frame, blocks, swept_half_m, watch)
     treads = () if other.parts is None else other.parts.treads
     normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
     off = off_gravity(normals, imu_down)
@@ -129,51 +140,64 @@ def _is_odd(depth_m: Float32[np.ndarray, "h w"]) -> bool:
     return depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable)
 
 
-def _look_under(
-    down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, unit: Float[np.ndarray, "b 3"], watch: Stopwatch
-) -> StairDetection:
+def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_m: float, watch: Stopwatch) -> StairDetection:
     """Return the detection result of a frame under one hypothesis of gravity."""
-    seen = flight_under(frame, blocks, unit, down.direction, down.directions, watch)
+    scene = scene_of(frame, blocks, down.direction)
+    if scene is None:
+        return refused("the camera looks straight up or down")
+    seen = flight_in(scene, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
+    unconfirmed = UNCONFIRMED <= seen.evidence < EVIDENCE and down.may_be_unconfirmed
+    if seen.evidence < EVIDENCE and not unconfirmed:
+        return refused(_lacking(seen), edge_count=len(seen.nosings), evidence=seen.evidence)
     fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
     watch.lap("direction")
-    sight = _answer(frame, blocks, seen, fit, down, watch)
+    sight = _answer(frame, blocks, seen, fit, down, swept_half_m, watch)
     watch.lap("geometry")
     return sight
 
 
-def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, down: _Down, watch: Stopwatch) -> StairDetection:
+def _answer(
+    frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, down: _Down, swept_half_m: float, watch: Stopwatch
+) -> StairDetection:
     R_BC = frame.camera.R_BC
+    in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
+    fronts = [(tread.surface, tread.nosing_end(in_view, seen.direction)) for _, on, tread in seen.matched_treads if on]
+    sides = sides_of([*(tread for tread, _ in fronts), *seen.risers], blocks, frame.camera, in_view)
+    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
+    turn, turn_sigma = turn_by(bow, sides)
+    chord = fit.edge + turn * fit.ahead
+    chord /= np.linalg.norm(chord)
     # The chair's right is the image's left for a rear camera.
-    edge = fit.edge if float((R_BC @ fit.edge)[1]) < 0.0 else -fit.edge
+    edge = chord if float((R_BC @ chord)[1]) < 0.0 else -chord
     heading = _heading(edge, R_BC)
     # Derivative of the heading with respect to the edge vector, in C.
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
-    sigma = fit.sigma_of(change)
+    sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
-    shape = shape_of(seen.nosings, axes, seen.direction)
-    if shape is None:
-        return refused("edges one step apart, but the height of the step is unknown", edge_count=len(seen.nosings))
-    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, levels_of(seen.treads, axes))
+    shape = _shape_of(seen, blocks, frame.camera, axes)
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
-        return refused(rejection_reason, edge_count=len(seen.nosings))
+        return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
     return StairDetection(
-        accepted=True,
-        reason=None,
+        accepted=seen.evidence >= EVIDENCE,
+        reason=None if seen.evidence >= EVIDENCE else _lacking(seen),
+        unconfirmed=seen.evidence < EVIDENCE,
         heading_rad=heading,
         sigma_rad=sigma,
         edge_direction_C=edge,
         edge_count=len(seen.nosings),
-        box_px=_box(frame, blocks, [*seen.risers, *_steps(seen, axes)]),
+        box_px=_box(frame, blocks, [*seen.risers, *seen.steps]),
         shape=shape,
         stages=None,
+        evidence=seen.evidence,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=directions_of(frame.t_s, seen.nosings, tilted, shape, edge, sigma),
+        axes=directions_of(frame.t_s, tilted, shape, edge, sigma),
         parts=Parts(
             risers=tuple(seen.risers),
             treads=tuple(seen.treads),
@@ -181,27 +205,34 @@ def _answer(frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, fit: EdgeFit, 
             aside=cross(down.direction, seen.facing),
             blocks=blocks,
         ),
-        draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, watch)),
+        draw_map=cache(partial(_drawn_map, frame, blocks, seen, axes, shape, sides, watch)),
     )
 
 
 def _drawn_map(
-    frame: RgbdFrame, blocks: PlanarBlocks, seen: Flight, axes: Axes, shape: StairShape, watch: Stopwatch, swept_half_m: float
+    frame: RgbdFrame,
+    blocks: PlanarBlocks,
+    seen: Flight,
+    axes: Axes,
+    shape: StairShape,
+    sides: tuple[Side | None, Side | None],
+    watch: Stopwatch,
+    swept_half_m: float,
 ) -> StairMap:
     watch.resume()
-    stair_map = map_of(frame, blocks, seen.nosings, axes, shape, swept_half_m)
+    stair_map = map_of(frame, blocks, seen.nosings, axes, shape, sides, swept_half_m)
     watch.lap("map")
     return stair_map
 
 
 def _rejection_reason(
-    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, levels: int
+    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, bow: Bow
 ) -> str | None:
     """Return the reason for rejection as a stair, or None."""
     if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
-    if levels < down.least_levels:
-        return f"no gravity, and {levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
+    if seen.levels < down.least_levels:
+        return f"no gravity, and {seen.levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
@@ -209,9 +240,25 @@ def _rejection_reason(
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
+    if not sigma_rad <= SIGMA_LIMIT and bow.is_significant:
+        return (
+            f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
+            f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
+        )
     if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
     return None
+
+
+def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:
+    """Return the reason for rejection of a flight whose visible width is less than the chair sweeps, or None."""
+    left, right = sides
+    if left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
+        return None
+    return (
+        f"the flight is {right.aside_m - left.aside_m:.2f} m wide between {left.kind} and {right.kind} side; the chair sweeps "
+        f"{2.0 * swept_half_m:.2f} m"
+    )
 
 
 def _unit(gravity_C: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"] | None:
@@ -225,12 +272,26 @@ def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> f
     return float(np.arctan2(-e_B[0], -e_B[1]))
 
 
-def _steps(seen: Flight, axes: Axes) -> list[Surface]:
-    """Return the treads starting at a detected nosing: floors and landings do not belong to the stair."""
-    heights = [float(nosing.point @ axes.up) for nosing in seen.nosings]
-    levels = [float(tread.centre @ axes.up) for tread in seen.treads]
-    nearest = [min(abs(level - height) for height in heights) for level in levels]
-    return [tread for tread, off_m in zip(seen.treads, nearest, strict=True) if off_m < SAME_RISE_M]
+def _lacking(seen: Flight) -> str:
+    """Return which evidence is lacking for a stair."""
+    return (
+        f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
+        f"{seen.evidence:.1f} of {EVIDENCE:g} needed"
+    )
+
+
+def _shape_of(seen: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> StairShape:
+    (rise, rise_sigma_m), (run, run_sigma_m) = rise_and_run(seen, blocks, camera, axes)
+    return StairShape(
+        rise_m=rise,
+        run_m=run,
+        rise_sigma_m=rise_sigma_m,
+        run_sigma_m=run_sigma_m,
+        slope_rad=float(np.arctan2(rise, run)),
+        slope_sigma_rad=float(np.hypot(run * rise_sigma_m, rise * run_sigma_m) / (rise**2 + run**2)),
+        distance_m=seen.nosings[0].ahead_m,
+        direction=seen.direction,
+    )
 
 
 def _box(frame: RgbdFrame, blocks: PlanarBlocks, surfaces: list[Surface]) -> tuple[int, int, int, int] | None:

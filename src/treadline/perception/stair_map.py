@@ -12,9 +12,10 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.perception import kernels
 from treadline.perception.detection import StairShape
-from treadline.perception.geometry import first_crowd, normal_of, points_of, viewing_direction
-from treadline.perception.nosings import Axes, NosingObservation
+from treadline.perception.form import Side
+from treadline.perception.geometry import first_crowd, normal_of, viewing_direction
 from treadline.perception.planes import PlanarBlocks
+from treadline.perception.steps import Axes, NosingObservation
 from treadline.signals import RgbdFrame, StairMap
 
 SIDE_WALL = 15.0 * DEG
@@ -52,15 +53,22 @@ ASIDES_M, RISER_SHARES, TREAD_SHARES = np.linspace(-0.25, 0.25, 15), np.linspace
 
 
 def map_of(
-    frame: RgbdFrame, blocks: PlanarBlocks, flight: Sequence[NosingObservation], axes: Axes, shape: StairShape, swept_half_m: float
+    frame: RgbdFrame,
+    blocks: PlanarBlocks,
+    flight: Sequence[NosingObservation],
+    axes: Axes,
+    shape: StairShape,
+    sides: tuple[Side | None, Side | None],
+    swept_half_m: float,
 ) -> StairMap:
     """Return the map of the stair in the chair frame.
 
     Args:
+        sides: Left and right side of the flight in the camera's view.
         swept_half_m: Half width of the volume swept by the chair.
     """
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
-    points = points_of(flight, axes, shape)
+    points = [nosing.point for nosing in flight]
     way = viewing_direction(R_BC)
     nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
@@ -72,6 +80,7 @@ def map_of(
     aside = rails - middle
     free = (_nearest(walls[0], -aside[aside < 0.0]), _nearest(walls[1], aside[aside > 0.0]))
     left, right = free if way > 0.0 else free[::-1]
+    left_side, right_side = sides if way > 0.0 else sides[::-1]
     return StairMap(
         t_s=frame.t_s,
         direction=shape.direction,
@@ -83,6 +92,10 @@ def map_of(
         left_wall_m=left,
         right_wall_m=right,
         obstacle_m=_obstacle(standing, free, axes, R_BC, p_BC, swept_half_m),
+        left_edge_m=None if left_side is None else abs(left_side.aside_m - middle),
+        right_edge_m=None if right_side is None else abs(right_side.aside_m - middle),
+        left_side=None if left_side is None else left_side.kind,
+        right_side=None if right_side is None else right_side.kind,
     )
 
 

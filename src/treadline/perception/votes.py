@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception.lines import Line
-from treadline.perception.nosings import Axes
+from treadline.perception.steps import Axes
 from treadline.perception.vectors import cross
 
 VOTE_LIMIT = 50.0 * DEG

@@ -1,0 +1,157 @@
+"""Form of a flight from its matched surfaces: the bow of its edges, and where it ends at the sides.
+
+A side is where several surfaces end at one lateral position: at a wall, when what follows is nearer, or open, when it is further
+away or nothing. Surfaces that the image or an object cuts off give a bound only.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.perception import form_kernels
+from treadline.perception.planes import JUMP, Ends, PlanarBlocks, Surface
+from treadline.perception.random_effects import pooled_mean
+from treadline.perception.steps import Axes
+from treadline.signals import PinholeCamera
+
+SideKind = Literal["wall", "open"]
+"""What follows beyond the side of a flight."""
+LOOK_SHARE = 24
+"""Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
+SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
+"""Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
+ENDS_LEAST = 2
+"""Least number of surfaces that end at one side."""
+PARTS = 16
+"""Number of parts of a profile whose scatter gives the standard deviation of its curvature."""
+STEP_BOWS = np.geomspace(0.02, 0.5, 8)
+"""Grid of the scatter of curvature between the edges of one flight [1/m]: 2 mm of bow over a metre, worn unevenly, to the errors of
+profiles that objects cut off."""
+BOW_KNOWN, BOW_LEAST, BOW_SIGMAS = 0.08, 0.02, 4.0
+"""Largest standard deviation of a curvature that is evaluated [1/m], and least size of a significant one [1/m] and in standard
+deviations."""
+UNSEEN_MIDDLE_M, MIDDLE_SIGMA_M, TURN_SHARE = 0.30, 0.05, 0.3
+"""Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view; error of the middle if they
+are [m], and relative error of the correction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """Side of a flight."""
+
+    aside_m: float
+    """Lateral position, to the right of the camera [m]."""
+    kind: SideKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bow:
+    """Curvature of the edges in the horizontal plane."""
+
+    curvature_1_m: float
+    """Mean curvature, positive for edges whose ends are further away than their middle [1/m]."""
+    sigma_1_m: float
+    """Standard deviation of the curvature [1/m]; infinite without a profile."""
+    seen_aside_m: float
+    """Mean lateral position of the profiles, to the right of the camera [m]."""
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether the edges are measurably bowed."""
+        size = abs(self.curvature_1_m)
+        return self.sigma_1_m < BOW_KNOWN and size > BOW_LEAST and size > BOW_SIGMAS * self.sigma_1_m
+
+
+def sides_of(
+    surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> tuple[Side | None, Side | None]:
+    """Return the left and right side of a flight in the camera's view; None where none is seen."""
+    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    look = max(2, camera.width_px // LOOK_SHARE)
+    found: list[Side | None] = []
+    for way in (-1, 1):
+        places, kinds = np.empty(len(surfaces)), np.empty(len(surfaces), dtype=np.int64)
+        for k, surface in enumerate(surfaces):
+            places[k], kinds[k] = form_kernels.side_of(
+                blocks.nearness,
+                surface.upper.columns,
+                surface.upper.rows,
+                surface.lower.rows,
+                surface.normal,
+                axes.right,
+                way,
+                look,
+                JUMP * blocks.noise,
+                *pinhole,
+            )
+        found.append(_side(way * places, kinds, way))
+    return found[0], found[1]
+
+
+def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side | None:
+    """Return the outermost position at which several surfaces end, unless others surpass it."""
+    known = np.isfinite(outward)
+    for kind, name in ((form_kernels.WALL, "wall"), (form_kernels.OPEN, "open")):
+        ends = np.sort(outward[known & (kinds == kind)])[::-1]
+        for place in ends.tolist():
+            together = ends[np.abs(ends - place) < SAME_SIDE_M]
+            if together.size < ENDS_LEAST:
+                continue
+            side_m = float(np.median(together))
+            if (outward[known] > side_m + SURPASSED_M).any():
+                break
+            return Side(aside_m=way * side_m, kind="wall" if name == "wall" else "open")
+    return None
+
+
+def bow_of(
+    fronts: Sequence[tuple[Surface, Ends]], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> Bow:
+    """Return the curvature of the edges, pooled over the fronts of treads and the faces of risers.
+
+    Args:
+        fronts: Treads whose front is a nosing, with that end.
+    """
+    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    curvatures, variances, middles = [], [], []
+    profiles = [(tread, end, False) for tread, end in fronts] + [(riser, riser.upper, True) for riser in risers]
+    for surface, end, is_riser in profiles:
+        curvature, sigma, middle = form_kernels.curvature_of(
+            blocks.nearness,
+            surface.upper.columns,
+            surface.upper.rows,
+            surface.lower.rows,
+            end.rows,
+            end.follows,
+            surface.normal,
+            axes.ahead,
+            axes.right,
+            is_riser,
+            PARTS,
+            *pinhole,
+        )
+        if math.isfinite(curvature):
+            curvatures.append(curvature)
+            variances.append(sigma**2)
+            middles.append(middle)
+    if not curvatures:
+        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
+    pooled = pooled_mean(np.array(curvatures), np.array(variances), np.zeros(len(curvatures), dtype=bool), STEP_BOWS)
+    weights = 1.0 / np.array(variances)
+    return Bow(curvature_1_m=pooled.mean, sigma_1_m=pooled.sigma, seen_aside_m=float(weights @ middles) / float(weights.sum()))
+
+
+def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:
+    """Return the angle by which a bow turns the edge in view from the chord of the flight, and its standard deviation [rad]."""
+    if not bow.is_significant:
+        return 0.0, 0.0
+    left, right = sides
+    if left is None or right is None:
+        return 0.0, abs(bow.curvature_1_m) * UNSEEN_MIDDLE_M
+    middle = 0.5 * (left.aside_m + right.aside_m)
+    turn = bow.curvature_1_m * (middle - bow.seen_aside_m)
+    return turn, math.hypot(bow.curvature_1_m * MIDDLE_SIGMA_M, TURN_SHARE * turn)

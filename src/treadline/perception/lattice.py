@@ -1,0 +1,382 @@
+"""Flight in a frame: the staircase with the most evidence from treads, risers and their ends.
+
+One hypothesis, azimuth of the edges, rise, run and place of the first nosing, explains all parts in view; each adds log-evidence
+against a scene whose surfaces lie anywhere. Two levels and two fronts reach at most 3.9 nats however well they fit: a box before a
+wall gives as much. One repetition more gives 3 to 4 nats.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from treadline.angles import DEG
+from treadline.perception.geometry import viewing_direction
+from treadline.perception.lattice_kernels import (
+    HIDDEN_SIGMA_M,
+    OVERHANG_SIGMA_M,
+    RISE_MEAN_M,
+    RISE_SIGMA_M,
+    RUN_MEAN_M,
+    RUN_SIGMA_M,
+    best_lattice,
+)
+from treadline.perception.lines import Line
+from treadline.perception.planes import PlanarBlocks, Surface, components, joined
+from treadline.perception.steps import (
+    LEAST_LEVER,
+    Axes,
+    Direction,
+    NosingObservation,
+    Placed,
+    Riser,
+    Tread,
+    riser_of,
+    riser_rows,
+    seed_points,
+    spacing,
+    tread_of,
+    tread_rows,
+)
+from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.vectors import cross
+from treadline.perception.votes import line_votes, votes_of
+from treadline.signals import PinholeCamera, RgbdFrame
+
+EVIDENCE, UNCONFIRMED = 4.2, 3.4
+"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92."""
+UPRIGHT = 18.0 * DEG
+"""Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
+RISER_SPREAD = 14.0 * DEG
+"""Largest azimuth difference between a riser block and the vote [rad]."""
+RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
+"""Separation of different surfaces along their normal [m]: less than half of the smallest run and rise."""
+LEAST_BLOCKS = 8
+"""Least number of blocks of a surface."""
+TALLEST_M = 0.25
+"""Largest height of a riser [m]."""
+PLANE_SIGMA_M = 0.001
+"""Standard deviation of the place of a plane of a hundred blocks, for rise and run [m]: a Kinect's noise of 6 mm at 2 m."""
+TURNED = 1.0 * DEG
+"""Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
+LEVEL_LEAST = 0.2
+"""Least horizontal component of the chair's longitudinal axis for the definition of the forward direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """Visible part of a flight."""
+
+    direction: Direction
+    evidence: float
+    """Log-evidence against a scene without a stair [nats]."""
+    rise_m: float
+    run_m: float
+    levels: int
+    """Number of steps with a measured height."""
+    risers: list[Surface]
+    treads: list[Surface]
+    """All horizontal surfaces in view."""
+    steps: list[Surface]
+    """Treads of the flight, with a floor or landing on its lattice."""
+    nosings: list[NosingObservation]
+    """Nosings, nearest first."""
+    facing: Float[np.ndarray, " 3"]
+    """Horizontal unit vector, approximately perpendicular to the edges, in C."""
+    matched_treads: list[tuple[int, bool, Tread]]
+    """Step, whether the front is a nosing, and tread."""
+    matched_risers: list[tuple[int, Riser]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """Surfaces of a frame, sorted by gravity."""
+
+    frame: RgbdFrame
+    blocks: PlanarBlocks
+    level: Axes
+    treads: list[Tread]
+    upright: Int[np.ndarray, " v"]
+    """Indices of the vertical blocks."""
+    azimuth: Float[np.ndarray, " v"]
+    """Azimuth of each of them [rad]."""
+
+
+def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"]) -> Scene | None:
+    """Return the surfaces of a frame; None if the camera looks straight up or down.
+
+    Args:
+        down: Unit vector in C.
+    """
+    level = _level_axes(down, frame.camera.R_BC)
+    if level is None:
+        return None
+    rise = blocks.unit @ down
+    upright = np.flatnonzero(np.abs(rise) < np.sin(UPRIGHT))
+    surfaces = joined(
+        frame.camera,
+        blocks,
+        np.flatnonzero(np.abs(rise) > np.cos(UPRIGHT)),
+        level.up,
+        gap_m=TREAD_GAP_M,
+        least=LEAST_BLOCKS,
+    )
+    # A horizontal surface above the camera is the underside of an object.
+    kept = [s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0]
+    units = blocks.unit[upright]
+    return Scene(
+        frame=frame,
+        blocks=blocks,
+        level=level,
+        treads=[tread_of(surface, frame.camera) for surface in kept],
+        upright=upright,
+        azimuth=np.arctan2(units @ level.right, units @ level.ahead),
+    )
+
+
+def flight_in(scene: Scene, directions: Sequence[Direction], watch: Stopwatch) -> Flight | str:
+    """Return the flight with the most evidence, or the reason of its absence."""
+    level, camera = scene.level, scene.frame.camera
+    lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
+    watch.lap("treads")
+    best: Flight | None = None
+    most_risers, voted = 0, False
+    for peak in votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level)):
+        voted = True
+        found, risers = _flight_at(scene, peak, directions)
+        most_risers = max(most_risers, risers)
+        if found is not None and (best is None or found.evidence > best.evidence):
+            best = found
+    watch.lap("flight")
+    if best is not None:
+        return best
+    if not voted:
+        return "no riser and no nosing faces the camera"
+    return f"{len(scene.treads)} level surface(s) and {most_risers} riser(s) in view, none of which repeat as steps do"
+
+
+def _flight_at(scene: Scene, azimuth: float, directions: Sequence[Direction]) -> tuple[Flight | None, int]:
+    """Return the flight with the most evidence near an azimuth, and the number of risers there."""
+    best: Flight | None = None
+    risers: list[Riser] = []
+    for last in (False, True):
+        axes = _turned_axes(scene.level, azimuth)
+        risers = list(_risers_at(scene, azimuth, axes))
+        found = [_best_of(scene, risers, axes, direction) for direction in directions]
+        best = max((flight for flight in found if flight is not None), key=lambda flight: flight.evidence, default=None)
+        if best is None or last:
+            break
+        turn = _turn_of(best, axes)
+        if abs(turn) < TURNED:
+            break
+        azimuth += turn
+    return best, len(risers)
+
+
+def _turned_axes(level: Axes, azimuth: float) -> Axes:
+    facing = math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right
+    return Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
+
+
+def _turn_of(flight: Flight, axes: Axes) -> float:
+    """Return the median azimuth of a flight's parts relative to its axes [rad]."""
+    normals = [nosing.riser.unit for nosing in flight.nosings if nosing.riser is not None]
+    for nosing in flight.nosings:
+        for line in nosing.lines:
+            across = cross(cross(line.normal, axes.up), axes.up)
+            normals.append(across if float(across @ axes.ahead) > 0.0 else -across)
+    if not normals:
+        return 0.0
+    return float(np.median([math.atan2(float(n @ axes.right), float(n @ axes.ahead)) for n in normals]))
+
+
+def _risers_at(scene: Scene, azimuth: float, axes: Axes) -> Iterator[Riser]:
+    """Yield the vertical surfaces that face an azimuth and are no higher than a step.
+
+    A wall next to the flight can lie in the plane of a riser: planes taller than a step are separated by their connection in the
+    image, and by columns.
+    """
+    camera, blocks = scene.frame.camera, scene.blocks
+    members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD]
+    for surface in joined(camera, blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
+        if _is_low(surface, blocks, axes):
+            parts = [surface]
+        else:
+            groups = components(blocks, surface.blocks)
+            parts = [
+                part
+                for group in groups
+                for part in joined(camera, blocks, group, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+            ]
+        for part in parts:
+            low = part if _is_low(part, blocks, axes) else _low_part(part, blocks, camera, axes)
+            if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
+                yield riser_of(low, camera)
+
+
+def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> Surface | None:
+    """Return the widest part of a surface that is no higher than a step; None if there is hardly any."""
+    tall = surface.heights_m(camera, axes.up) >= TALLEST_M
+    if tall.all():
+        return None
+    # Gaps between adjacent tall columns.
+    runs = np.cumsum(tall)
+    part = surface.within(~tall & (runs == np.argmax(np.bincount(runs[~tall]))), blocks)
+    return part if part.blocks.size >= LEAST_BLOCKS and _is_low(part, blocks, axes) else None
+
+
+def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Flight | None:
+    camera, blocks = scene.frame.camera, scene.blocks
+    if direction == "down":
+        risers = []
+    treads = tread_rows(scene.treads, blocks, axes, camera, direction)
+    upright = riser_rows(risers, blocks, axes, camera)
+    of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
+    front_on = np.empty(len(treads), dtype=np.bool_)
+    sign = 1.0 if direction == "up" else -1.0
+    found = best_lattice(
+        seed_points(treads, upright),
+        treads,
+        upright,
+        blocks.nearness,
+        (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px),
+        np.stack([sign * axes.ahead, axes.up, axes.right]),
+        of_tread,
+        front_on,
+        of_riser,
+    )
+    if not math.isfinite(found[0]):
+        return None
+    evidence, rise, run, _, z0, _, _, first, last, levels, _ = found.tolist()
+    inside = (of_tread >= first) & (of_tread <= last)
+    standing = (of_riser >= first) & (of_riser <= last)
+    nosings = [
+        nosing
+        for k in range(int(first), int(last) + 1)
+        if (nosing := _nosing(scene, risers, treads, upright, of_tread, front_on, of_riser, k, axes, sign, z0 + k * rise))
+        is not None
+    ]
+    if not any(nosing.has_direction for nosing in nosings):
+        return None
+    return Flight(
+        direction=direction,
+        evidence=evidence,
+        rise_m=rise,
+        run_m=run,
+        levels=int(levels),
+        risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
+        treads=[tread.surface for tread in scene.treads],
+        steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
+        nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
+        facing=axes.ahead,
+        matched_treads=[(int(of_tread[t]), bool(front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
+        matched_risers=[(int(of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
+    )
+
+
+def rise_and_run(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> tuple[tuple[float, float], ...]:
+    """Return rise and run, each with its standard deviation [m]: planes determine them, ends add to them.
+
+    Args:
+        axes: Axes of the stair; the vertical of the search can be off by the error of gravity.
+    """
+    treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
+    risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
+    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
+    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_) & np.isfinite(treads[:, 3])
+    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
+    tops, feet = np.isfinite(risers[:, 3]), np.isfinite(risers[:, 5])
+    rise = spacing(
+        [
+            _placed(of_tread, treads[:, 0], np.full(len(treads), PLANE_SIGMA_M**2), 0.0),
+            _placed(of_riser[tops], risers[tops, 2], risers[tops, 3], HIDDEN_SIGMA_M),
+            _placed(of_riser[feet] - 1, risers[feet, 4], risers[feet, 5], HIDDEN_SIGMA_M),
+        ],
+        (RISE_MEAN_M, RISE_SIGMA_M),
+    )
+    run = spacing(
+        [
+            _placed(of_riser, risers[:, 0], np.full(len(risers), PLANE_SIGMA_M**2), 0.0),
+            _placed(of_tread[front_on], treads[front_on, 2], treads[front_on, 3], OVERHANG_SIGMA_M),
+        ],
+        (RUN_MEAN_M, RUN_SIGMA_M),
+    )
+    return rise, run
+
+
+def _placed(
+    steps: Int[np.ndarray, " k"], values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], offset_sigma_m: float
+) -> Placed:
+    return Placed(steps=steps, values_m=values, variances_m2=variances, offset_sigma_m=offset_sigma_m)
+
+
+def _nosing(
+    scene: Scene,
+    risers: list[Riser],
+    tread_table: Float[np.ndarray, "t 10"],
+    riser_table: Float[np.ndarray, "r 8"],
+    of_tread: Int[np.ndarray, " t"],
+    front_on: Bool[np.ndarray, " t"],
+    of_riser: Int[np.ndarray, " r"],
+    k: int,
+    axes: Axes,
+    sign: float,
+    z_m: float,
+) -> NosingObservation | None:
+    """Return the nosing of one step from its parts; None without a riser and a front."""
+    fronts = np.flatnonzero((of_tread == k) & front_on)
+    levels = np.flatnonzero(of_tread == k)
+    own = np.flatnonzero(of_riser == k)
+    if not fronts.size and not own.size:
+        return None
+    lines: list[Line] = []
+    for t in fronts.tolist():
+        near, far = scene.treads[t].ends(axes)
+        line = near if sign > 0.0 else far
+        if line is not None:
+            lines.append(line)
+    riser = max((risers[r] for r in own.tolist()), key=lambda r: r.surface.blocks.size, default=None)
+    if riser is not None and riser.upper is not None:
+        lines.append(riser.upper)
+    ahead_m = float(riser_table[own, 0].mean()) if own.size else sign * float(tread_table[fronts, 2].mean())
+    spans = np.concatenate([tread_table[fronts, 6:8], riser_table[own, 6:8]])
+    start = riser.surface.centre if riser is not None else lines[0].middle
+    heights = [_height_at(scene.treads[t].surface, start, axes) for t in levels.tolist()]
+    up_m = float(np.mean(heights)) if heights else z_m
+    point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
+    return NosingObservation(
+        step=k,
+        ahead_m=ahead_m,
+        point=point,
+        sides_m=(float(spans[:, 0].min()), float(spans[:, 1].max())),
+        riser=None if riser is None else riser.surface,
+        lines=tuple(line for line in lines if abs(float(line.normal @ axes.ahead)) > LEAST_LEVER),
+    )
+
+
+def _height_at(tread: Surface, point: Float[np.ndarray, " 3"], axes: Axes) -> float:
+    """Return the height of a tread's plane above or below a point."""
+    foot = point - float(point @ axes.up) * axes.up
+    return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
+
+
+def _is_low(surface: Surface, blocks: PlanarBlocks, axes: Axes) -> bool:
+    bottom_m, top_m = surface.span_m(blocks, axes.up)
+    return top_m - bottom_m < TALLEST_M
+
+
+def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
+    return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
+
+
+def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
+    """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
+    for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
+        ahead = towards - float(towards @ down) * down
+        length = float(np.linalg.norm(ahead))
+        if length > LEVEL_LEAST:
+            ahead = ahead / length
+            return Axes(ahead=ahead, up=-down, right=cross(down, ahead))
+    return None

@@ -1,0 +1,382 @@
+"""Search of one staircase that explains treads, risers and their ends, and its log-evidence; compiled.
+
+A staircase is a lattice: nosing k lies at (x0 + k·run, z0 + k·rise) in the plane across the edges. Tread k has the height of
+nosing k, starts there and ends under nosing k + 1; riser k stands under nosing k. Coordinates rise along x; a falling flight is
+mirrored by its caller.
+
+Columns of ``treads``: height and its variance, front and its variance, back and its variance, lateral range, extent along x.
+Columns of ``risers``: place and its variance, top and its variance, bottom and its variance, lateral range. Unknown values have an
+infinite variance.
+"""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+RISE_M, RUN_M = (0.08, 0.25), (0.15, 0.52)
+"""Ranges of rise and run of a step [m]."""
+STEEPEST = 1.05
+"""Largest ratio of rise to run: 46°, beyond the slope limit of 45° by the error of a single step."""
+RISE_MEAN_M, RISE_SIGMA_M = 0.17, 0.035
+"""Prior of the rise [m]: building codes allow 0.10 to 0.22 m, homes have up to 0.24 m."""
+RUN_MEAN_M, RUN_SIGMA_M = 0.29, 0.06
+"""Prior of the run [m]: building codes ask for 0.22 to 0.35 m, gardens have up to 0.45 m."""
+RISE_IRREGULAR_M, RUN_IRREGULAR_M = 0.006, 0.008
+"""Standard deviation of a nosing from the lattice, height and place [m]: building codes allow 5 to 10 mm between steps."""
+RISE_GAP_M, RUN_GAP_M = 0.57, 1.17
+"""Range in which the next surface of a scene without a stair lies with uniform probability, height and place [m]: the heights of
+furniture, and the depth of a room divided by its surfaces."""
+OVERHANG_SIGMA_M, HIDDEN_SIGMA_M = 0.02, 0.03
+"""Standard deviation of a nosing's overhang, and of the height of riser it hides [m]: building codes allow up to 32 mm of
+overhang."""
+LAST = 40
+"""Largest step number on either side of the first."""
+APART = 4
+"""Largest number of steps between two that are seen."""
+OVERLAP_M = 0.08
+"""Least common width of steps in view one after another [m]: two blocks 2 m away."""
+SIGMAS = 3.0
+"""Largest residual of a part of the lattice, in standard deviations."""
+STRAY, OTHER_END = 0.15, 0.3
+"""Prior probabilities that a part at a place of the lattice does not belong to it, and that a tread's end is that of a landing or
+floor, or of an object on it."""
+FOREIGN, MISSING = -0.7, -3.0
+"""Log-probabilities of a level between two steps, and of a step that is not there where it is in view."""
+PROBES = 7
+"""Number of points across a tread at which the depth image is compared with it."""
+SEEN_THROUGH = 0.5
+"""Least fraction of these points past which the depth image shows something lower for a missing tread."""
+BELOW_EYE_M = 0.10
+"""Least height of the camera above a tread whose absence can be seen [m]."""
+KEPT = 6
+"""Number of hypotheses that are refined."""
+FOUND = 11
+"""Number of results: evidence, rise, run, x0, z0, variances of rise and run, first and last step, and counts of heights and
+places."""
+NONE = -1000
+"""Step number of a part outside the lattice."""
+LOG_2PI = math.log(2.0 * math.pi)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _term(residual, variance, cell, stray):
+    """Return the log-likelihood of a residual relative to a uniform density over a cell, with a probability of a stray part."""
+    return math.log(stray + (1.0 - stray) * cell / math.sqrt(2.0 * math.pi * variance) * math.exp(-0.5 * residual**2 / variance))
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _score(treads, risers, rise, run, x0, z0, levels, fronts):
+    """Return the score of a hypothesis in the search; ``levels`` and ``fronts`` are buffers with one place per step."""
+    levels[:] = 0.0
+    fronts[:] = 0.0
+    irregular_z, irregular_x = RISE_IRREGULAR_M**2, RUN_IRREGULAR_M**2
+    for t in range(treads.shape[0]):
+        k = int(round((treads[t, 0] - z0) / rise))
+        variance = treads[t, 1] + irregular_z
+        off = treads[t, 0] - z0 - k * rise
+        if abs(k) > LAST or off * off > SIGMAS**2 * variance:
+            continue
+        score = _term(off, variance, rise, STRAY)
+        if treads[t, 3] < np.inf:
+            score += _term(treads[t, 2] - x0 - k * run, treads[t, 3] + irregular_x, run, OTHER_END)
+        if treads[t, 5] < np.inf:
+            score += _term(treads[t, 4] - x0 - (k + 1) * run, treads[t, 5] + irregular_x, run, OTHER_END)
+        levels[k + LAST] = max(levels[k + LAST], score)
+    for r in range(risers.shape[0]):
+        k = int(round((risers[r, 0] - x0) / run))
+        variance = risers[r, 1] + irregular_x
+        off = risers[r, 0] - x0 - k * run
+        if abs(k) > LAST or off * off > SIGMAS**2 * variance:
+            continue
+        score = _term(off, variance, run, STRAY)
+        if risers[r, 3] < np.inf:
+            score += _term(risers[r, 2] - z0 - k * rise, risers[r, 3] + irregular_z, rise, OTHER_END)
+        if risers[r, 5] < np.inf:
+            score += _term(risers[r, 4] - z0 - (k - 1) * rise, risers[r, 5] + irregular_z, rise, OTHER_END)
+        fronts[k + LAST] = max(fronts[k + LAST], score)
+    return levels.sum() + fronts.sum()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _seeds(points, treads, risers, best, levels, fronts):
+    """Keep the hypotheses with the highest scores of all pairs of points.
+
+    Args:
+        points: Kind, x, z, lateral range; kind 2 are feet of risers, one rise below their nosing.
+        best: Filled with score, rise, run, x0, z0.
+    """
+    best[:] = -np.inf
+    for i in range(points.shape[0]):
+        for j in range(points.shape[0]):
+            if points[i, 0] != points[j, 0]:
+                continue
+            along, up = points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            if not (along > 0.0 and up > 0.0):
+                continue
+            if min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3]) < OVERLAP_M:
+                continue
+            for count in range(1, APART + 1):
+                rise, run = up / count, along / count
+                if not (RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run):
+                    continue
+                x0, z0 = points[i, 1], points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
+                score = _score(treads, risers, rise, run, x0, z0, levels, fronts)
+                score -= 0.5 * ((rise - RISE_MEAN_M) / RISE_SIGMA_M) ** 2 + 0.5 * ((run - RUN_MEAN_M) / RUN_SIGMA_M) ** 2
+                place = np.argmin(best[:, 0])
+                if score > best[place, 0]:
+                    best[place, 0], best[place, 1], best[place, 2], best[place, 3], best[place, 4] = score, rise, run, x0, z0
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _add(sums, k, kind, value, variance):
+    sums[k + LAST, kind, 0] += 1.0 / variance
+    sums[k + LAST, kind, 1] += value / variance
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _assign(treads, risers, rise, run, x0, z0, of_tread, front_on, of_riser, heights, places, spans):
+    """Assign parts to steps, and sum their heights and places.
+
+    Args:
+        of_tread, of_riser: Filled with the step of each tread and riser, ``NONE`` outside the lattice.
+        front_on: Filled with whether a tread's front is a nosing of the lattice.
+        heights, places: Filled with the sums of weights and of weighted values of each step: those of treads, those of risers.
+        spans: Filled with the lateral range of each step.
+    """
+    heights[:] = 0.0
+    places[:] = 0.0
+    spans[:, 0], spans[:, 1] = np.inf, -np.inf
+    irregular_z, irregular_x = RISE_IRREGULAR_M**2, RUN_IRREGULAR_M**2
+    for r in range(risers.shape[0]):
+        k = int(round((risers[r, 0] - x0) / run))
+        off = risers[r, 0] - x0 - k * run
+        of_riser[r] = NONE
+        if abs(k) >= LAST or off * off > SIGMAS**2 * (risers[r, 1] + irregular_x + OVERHANG_SIGMA_M**2):
+            continue
+        top = risers[r, 2] - z0 - k * rise
+        has_top = top * top < SIGMAS**2 * (risers[r, 3] + irregular_z + HIDDEN_SIGMA_M**2) and risers[r, 3] < np.inf
+        bottom = risers[r, 4] - z0 - (k - 1) * rise
+        has_bottom = bottom * bottom < SIGMAS**2 * (risers[r, 5] + irregular_z) and risers[r, 5] < np.inf
+        # A riser whose ends are seen, neither of them on the lattice, is a part of something else at this place.
+        if not (has_top or has_bottom) and (risers[r, 3] < np.inf or risers[r, 5] < np.inf):
+            continue
+        of_riser[r] = k
+        _add(places, k, 1, risers[r, 0], risers[r, 1])
+        if has_top:
+            _add(heights, k, 1, risers[r, 2], risers[r, 3])
+        if has_bottom:
+            _add(heights, k - 1, 0, risers[r, 4], risers[r, 5])
+        spans[k + LAST, 0], spans[k + LAST, 1] = min(spans[k + LAST, 0], risers[r, 6]), max(spans[k + LAST, 1], risers[r, 7])
+    for t in range(treads.shape[0]):
+        k = int(round((treads[t, 0] - z0) / rise))
+        off = treads[t, 0] - z0 - k * rise
+        of_tread[t], front_on[t] = NONE, False
+        if abs(k) >= LAST or off * off > SIGMAS**2 * (treads[t, 1] + irregular_z):
+            continue
+        # A tread lies between its nosing and the next, except for a floor and a landing.
+        here, next_one = x0 + k * run, x0 + (k + 1) * run
+        off = treads[t, 2] - here
+        front = treads[t, 3] < np.inf and off * off < SIGMAS**2 * (treads[t, 3] + irregular_x + OVERHANG_SIGMA_M**2)
+        off = treads[t, 4] - next_one
+        back = treads[t, 5] < np.inf and off * off < SIGMAS**2 * (treads[t, 5] + irregular_x + OVERHANG_SIGMA_M**2)
+        overlap = min(treads[t, 9], next_one) - max(treads[t, 8], here)
+        if not (front or back) and overlap < 0.5 * min(run, treads[t, 9] - treads[t, 8]):
+            continue
+        of_tread[t], front_on[t] = k, front
+        _add(heights, k, 0, treads[t, 0], treads[t, 1])
+        if front:
+            _add(places, k, 0, treads[t, 2], treads[t, 3])
+        if back:
+            _add(places, k + 1, 1, treads[t, 4], treads[t, 5])
+        spans[k + LAST, 0], spans[k + LAST, 1] = min(spans[k + LAST, 0], treads[t, 6]), max(spans[k + LAST, 1], treads[t, 7])
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _nodes(sums, offset_sigma, irregular, first, last, values, variances):
+    """Fill value and variance of each step from both kinds of parts; the second has a common unknown offset to the first."""
+    weight, off = 1.0 / offset_sigma**2, 0.0
+    for k in range(first + LAST, last + LAST + 1):
+        if sums[k, 0, 0] > 0.0 and sums[k, 1, 0] > 0.0:
+            own = 1.0 / (1.0 / sums[k, 0, 0] + 1.0 / sums[k, 1, 0])
+            weight += own
+            off += own * (sums[k, 1, 1] / sums[k, 1, 0] - sums[k, 0, 1] / sums[k, 0, 0])
+    off /= weight
+    for k in range(values.shape[0]):
+        total = sums[k, 0, 0] + sums[k, 1, 0]
+        variances[k] = np.inf
+        if total > 0.0 and first + LAST <= k <= last + LAST:
+            values[k] = (sums[k, 0, 1] + sums[k, 1, 1] - off * sums[k, 1, 0]) / total
+            variances[k] = 1.0 / total + irregular**2
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _line_evidence(values, variances, mean, sigma, gap, solution):
+    """Return the log-evidence of evenly spaced values against independent ones within a gap of each other.
+
+    The first value has a flat prior, the spacing a normal one; both are integrated out. ``solution`` is filled with first value,
+    spacing, variance of the spacing, and number of values.
+    """
+    a11, a12, a22 = 0.0, 0.0, 1.0 / sigma**2
+    b1, b2, square, logs, n = 0.0, mean / sigma**2, mean * mean / sigma**2, 0.0, 0
+    for index in range(values.shape[0]):
+        if variances[index] < np.inf:
+            k, w, y = float(index - LAST), 1.0 / variances[index], values[index]
+            a11 += w
+            a12 += w * k
+            a22 += w * k * k
+            b1 += w * y
+            b2 += w * k * y
+            square += w * y * y
+            logs += math.log(2.0 * math.pi * variances[index])
+            n += 1
+    solution[3] = n
+    if n == 0:
+        return 0.0
+    det = a11 * a22 - a12 * a12
+    solution[0] = (a22 * b1 - a12 * b2) / det
+    solution[1] = (a11 * b2 - a12 * b1) / det
+    solution[2] = a11 / det
+    chi = square - solution[0] * b1 - solution[1] * b2
+    prior = math.log(sigma * math.sqrt(2.0 * math.pi))
+    return -0.5 * logs - 0.5 * chi - prior + LOG_2PI - 0.5 * math.log(det) + (n - 1) * math.log(gap)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _group(heights, places, spans, bounds):
+    """Fill ``bounds`` with first and last step of the group in view with most heights and places."""
+    best, count, first, last = 0, 0, 0, -2 * LAST
+    bounds[0], bounds[1] = 0, -1
+    low, high = np.inf, -np.inf
+    for index in range(heights.shape[0]):
+        held = int(heights[index, 0, 0] + heights[index, 1, 0] > 0.0) + int(places[index, 0, 0] + places[index, 1, 0] > 0.0)
+        if held == 0:
+            continue
+        k = index - LAST
+        has_span = spans[index, 1] > spans[index, 0]
+        if k - last > APART or (has_span and high > low and min(high, spans[index, 1]) - max(low, spans[index, 0]) < OVERLAP_M):
+            first, count = k, 0
+            low, high = np.inf, -np.inf
+        if has_span:
+            low, high = spans[index, 0], spans[index, 1]
+        last = k
+        count += held
+        if count > best:
+            best = count
+            bounds[0], bounds[1] = first, last
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, front_on, of_riser):
+    """Return the staircase with the most evidence; NaN evidence without one.
+
+    Args:
+        points: Seeds of the search: kind (0 fronts of treads, 1 tops of risers, 2 feet of risers), x, z, lateral range.
+        nearness: Inverse depth, one row per column of the image; ``pinhole``: fx, fy, cx, cy.
+        axes: Rows: directions in C of x, z and the lateral coordinate.
+        of_tread, front_on, of_riser: Filled with the assignment of the parts, as in ``_assign``.
+
+    Returns:
+        Evidence, rise, run, x0, z0, variances of rise and run, first and last step, numbers of steps with a height and with a
+        place.
+    """
+    size = 2 * LAST + 1
+    levels, fronts, best = np.empty(size), np.empty(size), np.empty((KEPT, 5))
+    _seeds(points, treads, risers, best, levels, fronts)
+    heights, places, spans = np.empty((size, 2, 2)), np.empty((size, 2, 2)), np.empty((size, 2))
+    values, variances, bounds = np.empty(size), np.empty(size), np.empty(2, dtype=np.int64)
+    along, up, found = np.empty(4), np.empty(4), np.full(FOUND, np.nan)
+    mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
+    for s in range(KEPT):
+        if best[s, 0] == -np.inf:
+            continue
+        rise, run, x0, z0 = best[s, 1], best[s, 2], best[s, 3], best[s, 4]
+        evidence = -np.inf
+        for _ in range(3):
+            _assign(treads, risers, rise, run, x0, z0, mine, mine_on, my_risers, heights, places, spans)
+            _group(heights, places, spans, bounds)
+            _nodes(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds[0], bounds[1], values, variances)
+            evidence = _line_evidence(values, variances, RISE_MEAN_M, RISE_SIGMA_M, RISE_GAP_M, up)
+            _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
+            evidence += _line_evidence(values, variances, RUN_MEAN_M, RUN_SIGMA_M, RUN_GAP_M, along)
+            if up[3] < 2 or along[3] < 2:
+                evidence = -np.inf
+                break
+            z0, rise, x0, run = up[0], up[1], along[0], along[1]
+        if not (RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run):
+            continue
+        evidence += _foreign_levels(treads, rise, run, x0, z0, mine, bounds, spans)
+        evidence += _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
+        if evidence > -np.inf and not evidence <= found[0]:
+            found[0], found[1], found[2], found[3], found[4] = evidence, rise, run, x0, z0
+            found[5], found[6], found[7], found[8], found[9], found[10] = up[2], along[2], bounds[0], bounds[1], up[3], along[3]
+            of_tread[:] = mine
+            front_on[:] = mine_on
+            of_riser[:] = my_risers
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans):
+    """Return the log-probability of the levels in the midst of the lattice that do not belong to it."""
+    total = 0.0
+    for t in range(treads.shape[0]):
+        k = of_tread[t]
+        if k == NONE:
+            level = (treads[t, 0] - z0) / rise
+            at = int(math.floor(level))
+            inside = bounds[0] < level < bounds[1] and min(treads[t, 9], x0 + (at + 2) * run) > max(treads[t, 8], x0 + at * run)
+            if inside and min(treads[t, 7], spans[at + LAST, 1]) - max(treads[t, 6], spans[at + LAST, 0]) > OVERLAP_M:
+                total += FOREIGN
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
+    """Return the log-probability of the treads that would be in view where the depth image shows something lower and further."""
+    fx, fy, cx, cy = pinhole
+    total, left, right = 0.0, np.inf, -np.inf
+    for k in range(bounds[0], bounds[1] + 1):
+        left, right = min(left, spans[k + LAST, 0]), max(right, spans[k + LAST, 1])
+    for k in range(bounds[0], bounds[1] + 1):
+        height = z0 + k * rise
+        if height > -BELOW_EYE_M:
+            continue
+        low, high = spans[k + LAST, 0], spans[k + LAST, 1]
+        if not high > low:
+            low, high = left, right
+        through = seen = 0
+        for i in range(PROBES):
+            aside = low + (i + 1.0) / (PROBES + 1.0) * (high - low)
+            for part in (0.35, 0.65):
+                along = x0 + (k + part) * run
+                x = along * axes[0, 0] + height * axes[1, 0] + aside * axes[2, 0]
+                y = along * axes[0, 1] + height * axes[1, 1] + aside * axes[2, 1]
+                z = along * axes[0, 2] + height * axes[1, 2] + aside * axes[2, 2]
+                if not z > 0.1:
+                    continue
+                u, v = int(round(fx * x / z + cx)), int(round(fy * y / z + cy))
+                if not (0 <= u < nearness.shape[0] and 0 <= v < nearness.shape[1]):
+                    continue
+                w = nearness[u, v]
+                if w != w:
+                    continue
+                seen += 1
+                # On the same ray heights are proportional to depth.
+                if w * z < 1.0 and height / (w * z) < height - 0.5 * rise:
+                    through += 1
+        if seen >= PROBES and through > SEEN_THROUGH * seen:
+            total += MISSING
+    return total
