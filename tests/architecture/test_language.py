@@ -14,16 +14,6 @@ ROOT = Path(__file__).parents[2]
 FOLDERS = [*sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.glob("*.py"))), "."]
 """Package folders, and "." for the modules directly in the package."""
 
-NOT_YET: frozenset[str] = frozenset()
-"""Folders that still break the rules. A folder leaves this list in the change that cleans it, and never returns."""
-
-HOMONYMS_NOT_YET: frozenset[str] = frozenset()
-"""Class names that still have several meanings. The list shrinks like ``NOT_YET``."""
-
-
-DOCUMENTS_NOT_YET: frozenset[str] = frozenset()
-"""Documents that still use retired terms. The list shrinks like ``NOT_YET``."""
-
 
 def _checker() -> ModuleType:
     spec = importlib.util.spec_from_file_location("language", Path(__file__).with_name("language.py"))
@@ -45,27 +35,18 @@ def _files(folder: str) -> list[Path]:
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_folder_reads_in_field_terms(folder: str) -> None:
     found = language.findings(_files(folder))
-    if folder in NOT_YET:
-        assert found, f"{folder} is clean: take it off NOT_YET"
-    else:
-        assert not found, "\n".join(str(finding) for finding in found)
+    assert not found, "\n".join(str(finding) for finding in found)
 
 
 def test_documents_use_field_terms() -> None:
     pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
     found = {str(page.relative_to(ROOT)) for page in pages if language.findings([page])}
-    assert not found - DOCUMENTS_NOT_YET, "python tests/architecture/language.py FILE lists the terms"
-    assert not DOCUMENTS_NOT_YET - found, "clean: take them off DOCUMENTS_NOT_YET"
-
-
-def test_listed_folders_exist() -> None:
-    assert set(FOLDERS) >= NOT_YET
+    assert not found, "python tests/architecture/language.py FILE lists the terms"
 
 
 def test_a_class_name_has_one_meaning() -> None:
     twice = set(language.homonyms(sorted(PACKAGE.rglob("*.py"))))
-    assert not twice - HOMONYMS_NOT_YET, "class names defined in two modules"
-    assert not HOMONYMS_NOT_YET - twice, "no longer defined twice: take them off HOMONYMS_NOT_YET"
+    assert not twice, "class names defined in two modules"
 
 
 BAD = {

@@ -12,8 +12,8 @@ from treadline.perception.direction import EdgeFit, fit_edges
 from treadline.perception.gravity_from_treads import down_of_treads
 from treadline.perception.kernels import BEYOND
 from treadline.perception.lines import Line
-from treadline.perception.steps import NosingObservation
 from treadline.perception.planes import Ends, Surface
+from treadline.perception.steps import NosingObservation
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN = np.array([0.0, 1.0, 0.0])
@@ -37,9 +37,7 @@ def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, dist
 
 def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> NosingObservation:
     plane = surface(rotation_y(20.0 * DEG + turned_rad) @ np.array([0.0, 0.0, 1.0]), distance_m=distance_m)
-    return NosingObservation(
-        step=0, ahead_m=distance_m, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=()
-    )
+    return NosingObservation(step=0, ahead_m=distance_m, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=())
 
 
 def tread() -> Surface:
