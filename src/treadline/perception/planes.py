@@ -44,7 +44,7 @@ NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
 TURN_NOISE_MOST = 1.5
-"""Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer tells a riser from a tread."""
+"""Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 
