@@ -135,9 +135,7 @@ def residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]
 def _from_best_start(system: Affine, experiment: Experiment) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "T p"], int]:
     """Return the least-squares initial state, the residual of a run from zero, and the steps over which the start matters."""
     last = _lasting(system, len(experiment.y))
-    e, square, right = run_residual(
-        system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, last
-    )
+    e, square, right = run_residual(system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, last)
     return _solution(square, right[:, None])[:, 0], e, last
 
 
