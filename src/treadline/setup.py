@@ -196,7 +196,9 @@ def mission_config(
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
-    """Return the chair with its seat shifted along the chair, uphill positive [m]."""
+    """Return the chair with its seat shifted along the chair, uphill positive [m]; without a seat, the chair itself."""
+    if chair.seat is None:
+        return chair
     x, y, z = chair.seat.hinge_m
     seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
     return chair.model_copy(update={"seat": seat})

@@ -91,8 +91,8 @@ GROUPS: dict[str, dict[str, Word]] = {
         "passenger_longitudinal_m_s2": Word("acceleration of the passenger along the chair", "m/s²"),
         "passenger_lateral_m_s2": Word("acceleration of the passenger across the chair", "m/s²"),
         "passenger_jerk_m_s3": Word("jerk of the passenger, 99th percentile", "m/s³"),
-        "seat_rms_deg": Word("seat off level, RMS", "°"),
-        "seat_max_deg": Word("seat off level, largest", "°"),
+        "seat_rms_deg": Word("seat off level, RMS", "°", "no seat linkage"),
+        "seat_max_deg": Word("seat off level, largest", "°", "no seat linkage"),
     },
     "Safety": {
         "min_stability_margin_deg": Word("smallest tip-over margin that lasts 0.1 s", "°"),
