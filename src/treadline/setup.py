@@ -101,6 +101,16 @@ class Setup:
             return open_gazebo(self.scenario, self.seed, chair=self.chair)
         return self.opener(self.scenario, self.seed)
 
+    def require_controller(self) -> None:
+        """Reject a rejected scenario for whose vehicle no controller is shipped: the answer of ``check`` precedes the controller.
+
+        Raises:
+            SettingsError: With the reasons of ``check``.
+        """
+        has_none = self.driver is None and self.mission.controller is None and self.mission.plugins.controller is None
+        if self.rejections and has_none and self.mission.loop == "closed":
+            raise SettingsError(f"check refuses this scenario: {'; '.join(self.rejections)}")
+
     def manifest(self) -> dict[str, dict[str, str]]:
         """Return the plug-ins of the run for its manifest, by kind; empty without plug-ins."""
         sources = self.mission.plugins.sources()

@@ -188,6 +188,8 @@ def test_the_open_questions_of_an_own_robot_are_answered_in_order(robot: Callabl
     setup = resolve(steep)  # check answers; no controller is needed for a refusal
     assert setup.mission.controller is None
     assert any("44.0° steep" in reason for reason in setup.rejections)
+    with pytest.raises(SettingsError, match=r"check refuses this scenario: the stair is 44\.0° steep"):
+        setup.require_controller()
     assert check(scenario_of(path), read_chair(str(path))).verdict == "go"
     with pytest.raises(SettingsError, match="no controller is shipped for 'mine'"):
         resolve(scenario_of(path))

@@ -65,6 +65,7 @@ def nodes(
         claim(out, force=force, kind="either")
         make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
+    setup.require_controller()
     settings, config = setup.scenario, setup.mission
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":

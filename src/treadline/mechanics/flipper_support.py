@@ -45,31 +45,36 @@ def front_support_m(chair: ChairDescription, pitch_m: float, weight_n: float) ->
     section_m = in_line_m(chair)
     if section_m == 0.0:
         return half_m - pitch_m
-    arm_m = math.inf if chair.flipper is None else chair.flipper.torque_n_m / weight_n
+    full_load_lever_m = math.inf if chair.flipper is None else chair.flipper.torque_n_m / weight_n
     foremost_m = half_m + section_m - pitch_m * np.linspace(0.0, 1.0, PHASES + 1)
-    # One nosing at d ahead of the axis supports up to d - pitch + pitch · arm / d; this is smallest at d² = pitch · arm.
-    exact_m = [ahead for ahead in (0.0, math.sqrt(pitch_m * arm_m)) if ahead <= section_m]
+    # One nosing at d ahead of the axis supports up to d - pitch + pitch · lever / d; this is smallest at d² = pitch · lever.
+    exact_m = [ahead for ahead in (0.0, math.sqrt(pitch_m * full_load_lever_m)) if ahead <= section_m]
     exact_m = [half_m + ahead + pitch_m * math.floor((section_m - ahead) / pitch_m) for ahead in exact_m]
     foremost_m = np.append(foremost_m, exact_m)
-    return min(_front_edge_m(float(first), half_m, pitch_m, arm_m) for first in foremost_m)
+    return float(_front_edges_m(foremost_m, half_m, section_m, pitch_m, full_load_lever_m).min())
 
 
-def _front_edge_m(foremost_m: float, half_m: float, pitch_m: float, arm_m: float) -> float:
-    """Return the front edge of the support at one phase [m].
+def _front_edges_m(
+    foremost_m: Float[np.ndarray, " n"], half_m: float, section_m: float, pitch_m: float, full_load_lever_m: float
+) -> Float[np.ndarray, " n"]:
+    """Return the front edge of the support at each phase [m].
+
+    The optimum of a linear programme with two constraints (weight, torque) loads at most two nosings.
 
     Args:
-        foremost_m: Position of the foremost nosing under the track.
-        arm_m: Motor torque divided by the weight: the distance from its axis at which a flipper carries the whole chair.
+        foremost_m: Position of the foremost nosing under the track, one per phase.
+        full_load_lever_m: Motor torque divided by the weight: the distance from its axis at which a flipper carries the whole chair.
     """
-    count = max(math.floor((foremost_m + half_m) / pitch_m + ROUNDING_M) + 1, 1)
-    nosings_m: Float[np.ndarray, " n"] = foremost_m - pitch_m * np.arange(count)
-    levers_m = np.maximum(nosings_m - half_m, 0.0)
+    # The foremost nosings, down to one that is under the flat run at each phase or behind it.
+    places = [foremost_m - pitch_m * k for k in range(math.ceil(section_m / pitch_m) + 2)]
+    levers = [np.maximum(place - half_m, 0.0) for place in places]
     # Without a nosing under the flat run the chair stands on its flipper alone, and tips back onto the rear end.
-    edge_m = -half_m
-    # The optimum of a linear programme with two constraints (weight, torque) loads at most two nosings.
-    for near_m, near_lever_m in zip(nosings_m, levers_m, strict=True):
-        if near_lever_m <= arm_m:
-            further = levers_m > near_lever_m
-            share = np.minimum(1.0, (arm_m - near_lever_m) / (levers_m[further] - near_lever_m))
-            edge_m = max(edge_m, near_m, *(near_m + share * (nosings_m[further] - near_m)))
-    return float(edge_m)
+    edges_m = np.full(len(foremost_m), -half_m)
+    for near, (place, lever) in enumerate(zip(places, levers, strict=True)):
+        carries = (lever <= full_load_lever_m) & (place >= -half_m - ROUNDING_M)
+        edges_m = np.where(carries, np.maximum(edges_m, place), edges_m)
+        for further in range(near):
+            apart = np.maximum(levers[further] - lever, ROUNDING_M)
+            share = np.minimum(1.0, (full_load_lever_m - lever) / apart)
+            edges_m = np.where(carries, np.maximum(edges_m, place + share * (places[further] - place)), edges_m)
+    return edges_m
