@@ -63,7 +63,7 @@ def _front_edges_m(
 
     Args:
         foremost_m: Position of the foremost nosing under the track, one per phase.
-        full_load_lever_m: Motor torque divided by the weight: the distance from its axis at which a flipper carries the whole chair.
+        full_load_lever_m: Motor torque divided by the weight: the distance from its axis at which a flipper carries the chair.
     """
     # The foremost nosings, down to one that is under the flat run at each phase or behind it.
     places = [foremost_m - pitch_m * k for k in range(math.ceil(section_m / pitch_m) + 2)]
