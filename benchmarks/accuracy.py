@@ -16,7 +16,7 @@ from systems import Experiment, driven, equation_12, in_closed_loop, light_dampi
 from tables import Row, table
 
 from treadline import paper
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 
 STEPS = 20
 """Markov parameters compared: D, CB, … CA¹⁸B."""
@@ -97,7 +97,7 @@ def _errors_of_ours(arguments: dict[str, Any], case: Case, experiments: list[Exp
     errors = []
     for experiment in experiments:
         try:
-            model = identify(experiment.record, order=case.order, **arguments).model
+            model = identify(experiment.record, IdentificationOptions(order=case.order, **arguments)).model
             errors.append(relative_error(ours.state_space(model), experiment.system, STEPS))
         except ours.FAILURES:
             errors.append(np.inf)
@@ -148,7 +148,7 @@ def _poles(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]] | None:
     """Return |λ̂ - λ| and the declared half width of each true pole; None where no interval is offered."""
     try:
-        report = identify(experiment.record, order=order, **arguments).report
+        report = identify(experiment.record, IdentificationOptions(order=order, **arguments)).report
     except ours.FAILURES:
         return None
     if report.pole_ci95 is None:

@@ -7,7 +7,7 @@ import numpy as np
 from systems import StateSpace, driven, equation_12
 
 from treadline.errors import TreadlineError
-from treadline.identification import era, identify
+from treadline.identification import IdentificationOptions, era, identify
 from treadline.identification.gram import gram, units_of
 from treadline.models import InputOutputRecord
 
@@ -30,7 +30,7 @@ def known() -> dict[str, dict[str, Any]]:
     trial, found = driven(equation_12(), 400, 0.01, 0).record, {}
     for name, asked in WAYS.items():
         try:
-            identify(trial, order=2, **asked)
+            identify(trial, IdentificationOptions(order=2, **asked))
         except (TypeError, *FAILURES) as error:
             print(f"treadline: {name} is not in this version ({error})")
         else:

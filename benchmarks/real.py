@@ -15,7 +15,7 @@ from peers import Fit, PeerError, centred
 from score import fit_percent
 from systems import DataSet, StateSpace, halves, part
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.models import InputOutputRecord
 
 ORDERS = range(1, 13)
@@ -53,7 +53,7 @@ def scores(data: DataSet, folder: Path, fits: dict[str, Fit]) -> Iterator[Score]
 
 def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
     try:
-        found = identify(first, **arguments)
+        found = identify(first, IdentificationOptions(**arguments))
     except ours.FAILURES as error:
         return Score(method=name, percent=-np.inf, choice="–", is_peer=False, notes=(str(error),))
     model = ours.state_space(found.model)
@@ -66,7 +66,7 @@ def _like_a_peer(name: str, arguments: dict[str, Any], first: InputOutputRecord,
     """Score a method of treadline with order and lags selected as for a peer, to separate selection from method."""
 
     def fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
-        return ours.state_space(identify(record, order=order, lags=block_rows, **arguments).model)
+        return ours.state_space(identify(record, IdentificationOptions(order=order, lags=block_rows, **arguments)).model)
 
     return _chosen(f"{name}, chosen as a peer's", fit, first, second, is_peer=False)
 

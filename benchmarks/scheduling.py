@@ -12,7 +12,7 @@ from treadline.control.tune import tune
 from treadline.controller_files import shipped_controller
 from treadline.experiments.excite import PERIOD_S, excite, long_enough
 from treadline.experiments.traverse import traverse
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.models import ControllerDesign
 from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
@@ -66,7 +66,7 @@ def main() -> None:
         data = excite(
             scenario(slope_deg, payload_kg, 0.0, 0.005), samples=arguments.samples, period_s=PERIOD_S, seed=arguments.seed
         )
-        own = tune(identify(data.record, method="okid-era").model)
+        own = tune(identify(data.record, IdentificationOptions(method="okid-era")).model)
         pairs = zip(*(figures(controller, slope_deg, payload_kg, seeds) for controller in (own, shipped)), strict=True)
         cells = [f"{mine:.{digits}f} | {theirs:.{digits}f}" for (mine, theirs), digits in zip(pairs, (2, 3, 1), strict=True)]
         print(f"| {slope_deg:.0f}°, {payload_kg:.0f} kg | {' | '.join(cells)} |", flush=True)

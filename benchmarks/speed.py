@@ -17,7 +17,7 @@ from score import markov
 from systems import driven, equation_12, light_damping
 from tables import Row, table
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.models import InputOutputRecord
 
 GRID = ((1_000, 20), (100_000, 20), (1_000_000, 20), (1_000_000, 50), (10_000_000, 50))
@@ -47,7 +47,9 @@ def _identification(fits: dict[str, Fit], samples: int, lags: int, seed: int) ->
     own: dict[str, Callable[[], object]] = {"Gram alone": partial(ours.gram_alone, record, lags)}
     for name, arguments in ours.known().items():
         if samples <= LONG or name in QUICK_WAYS:
-            own[f"identify, {name}"] = partial(identify, record, order=2, lags=lags, feedthrough=True, **arguments)
+            own[f"identify, {name}"] = partial(
+                identify, record, IdentificationOptions(order=2, lags=lags, feedthrough=True, **arguments)
+            )
         if name in REPORTED and (samples <= LONG or name in QUICK_WAYS):
             own[f"and its report, {name}"] = partial(_reported, record, lags, arguments)
     times = {name: cpu_s(work, repeats) for name, work in own.items()}
@@ -60,7 +62,7 @@ def _identification(fits: dict[str, Fit], samples: int, lags: int, seed: int) ->
 
 def _reported(record: InputOutputRecord, lags: int, arguments: dict[str, Any]) -> object:
     """Identify and judge: free run, whiteness, intervals. A version may leave them until they are asked for."""
-    return identify(record, order=2, lags=lags, feedthrough=True, **arguments).report
+    return identify(record, IdentificationOptions(order=2, lags=lags, feedthrough=True, **arguments)).report
 
 
 def _timed(name: str, value: float | None, best: float) -> Row:
@@ -127,7 +129,9 @@ def memory_of(folder: Path, lags: int) -> None:
     """Identify the record in a folder and print this process's peak before and after."""
     u, y = (np.load(folder / name, allow_pickle=False) for name in ("u.npy", "y.npy"))
     before = peak_mb()
-    found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), order=2, lags=lags, feedthrough=True, method="okid-era")
+    found = identify(
+        InputOutputRecord(u=u, y=y, dt_s=1.0), IdentificationOptions(order=2, lags=lags, feedthrough=True, method="okid-era")
+    )
     fitted, _ = peak_mb(), found.report
     data = (u.nbytes + y.nbytes) / 1e6
     print(f"peak {fitted:.0f} MB, {peak_mb():.0f} MB with its report; {before:.0f} MB once the data ({data:.0f} MB) were loaded")

@@ -14,7 +14,7 @@ from treadline.control import tune
 from treadline.controller_files import SHIPPED
 from treadline.experiments.excite import PERIOD_S, excite
 from treadline.experiments.plan import CONTROLLER_GROUND, excitation
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 
 SEED, SAMPLES = 100, 1000
 PAYLOAD_KG = {"wheelchair": 50.0, "rescue": 3.0}
@@ -24,7 +24,7 @@ vehicle = sys.argv[1] if len(sys.argv) > 1 else "wheelchair"
 scenario = excitation(CONTROLLER_GROUND)
 loading = scenario.chair.model_copy(update={"model": vehicle, "payload_kg": PAYLOAD_KG[vehicle]})
 excited = excite(scenario.model_copy(update={"chair": loading}), samples=SAMPLES, period_s=PERIOD_S, seed=SEED)
-found = identify(excited.record, method="okid-era")
+found = identify(excited.record, IdentificationOptions(method="okid-era"))
 origin = {
     "made_by": f"examples/make_controller.py {vehicle}",
     "slope_deg": CONTROLLER_GROUND.slope_deg,

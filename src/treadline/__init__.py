@@ -3,6 +3,7 @@
 ``import treadline as tl`` imports nothing heavy: each function below is loaded when it is first used.
 
 * ``tl.identify(u, y, dt)``: linear model of recorded inputs and outputs.
+* ``tl.IdentificationOptions(order=2, ...)``: options of an identification.
 * ``tl.load_model(path)``: model from a file.
 * ``tl.tune(model)``: LQR gain and observer of a model.
 * ``tl.check(scenario)``: mechanical feasibility of a scenario.
@@ -14,9 +15,10 @@ from importlib import import_module
 from typing import Any
 
 __version__ = "0.2.0"
-__all__ = ["__version__", "check", "climb", "detect_stair", "identify", "load_model", "tune"]
+__all__ = ["IdentificationOptions", "__version__", "check", "climb", "detect_stair", "identify", "load_model", "tune"]
 
 _MODULE_OF = {
+    "IdentificationOptions": "treadline.identification.options",
     "check": "treadline.api.feasibility",
     "climb": "treadline.api.simulation",
     "detect_stair": "treadline.api.vision",
@@ -28,7 +30,7 @@ _MODULE_OF = {
 
 
 def __getattr__(name: str) -> Any:
-    """Return a public function, loaded at its first use (PEP 562)."""
+    """Return a public name, loaded at its first use (PEP 562)."""
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'treadline' has no attribute '{name}'")
     value = getattr(import_module(_MODULE_OF[name]), name)

@@ -1,5 +1,7 @@
 """Conversion and checking of numeric arrays from callers, once, at the interface."""
 
+from dataclasses import fields
+
 import numpy as np
 from jaxtyping import Float
 
@@ -50,6 +52,14 @@ def real(name: str, given: object, wanted: str) -> Float[np.ndarray, "..."]:
     if array.dtype.kind not in REAL:
         raise RecordError(f"{name} is {_called(given, array)}; wanted {wanted}, all real numbers")
     return array if array.dtype.kind == "f" else array.astype(float)
+
+
+def store_contiguous(instance: object) -> None:
+    """Store the arrays of a frozen dataclass C-contiguous: numba compiles a kernel anew for every other memory layout."""
+    for item in fields(instance):  # type: ignore[arg-type]
+        value = getattr(instance, item.name)
+        if isinstance(value, np.ndarray) and not value.flags.c_contiguous:
+            object.__setattr__(instance, item.name, np.ascontiguousarray(value))
 
 
 def _called(given: object, array: np.ndarray) -> str:

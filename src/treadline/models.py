@@ -258,10 +258,15 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
-    """Return the samples of a record, one row each; a one-dimensional array becomes one column."""
+    """Return the samples of a record, one row each; a one-dimensional array becomes one column.
+
+    The array has the one memory layout that kernels are compiled for; a column-major, read-only or single-precision array, as
+    a data frame may hold it, is copied.
+    """
     wanted = "one row per sample, one column per channel"
     array = real(name, given, wanted)
-    return shaped(name, array[:, None] if array.ndim == 1 else array, (None, None), wanted)
+    array = shaped(name, array[:, None] if array.ndim == 1 else array, (None, None), wanted)
+    return np.require(array, dtype=np.float64, requirements=("C", "W"))
 
 
 def _names(name: str, given: Iterable[str]) -> tuple[str, ...]:

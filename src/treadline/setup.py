@@ -101,6 +101,16 @@ class Setup:
             return open_gazebo(self.scenario, self.seed, chair=self.chair)
         return self.opener(self.scenario, self.seed)
 
+    def require_controller(self) -> None:
+        """Reject a rejected scenario for whose vehicle no controller is shipped: the answer of ``check`` precedes the controller.
+
+        Raises:
+            SettingsError: With the reasons of ``check``.
+        """
+        has_none = self.driver is None and self.mission.controller is None and self.mission.plugins.controller is None
+        if self.rejections and has_none and self.mission.loop == "closed":
+            raise SettingsError(f"check refuses this scenario: {'; '.join(self.rejections)}")
+
     def manifest(self) -> dict[str, dict[str, str]]:
         """Return the plug-ins of the run for its manifest, by kind; empty without plug-ins."""
         sources = self.mission.plugins.sources()
@@ -196,7 +206,9 @@ def mission_config(
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
-    """Return the chair with its seat shifted along the chair, uphill positive [m]."""
+    """Return the chair with its seat shifted along the chair, uphill positive [m]; without a seat, the chair itself."""
+    if chair.seat is None:
+        return chair
     x, y, z = chair.seat.hinge_m
     seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
     return chair.model_copy(update={"seat": seat})

@@ -15,7 +15,7 @@ from treadline.models import LinearModel
 from treadline.scenario import Scenario
 from treadline.sim.camera import ViewRecipe, draw_view
 
-PUBLIC = {"check", "climb", "detect_stair", "identify", "load_model", "tune"}
+PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "tune"}
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
 
@@ -32,14 +32,14 @@ def test_the_import_takes_less_than_a_tenth_of_a_second_and_loads_nothing_heavy(
 def test_the_package_exports_what_users_need_and_nothing_else() -> None:
     assert set(tl.__all__) - {"__version__"} == PUBLIC
     for name in PUBLIC:
-        function = getattr(tl, name)
-        assert inspect.isfunction(inspect.unwrap(function))
-        assert function.__doc__
+        item = getattr(tl, name)
+        assert inspect.isclass(item) or inspect.isfunction(inspect.unwrap(item))
+        assert item.__doc__
     with pytest.raises(AttributeError, match="no attribute 'clime'"):
         tl.clime  # noqa: B018
 
 
-def test_the_stub_for_type_checkers_names_the_same_functions() -> None:
+def test_the_stub_for_type_checkers_names_the_same_things() -> None:
     stub = Path(tl.__file__).with_suffix(".pyi").read_text()
     assert {line.rsplit(" ", 1)[1] for line in stub.splitlines() if line.startswith("from")} == PUBLIC
 
@@ -75,6 +75,19 @@ def test_arrays_become_a_model_that_can_be_saved_loaded_and_tuned(tmp_path: Path
         assert (tl.load_model(given).A == found.model.A).all()
     gains = [tl.tune(model).K for model in (found, found.model, path, str(path))]
     assert all((gain == gains[0]).all() for gain in gains)
+
+
+def test_identify_takes_keywords_or_one_options_object() -> None:
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(300, 1))
+    y = np.cumsum(u, axis=0)
+    options = tl.IdentificationOptions(order=1, method="okid-era", lags=4)
+    by_object = tl.identify(u, y, 0.25, options)
+    np.testing.assert_array_equal(tl.identify(u, y, 0.25, order=1, method="okid-era", lags=4).model.A, by_object.model.A)
+    with pytest.raises(SettingsError, match="order and options are given"):
+        tl.identify(u, y, 0.25, options, order=2)
+    with pytest.raises(SettingsError, match="no option 'methd'; did you mean method"):
+        tl.identify(u, y, 0.25, methd="pbsid")
 
 
 def test_a_data_frame_keeps_its_column_names() -> None:

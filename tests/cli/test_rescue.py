@@ -65,7 +65,8 @@ def test_it_spans_two_nosings_of_a_house_stair_and_is_refused_on_a_long_pitch() 
     robot = read_chair("rescue")
     assert robot.tracks.flat_run_m > minimum_track_length(0.17, 0.29)
     refused = check(standing(0.18, 0.18 / math.tan(20 * DEG), 3.0), robot)
-    assert any("too short for two nosings" in reason for reason in refused.reasons)
+    # With its flipper it spans two nosings, but the flat run alone supports it downhill, at some phases by one nosing.
+    assert any("tipping margin downhill" in reason for reason in refused.reasons)
 
 
 def test_its_head_stays_level_to_44_degrees_as_the_wheelchairs_seat_does() -> None:

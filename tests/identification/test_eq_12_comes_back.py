@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -32,7 +32,10 @@ def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearM
 def test_the_error_under_noise_is_near_the_cramer_rao_bound(
     draw: Draw, eq_12: LinearModel, noise: float, bound: float, method: str, times: float
 ) -> None:
-    errors = [markov_error(identify(draw(seed, noise=noise), order=2, method=method).model, eq_12) for seed in range(10)]
+    errors = [
+        markov_error(identify(draw(seed, noise=noise), IdentificationOptions(order=2, method=method)).model, eq_12)
+        for seed in range(10)
+    ]
     # Cramér–Rao bound with a free initial state; the mean of ten such errors scatters by 8 %.
     assert np.mean(errors) < times * bound
 
@@ -57,16 +60,16 @@ def test_offsets_of_inputs_and_outputs_do_not_change_the_dynamics(draw: Draw, eq
 def test_experiments_are_treated_as_separate(draw: Draw, eq_12: LinearModel) -> None:
     first, second = draw(3, samples=500), draw(4, samples=400, x0=np.array([20.0, 20.0]))
     glued = InputOutputRecord(u=np.vstack([first.u, second.u]), y=np.vstack([first.y, second.y]), dt_s=first.dt_s)
-    assert markov_error(identify([first, second], order=2).model, eq_12) < 1e-12
+    assert markov_error(identify([first, second], IdentificationOptions(order=2)).model, eq_12) < 1e-12
     # A single row across the seam would spoil the fit: no input explains the jump of the state.
-    assert markov_error(identify(glued, order=2).model, eq_12) > 0.1
+    assert markov_error(identify(glued, IdentificationOptions(order=2)).model, eq_12) > 0.1
 
 
 def test_rows_with_a_gap_are_left_out_and_counted(draw: Draw, eq_12: LinearModel) -> None:
     whole = draw(5)
     u, y = whole.u.copy(), whole.y.copy()
     y[100, 0] = u[500, 1] = np.nan
-    found = identify(InputOutputRecord(u=u, y=y, dt_s=whole.dt_s), order=2, lags=3)
+    found = identify(InputOutputRecord(u=u, y=y, dt_s=whole.dt_s), IdentificationOptions(order=2, lags=3))
     assert markov_error(found.model, eq_12) < 1e-12
     # With three lags a gap affects four windows: its own and three later ones.
     assert found.report.dropped == 2 * 4
@@ -79,7 +82,7 @@ def test_scattered_gaps_cost_only_windows_of_the_selected_lags(draw: Draw, eq_12
     whole, rng = draw(12, noise=0.05), np.random.default_rng(13)
     y = whole.y.copy()
     y[rng.choice(len(y), round(share * len(y)), replace=False)] = np.nan
-    found = identify(InputOutputRecord(u=whole.u, y=y, dt_s=whole.dt_s), method="okid-era")
+    found = identify(InputOutputRecord(u=whole.u, y=y, dt_s=whole.dt_s), IdentificationOptions(method="okid-era"))
     # A window of p lags is complete with probability (1 - share)^(p + 1): 12 lags would leave 6 % of them.
     kept = (1.0 - share) ** (found.report.lags + 1)
     assert found.report.samples / len(y) == pytest.approx(kept, rel=0.1)
@@ -93,7 +96,7 @@ def test_identification_does_not_modify_its_inputs(draw: Draw) -> None:
     u, y = record.u.copy(), record.y.copy()
     y[7, 0] = np.nan
     given = InputOutputRecord(u=u.copy(), y=y.copy(), dt_s=record.dt_s)
-    identify(given, order=2, validation=0.3)
+    identify(given, IdentificationOptions(order=2, validation=0.3))
     np.testing.assert_array_equal(given.u, u)
     np.testing.assert_array_equal(given.y, y)
 
@@ -110,7 +113,7 @@ def test_units_do_not_change_what_is_found(draw: Draw, eq_12: LinearModel) -> No
 
 def test_validation_figures_use_only_data_that_were_not_fitted(draw: Draw) -> None:
     record = draw(8, noise=0.1)
-    found = identify(record, order=2, validation=0.3)
+    found = identify(record, IdentificationOptions(order=2, validation=0.3))
     # 700 samples are fitted; the first ones have an incomplete past.
     assert found.report.samples == 700 - found.gram.lags
     # Independent noise of 10 % leaves 1 % of the variance; the model error adds little.
@@ -119,7 +122,7 @@ def test_validation_figures_use_only_data_that_were_not_fitted(draw: Draw) -> No
 
 
 def test_the_model_carries_provenance_and_channel_names(draw: Draw) -> None:
-    found = identify(draw(9, noise=0.01), order=2)
+    found = identify(draw(9, noise=0.01), IdentificationOptions(order=2))
     assert found.model.input_names == ("left_m_s", "right_m_s")
     assert found.model.output_names == ("heading", "yaw_rate")
     assert found.model.dt_s == 1.0

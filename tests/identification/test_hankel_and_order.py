@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.errors import PoorExcitation
-from treadline.identification import era, identify
+from treadline.identification import IdentificationOptions, era, identify
 from treadline.identification.era import hankel, hankel_svd, hankel_times
 from treadline.identification.order import choose_order
 from treadline.identification.validate import impulse_response, simulate
@@ -169,7 +169,7 @@ def test_records_show_the_order_of_the_system_that_made_them(poles: list[float])
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 def test_eq_12_has_rank_two_as_the_paper_says(draw: Draw, noise: float) -> None:
-    report = identify(draw(11, noise=noise), method="okid-era").report
+    report = identify(draw(11, noise=noise), IdentificationOptions(method="okid-era")).report
     assert (report.order, report.warnings) == (2, [])
     # The gap is about signal over noise of 1000 samples: 1/(0.1 · a few tenths) at 10 %.
     assert report.gap > 2.0 / noise
@@ -207,6 +207,9 @@ def test_without_a_clear_gap_pbsid_selects_the_order_by_bic() -> None:
         rng = np.random.default_rng(seed)
         u = rng.standard_normal((1500, 1))
         y = simulate(true, u, np.zeros(3))
-        found = identify(InputOutputRecord(u=u, y=y + 0.2 * y.std() * rng.standard_normal(y.shape), dt_s=1.0), method="pbsid")
+        found = identify(
+            InputOutputRecord(u=u, y=y + 0.2 * y.std() * rng.standard_normal(y.shape), dt_s=1.0),
+            IdentificationOptions(method="pbsid"),
+        )
         assert found.model.order == 3
         assert any("by BIC; the largest gap" in warning and "at order 2" in warning for warning in found.report.warnings)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jaxtyping import Complex, Float
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.gram import units_of
 from treadline.identification.intervals import ConfidenceIntervals, of_refined
@@ -118,7 +118,7 @@ def test_the_disc_about_a_complex_pole_covers_it_95_times_in_100(spring: LinearM
 def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq_12: LinearModel, memory: float) -> None:
     poles, gains = [], []
     for seed in range(40):
-        found = identify(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
+        found = identify(record_of(eq_12, seed, 1000, 0.1, memory), IdentificationOptions(order=2)).intervals
         if found is not None:  # candidates with refitted B and D only have no intervals
             poles += poles_held(found, eq_12)
             gains += gains_held(found, eq_12)
@@ -130,7 +130,10 @@ def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq
 
 @pytest.mark.parametrize("method", ["okid-era", "pbsid"])
 def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
-    found = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
+    found = [
+        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method=method)).intervals
+        for seed in range(100)
+    ]
     gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
     # A hundred runs of sixteen correlated gains: about 2 %.
     assert len(gains) == 1600
@@ -139,7 +142,10 @@ def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
 def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(eq_12: LinearModel, method: str) -> None:
-    reports = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method=method).intervals for seed in range(100)]
+    reports = [
+        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method=method)).intervals
+        for seed in range(100)
+    ]
     poles = [hit for item in reports if item is not None for hit in poles_held(item, eq_12)]
     # 95 % minus one and a half of the 1.5 % of 200 hits.
     assert len(poles) == 200
@@ -149,7 +155,8 @@ def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(eq_1
 @pytest.mark.parametrize(("lags", "memory"), [(None, 0.0), (20, 0.0), (20, 0.8)], ids=["few", "many", "coloured"])
 def test_okid_era_intervals_cover_the_true_poles_for_any_lags(eq_12: LinearModel, lags: int | None, memory: float) -> None:
     found = [
-        identify(record_of(eq_12, seed, 1000, 0.05, memory), order=2, lags=lags, method="okid-era").intervals for seed in range(120)
+        identify(record_of(eq_12, seed, 1000, 0.05, memory), IdentificationOptions(order=2, lags=lags, method="okid-era")).intervals
+        for seed in range(120)
     ]
     poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
     # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
@@ -159,7 +166,10 @@ def test_okid_era_intervals_cover_the_true_poles_for_any_lags(eq_12: LinearModel
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc"])
 def test_lags_by_aicc_leave_little_bias_under_coloured_noise(eq_12: LinearModel, method: str) -> None:
-    found = [identify(record_of(eq_12, seed, 1000, 0.2, 0.8), order=2, method=method).intervals for seed in range(120)]
+    found = [
+        identify(record_of(eq_12, seed, 1000, 0.2, 0.8), IdentificationOptions(order=2, method=method)).intervals
+        for seed in range(120)
+    ]
     poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
     # 240 hits scatter by 1.4 %: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
     assert len(poles) == 240
@@ -176,7 +186,7 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
     true = LinearModel(A=A, B=B, C=C, D=D, dt_s=1.0, input_offset=np.zeros(2), output_offset=np.zeros(2))
     errors, radii = [], []
     for seed in range(12):
-        found = identify(record_of(true, seed, 2000, 0.01), order=4, method="okid-era").intervals
+        found = identify(record_of(true, seed, 2000, 0.01), IdentificationOptions(order=4, method="okid-era")).intervals
         assert found is not None
         poles = np.linalg.eigvals(found.system.A)
         errors += np.abs(poles[:, None] - np.linalg.eigvals(A)).min(axis=1).tolist()
@@ -188,7 +198,7 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
 
 
 def test_the_report_contains_the_intervals_of_the_model(draw: Draw) -> None:
-    found = identify(draw(0, noise=0.1, samples=400), order=2)
+    found = identify(draw(0, noise=0.1, samples=400), IdentificationOptions(order=2))
     assert found.intervals is not None
     assert found.report.pole_ci95 == pytest.approx(found.intervals.pole_radii().tolist())
     np.testing.assert_allclose(found.intervals.response(OMEGA), gain(found.model), rtol=1e-9)
@@ -205,7 +215,7 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
     record = draw(6, noise=0.1, samples=400)
     into, out = np.array([1e3, 1e-2]), np.array([1e-4, 1e2])
     other = InputOutputRecord(u=record.u * into, y=record.y * out, dt_s=1.0)
-    plain, scaled = (identify(item, order=2, method="okid-era").intervals for item in (record, other))
+    plain, scaled = (identify(item, IdentificationOptions(order=2, method="okid-era")).intervals for item in (record, other))
     assert plain is not None
     assert scaled is not None
     np.testing.assert_allclose(scaled.pole_radii(), plain.pole_radii(), rtol=1e-6)
@@ -214,7 +224,9 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
 
 
 def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records(eq_12: LinearModel) -> None:
-    models = [identify(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
+    models = [
+        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method="okid-era")) for seed in range(100)
+    ]
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
     told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
     # A standard deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy
@@ -224,7 +236,7 @@ def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_reco
 
 
 def test_an_exact_model_has_vanishing_intervals(draw: Draw) -> None:
-    found = identify(draw(7), order=2)
+    found = identify(draw(7), IdentificationOptions(order=2))
     assert found.intervals is not None
     # Without noise only rounding remains.
     assert found.intervals.pole_radii().max() < 1e-6
@@ -235,13 +247,16 @@ def test_the_printed_eq_9c_has_no_intervals() -> None:
     y = np.zeros_like(u)
     for k in range(1, len(u)):
         y[k] = 0.5 * y[k - 1] + u[k - 1]
-    found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), method="deconvolution", order=1)
+    found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), IdentificationOptions(method="deconvolution", order=1))
     assert found.intervals is None
     assert found.report.pole_ci95 is None
 
 
 def test_intervals_of_correlations_cover_the_poles_of_three_states(spring: LinearModel) -> None:
-    found = [identify(record_of(spring, seed, 500, 0.05), order=3, method="era-dc").intervals for seed in range(60)]
+    found = [
+        identify(record_of(spring, seed, 500, 0.05), IdentificationOptions(order=3, method="era-dc")).intervals
+        for seed in range(60)
+    ]
     poles = [hit for item in found if item is not None for hit in poles_held(item, spring)]
     # 180 hits, of which each pair's two are one: 2 %.
     assert len(poles) == 180

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import ModelError, NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
@@ -66,7 +66,7 @@ def test_a_fault_is_rejected_in_one_line(draw: Draw, fault: str) -> None:
     spoil, options, error, message = FAULTS[fault]
     spoiled = spoil(draw(0, samples=400, noise=0.05))
     with pytest.raises(error, match=message) as caught:
-        identify(spoiled, **options)
+        identify(spoiled, IdentificationOptions(**options))
     said = str(caught.value)
     assert "\n" not in said
     assert len(said) < 300
@@ -75,19 +75,19 @@ def test_a_fault_is_rejected_in_one_line(draw: Draw, fault: str) -> None:
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
 def test_an_order_above_the_rank_of_exact_data_is_rejected(draw: Draw, method: str) -> None:
     with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
-        identify(draw(0, samples=400), order=3, method=method)
+        identify(draw(0, samples=400), IdentificationOptions(order=3, method=method))
 
 
 def test_a_validation_record_must_fit_the_fitted_ones(draw: Draw) -> None:
     record = draw(0, samples=400, noise=0.05)
     with pytest.raises(ShapeMismatch, match="has other channels"):
-        identify(record, validation=replace(record, y=record.y[:, :1]))
+        identify(record, IdentificationOptions(validation=replace(record, y=record.y[:, :1])))
 
 
 def test_a_second_record_of_one_sample_does_not_change_the_model(draw: Draw) -> None:
     record = draw(0, samples=400, noise=0.05)
     short = replace(record, u=record.u[:1], y=record.y[:1])
-    found = identify([record, short], order=2, method="okid-era")
+    found = identify([record, short], IdentificationOptions(order=2, method="okid-era"))
     assert found.report.samples == 400 - found.gram.lags
 
 
@@ -117,7 +117,7 @@ def test_a_model_that_holds_nan_or_does_not_fit_is_rejected_by_name(eq_12: Linea
 def test_large_and_small_units_are_accepted(draw: Draw, scale: float) -> None:
     record = draw(0, samples=400, noise=0.05)
     plain, scaled = (
-        identify(item, order=2, method="okid-era").model.A
+        identify(item, IdentificationOptions(order=2, method="okid-era")).model.A
         for item in (record, InputOutputRecord(u=record.u * scale, y=record.y * scale, dt_s=1.0))
     )
     np.testing.assert_allclose(scaled, plain, rtol=1e-9)
@@ -128,7 +128,9 @@ def test_arrays_of_any_layout_and_read_only_arrays_are_accepted(draw: Draw) -> N
     u, y = np.asfortranarray(record.u), np.asfortranarray(record.y)
     for array in (u, y):
         array.setflags(write=False)
-    plain, other = (identify(item, order=2, method="okid-era") for item in (record, replace(record, u=u, y=y)))
+    plain, other = (
+        identify(item, IdentificationOptions(order=2, method="okid-era")) for item in (record, replace(record, u=u, y=y))
+    )
     np.testing.assert_allclose(other.model.A, plain.model.A, atol=1e-12)
     assert other.report.fit_percent == pytest.approx(plain.report.fit_percent)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -28,7 +28,9 @@ def offset(record: InputOutputRecord, deviations: float) -> InputOutputRecord:
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
 @pytest.mark.parametrize(("solver", "bound"), [("gram", 1e-12), ("qr", 1e-14)])
 def test_a_method_is_exact_without_noise(draw: Draw, eq_12: LinearModel, method: str, solver: str, bound: float) -> None:
-    errors = [markov_error(identify(draw(seed), method=method, solver=solver).model, eq_12) for seed in range(7)]
+    errors = [
+        markov_error(identify(draw(seed), IdentificationOptions(method=method, solver=solver)).model, eq_12) for seed in range(7)
+    ]
     # Medians of 1.4e-15 to 2e-15 were measured with either solver; the bounds are the design targets.
     assert np.median(errors) < bound
 
@@ -38,7 +40,10 @@ def test_offsets_of_a_thousand_deviations_cost_the_three_digits_that_the_samples
     draw: Draw, eq_12: LinearModel, solver: str
 ) -> None:
     errors = [
-        markov_error(identify(offset(draw(seed), 1e3), order=2, method="okid-era", solver=solver).model, eq_12) for seed in range(5)
+        markov_error(
+            identify(offset(draw(seed), 1e3), IdentificationOptions(order=2, method="okid-era", solver=solver)).model, eq_12
+        )
+        for seed in range(5)
     ]
     # A sample of 1000 is accurate to 1e-13; the average of a thousand of them to 6e-15.
     assert np.median(errors) < 5e-14
@@ -46,14 +51,17 @@ def test_offsets_of_a_thousand_deviations_cost_the_three_digits_that_the_samples
 
 def test_large_offsets_do_not_affect_noisy_data(draw: Draw) -> None:
     record = draw(0, noise=0.01)
-    near, far = (identify(item, order=2, method="okid-era").model for item in (record, offset(record, 1e3)))
+    near, far = (identify(item, IdentificationOptions(order=2, method="okid-era")).model for item in (record, offset(record, 1e3)))
     # Rounding of 1e-13, far below the noise of 1 %.
     assert markov_error(far, near) < 1e-11
 
 
 def test_the_lags_of_an_observer_of_noisy_outputs_grow_with_the_data(draw: Draw) -> None:
     few, many = (
-        [identify(draw(seed, samples=n, noise=0.1), order=2, method="okid-era").report.lags for seed in range(5)]
+        [
+            identify(draw(seed, samples=n, noise=0.1), IdentificationOptions(order=2, method="okid-era")).report.lags
+            for seed in range(5)
+        ]
         for n in (200, 5000)
     )
     assert np.median(few) < np.median(many)
@@ -62,7 +70,9 @@ def test_the_lags_of_an_observer_of_noisy_outputs_grow_with_the_data(draw: Draw)
 @pytest.mark.parametrize("samples", [1000, 1200])
 def test_correlations_of_exact_data_give_the_system_that_era_gives(draw: Draw, samples: int) -> None:
     record = draw(1, samples=samples)
-    by_correlations, plain = (identify(record, order=2, method=method).model for method in ("era-dc", "okid-era"))
+    by_correlations, plain = (
+        identify(record, IdentificationOptions(order=2, method=method)).model for method in ("era-dc", "okid-era")
+    )
     np.testing.assert_allclose(impulse_response(by_correlations, STEPS), impulse_response(plain, STEPS), atol=1e-13)
 
 
@@ -93,7 +103,7 @@ def test_a_plant_stabilised_by_feedback_is_identified(method: str) -> None:
     errors = []
     for seed in range(10):
         record, plant = held_by_feedback(seed)
-        errors.append(markov_error(identify(record, order=2, method=method).model, plant))
+        errors.append(markov_error(identify(record, IdentificationOptions(order=2, method=method)).model, plant))
     # Other packages reach 4e-3; PBSID's median was 1.5e-3.
     assert np.median(errors) < 3e-3
     assert max(errors) < 1e-2
@@ -101,5 +111,5 @@ def test_a_plant_stabilised_by_feedback_is_identified(method: str) -> None:
 
 def test_a_plant_stabilised_by_feedback_has_the_open_loop_poles() -> None:
     record, _ = held_by_feedback(3)
-    poles = sorted(real for real, _ in identify(record, method="pbsid").report.poles)
+    poles = sorted(real for real, _ in identify(record, IdentificationOptions(method="pbsid")).report.poles)
     assert poles == pytest.approx([1.0, 1.02], abs=3e-3)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import Candidate, Fitting
 from treadline.identification.gram import Units, gram_of
@@ -32,7 +32,7 @@ def test_eq_12_has_two_states_in_nearly_every_record(draw: Draw, noise: float) -
 
 
 def test_the_order_asked_for_is_the_order_given(draw: Draw) -> None:
-    assert [identify(draw(0, noise=0.01), order=order).report.order for order in (1, 4)] == [1, 4]
+    assert [identify(draw(0, noise=0.01), IdentificationOptions(order=order)).report.order for order in (1, 4)] == [1, 4]
 
 
 def test_progress_lines_are_the_candidates_of_the_report(draw: Draw) -> None:
@@ -47,8 +47,8 @@ def test_two_experiments_give_a_smaller_error_than_one(draw: Draw, eq_12: Linear
     alone, both = [], []
     for seed in range(5):
         first, second = draw(seed, samples=400, noise=0.05), draw(seed + 50, samples=400, noise=0.05, x0=np.array([9.0, -9.0]))
-        alone.append(markov_error(identify(first, order=2).model, eq_12))
-        both.append(markov_error(identify([first, second], order=2).model, eq_12))
+        alone.append(markov_error(identify(first, IdentificationOptions(order=2)).model, eq_12))
+        both.append(markov_error(identify([first, second], IdentificationOptions(order=2)).model, eq_12))
     # Twice the data, 1/√2 of the error; means of five scatter by a tenth each.
     assert np.mean(both) == pytest.approx(np.mean(alone) / np.sqrt(2.0), rel=0.3)
 

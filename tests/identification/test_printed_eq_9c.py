@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import PoorExcitation, SettingsError
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.deconvolution import deconvolve, input_matrix
 from treadline.identification.validate import impulse_response, simulate
 from treadline.models import InputOutputRecord, LinearModel
@@ -41,7 +41,7 @@ def test_an_impulse_like_input_is_deconvolved_to_rounding(eq_12: LinearModel) ->
 
 def test_identify_recovers_the_system_from_an_impulse_like_input(eq_12: LinearModel) -> None:
     model = one_input(eq_12)
-    found = identify(knock(model), method="deconvolution")
+    found = identify(knock(model), IdentificationOptions(method="deconvolution"))
     assert (found.report.order, found.report.method) == (2, "deconvolution")
     np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(model, 20), atol=1e-12)
 
@@ -64,7 +64,7 @@ def test_random_inputs_are_refused_with_the_condition(eq_12: LinearModel) -> Non
     u = np.random.default_rng(1).standard_normal((SAMPLES, 1))
     record = InputOutputRecord(u=u, y=simulate(model, u, np.zeros(2)), dt_s=model.dt_s)
     with pytest.raises(PoorExcitation, match=r"condition \d\.\de\+\d+ at 50 samples; use method okid-era"):
-        identify(record, method="deconvolution")
+        identify(record, IdentificationOptions(method="deconvolution"))
 
 
 def test_two_inputs_give_half_the_rank_that_is_needed(eq_12: LinearModel) -> None:
@@ -74,13 +74,13 @@ def test_two_inputs_give_half_the_rank_that_is_needed(eq_12: LinearModel) -> Non
     assert np.linalg.matrix_rank(matrix) == 50
     record = InputOutputRecord(u=u, y=simulate(eq_12, u, np.zeros(2)), dt_s=1.0)
     with pytest.raises(PoorExcitation, match="asks for 100 Markov rows of a matrix of rank 50"):
-        identify(record, method="deconvolution")
+        identify(record, IdentificationOptions(method="deconvolution"))
 
 
 def test_deconvolution_rejects_two_experiments(eq_12: LinearModel) -> None:
     record = knock(one_input(eq_12))
     with pytest.raises(SettingsError, match="takes one experiment, not 2"):
-        identify([record, record], method="deconvolution")
+        identify([record, record], IdentificationOptions(method="deconvolution"))
 
 
 def test_a_moving_chair_invalidates_the_deconvolution_but_not_okid(eq_12: LinearModel) -> None:
@@ -92,7 +92,7 @@ def test_a_moving_chair_invalidates_the_deconvolution_but_not_okid(eq_12: Linear
     expected = impulse_response(model, 20)
 
     def error(method: str) -> float:
-        found = identify(record, method=method, order=2).model
+        found = identify(record, IdentificationOptions(method=method, order=2)).model
         return float(np.linalg.norm(impulse_response(found, 20) - expected) / np.linalg.norm(expected))
 
     assert error("okid-era") < 1e-10

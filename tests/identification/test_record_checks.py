@@ -19,7 +19,7 @@ from treadline.errors import (
     TooFewSamples,
     TreadlineError,
 )
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.windows import fewest_samples, max_supported_lags
 from treadline.models import InputOutputRecord
 
@@ -76,7 +76,10 @@ def test_degrees_in_a_radian_column_are_rejected(draw: Draw) -> None:
 def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(draw: Draw) -> None:
     record = draw(0)
     y = record.y + np.array([20.0, 0.0])
-    found = identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0, output_names=("yaw_unwrapped_rad", "yaw_rate_rad_s")), order=2)
+    found = identify(
+        InputOutputRecord(u=record.u, y=y, dt_s=1.0, output_names=("yaw_unwrapped_rad", "yaw_rate_rad_s")),
+        IdentificationOptions(order=2),
+    )
     # The nearest operating point to the data's means, among the many allowed by an input offset.
     assert found.model.output_offset[0] == pytest.approx(20.0, abs=0.1)
 
@@ -91,7 +94,7 @@ def test_a_short_record_says_how_many_samples_are_needed(draw: Draw) -> None:
     assert identify(draw(0, samples=57)).model.order >= 1
     # Given lags need two windows for each of 1203 coefficients and one more, after 300 samples.
     with pytest.raises(TooFewSamples, match=r"need at least 2707$"):
-        identify(draw(0), order=2, lags=300)
+        identify(draw(0), IdentificationOptions(order=2, lags=300))
 
 
 @pytest.mark.parametrize(("lags", "order", "records"), [(3, None, 1), (3, 2, 2), (None, 4, 1), (None, None, 3)])
@@ -115,7 +118,7 @@ def test_gaps_that_leave_too_few_whole_windows_are_counted(draw: Draw) -> None:
     y[::8] = np.nan
     # Every window of eight lags or more contains a gap.
     with pytest.raises(PoorExcitation, match=r"300 samples are too few: .* 8 lags need at least 79, and gaps cost 292"):
-        identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0), lags=8)
+        identify(InputOutputRecord(u=record.u, y=y, dt_s=1.0), IdentificationOptions(lags=8))
 
 
 def test_an_empty_record_is_rejected() -> None:
@@ -139,7 +142,7 @@ def test_records_of_different_channels_are_rejected(draw: Draw) -> None:
 
 def test_an_order_that_the_data_do_not_show_is_rejected(draw: Draw) -> None:
     with pytest.raises(PoorExcitation, match="order 9 is above the rank 2"):
-        identify(draw(0), order=9)
+        identify(draw(0), IdentificationOptions(order=9))
 
 
 @pytest.mark.parametrize(
@@ -153,7 +156,7 @@ def test_an_order_that_the_data_do_not_show_is_rejected(draw: Draw) -> None:
 )
 def test_an_option_out_of_range_is_rejected(draw: Draw, options: dict[str, float | str], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
-        identify(draw(0), **options)
+        identify(draw(0), IdentificationOptions(**options))
 
 
 def test_no_record_at_all_is_rejected() -> None:

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Complex, Float
 
 from treadline.errors import ModelError
-from treadline.identification import balanced_truncation, identify
+from treadline.identification import IdentificationOptions, balanced_truncation, identify
 from treadline.identification.affine import Affine
 from treadline.identification.reduction import stabilised
 from treadline.identification.validate import impulse_response
@@ -87,7 +87,9 @@ def test_identification_with_stable_gives_a_stable_model_of_a_growing_plant() ->
     for k in range(1, 200):
         y[k] = 1.01 * y[k - 1] + u[k - 1]
     noisy = InputOutputRecord(u=u, y=y + 0.01 * y.std() * rng.standard_normal(y.shape), dt_s=1.0)
-    plain, stable = (identify(noisy, order=1, method="okid-era", stable=stable).model for stable in (False, True))
+    plain, stable = (
+        identify(noisy, IdentificationOptions(order=1, method="okid-era", stable=stable)).model for stable in (False, True)
+    )
     assert float(plain.A[0, 0]) == pytest.approx(1.01, abs=1e-3)
     assert float(stable.A[0, 0]) == pytest.approx(1.0 / 1.01, abs=1e-3)
     assert stable.observer_gain is not None
@@ -130,7 +132,7 @@ def test_uncontrollable_and_unobservable_states_are_truncated_without_loss() -> 
 
 
 def test_a_smaller_model_keeps_its_operating_point_and_its_names(draw: Draw) -> None:
-    model = identify(draw(0, noise=0.05), order=2, method="okid-era").model
+    model = identify(draw(0, noise=0.05), IdentificationOptions(order=2, method="okid-era")).model
     cut = balanced_truncation(model, 1).model
     np.testing.assert_array_equal(cut.input_offset, model.input_offset)
     np.testing.assert_array_equal(cut.output_offset, model.output_offset)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
-from treadline.identification import era, identify, okid, pbsid, system_markov
+from treadline.identification import IdentificationOptions, era, identify, okid, pbsid, system_markov
 from treadline.identification.validate import impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 
@@ -40,8 +40,11 @@ def test_unsupported_lags_and_orders_are_rejected(draw: Draw) -> None:
     [
         (lambda record: pbsid(record, order=0), "order is 0; it must be an integer, at least 1"),
         (lambda record: okid(record, lags=0), "lags is 0; it must be an integer, at least 1"),
-        (lambda record: identify(record, order=2.5), r"order is 2\.5; it must be an integer, at least 1"),
-        (lambda record: identify(record, order="2"), "order is '2', of type str; it must be an integer, at least 1"),
+        (lambda record: identify(record, IdentificationOptions(order=2.5)), r"order is 2\.5; it must be an integer, at least 1"),
+        (
+            lambda record: identify(record, IdentificationOptions(order="2")),
+            "order is '2', of type str; it must be an integer, at least 1",
+        ),
         (lambda _: era(np.ones((9, 1, 1)), 0), "order is 0; it must be an integer, at least 1"),
     ],
 )

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scipy.signal import dlsim
 
 from treadline.errors import PoorExcitation
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.excitation import Excitation, ExcitationConfig
 from treadline.identification.gram import gram, units_of
 from treadline.identification.okid import observer_markov
@@ -195,8 +195,8 @@ def test_the_right_model_leaves_white_residuals_and_a_wrong_one_does_not(innovat
     right, wrong = [], []
     for seed in range(10):
         record, _ = driven(innovations, 1000, seed=100 + seed, size=0.02)
-        right.append(identify(record, order=2, method="okid-era").report.whiteness_p)
-        wrong.append(identify(record, order=1, method="okid-era").report.whiteness_p)
+        right.append(identify(record, IdentificationOptions(order=2, method="okid-era")).report.whiteness_p)
+        wrong.append(identify(record, IdentificationOptions(order=1, method="okid-era")).report.whiteness_p)
     # Half of the correct models pass at 50 %; a wrong order never passes.
     assert np.median(right) > 0.1
     assert max(wrong) < 1e-6
@@ -204,7 +204,7 @@ def test_the_right_model_leaves_white_residuals_and_a_wrong_one_does_not(innovat
 
 def test_the_observer_of_identification_predicts_as_well_as_the_true_one(innovations: LinearModel) -> None:
     record, e = driven(innovations, 5000, seed=7)
-    found = identify(record, order=2, method="okid-era")
+    found = identify(record, IdentificationOptions(order=2, method="okid-era"))
     assert found.model.observer_gain is not None
     excess = np.var(one_step_residuals(found.model, record), axis=0) / np.var(e, axis=0)
     # Two dozen coefficients from 5000 samples cost half a percent.

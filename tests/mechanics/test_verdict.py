@@ -62,13 +62,13 @@ def test_the_numbers_are_those_of_the_stair() -> None:
     assert report.friction_needed == pytest.approx(0.16 / 0.30)
     assert report.friction_available == 0.62
     assert report.friction_use_at_start == pytest.approx(0.16 / 0.30 / 0.62)
-    assert report.track_length_margin_m == pytest.approx(0.95 - 2.0 * 0.34)
+    assert report.track_length_margin_m == pytest.approx(0.95 + 0.45 - 2.0 * 0.34)  # flat run, and the flipper in line with it
     assert report.seat_range_deg == pytest.approx((-7.0, 44.3), abs=0.05)
 
 
 def test_a_track_shorter_than_two_pitches_is_refused() -> None:
-    # Low and short: only its length is at fault.
-    report = judge(with_piece("tracks", flat_run_m=0.67), stair={"rise_m": 0.16, "run_m": 0.30})
+    # Low and short: only its length, with the flipper in line with the flat run, is at fault.
+    report = judge(with_piece("tracks", flat_run_m=0.22), stair={"rise_m": 0.16, "run_m": 0.30})
     assert report.track_length_margin_m == pytest.approx(-0.01)
     assert report.verdict == "refuse"
     assert report.reasons[0] == "the track is 0.010 m too short for two nosings of 0.340 m pitch; use a longer track"
@@ -239,7 +239,7 @@ def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() ->
 
 def test_all_problems_are_reported() -> None:
     report = judge(
-        with_piece("tracks", flat_run_m=0.6),
+        with_piece("tracks", flat_run_m=0.25),
         stair={"slope_deg": 35, "friction": [0.3, 0.3], "missing_steps": [4]},
         start={"place": "flight", "lateral_m": 2.0},
     )

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from treadline import paper
 from treadline.errors import TreadlineError
-from treadline.identification import identify, validate
+from treadline.identification import IdentificationOptions, identify, validate
 from treadline.identification.era import hankel_svd
 from treadline.identification.stabilisation import stabilisation_of_svd
 from treadline.models import InputOutputRecord, LinearModel
@@ -384,7 +384,7 @@ def test_what_identify_returns_fits_the_page(tmp_path: Path) -> None:
     whole = InputOutputRecord(u=u, y=y, dt_s=1.0, input_names=TWO[0], output_names=TWO[1])
     fitted, kept = validate.part(whole, 0, 700), validate.part(whole, 700, 1000)
     path = tmp_path / "page.html"
-    write_identification_page(path, identify(fitted, validation=kept), [fitted], [kept], title="Eq. (12)")
+    write_identification_page(path, identify(fitted, IdentificationOptions(validation=kept)), [fitted], [kept], title="Eq. (12)")
     text = outline_of(path.read_text(encoding="utf-8")).text
     assert "heading_rad" in text
     assert "on data that were not fitted, 300 samples" in text

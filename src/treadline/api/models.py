@@ -1,14 +1,16 @@
 """``tl.identify``, ``tl.load_model`` and ``tl.tune``: from arrays to a linear model, from a model to a controller."""
 
 from collections.abc import Sequence
+from dataclasses import fields
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from treadline.control import tune as tuned
-from treadline.errors import RecordError
-from treadline.identification import Identified
+from treadline.errors import RecordError, SettingsError
+from treadline.identification import IdentificationOptions, Identified
 from treadline.identification import identify as identified
 from treadline.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
 
@@ -17,10 +19,8 @@ def identify(
     u: Any,
     y: Any,
     dt: float,
-    *,
-    order: int | None = None,
-    method: str = "best",
-    validation: float | None = None,
+    options: IdentificationOptions | None = None,
+    **keywords: Any,
 ) -> Identified:
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
 
@@ -28,9 +28,8 @@ def identify(
         u: Inputs: array of one row per sample, or a data frame, whose column names are kept.
         y: Outputs, likewise, sampled together with ``u``.
         dt: Sampling period [s].
-        order: Number of states; chosen from the data when left out.
-        method: ``best``, ``okid-era`` (the paper's), ``era-dc`` or ``pbsid``.
-        validation: Share of the record, at its end, on which the model is judged; the whole record when left out.
+        options: Options of the identification; the data decide what is left out.
+        keywords: Fields of ``IdentificationOptions``, instead of ``options``: ``order=2, method="okid-era", validation=0.3``.
 
     Returns:
         ``.model``, the ``LinearModel``, and ``.report``, its quality with warnings.
@@ -41,7 +40,20 @@ def identify(
     """
     (inputs, input_names), (outputs, output_names) = _columns("u", u), _columns("y", y)
     record = InputOutputRecord(u=inputs, y=outputs, dt_s=dt, input_names=input_names, output_names=output_names)
-    return identified(record, order=order, method=method, validation=validation)
+    return identified(record, _options(options, keywords))
+
+
+def _options(options: IdentificationOptions | None, keywords: dict[str, Any]) -> IdentificationOptions:
+    """Return the options, given as one object or as keywords."""
+    if options is not None and keywords:
+        raise SettingsError(f"{', '.join(keywords)} and options are given; put every option into one IdentificationOptions")
+    known = [item.name for item in fields(IdentificationOptions)]
+    for name in keywords:
+        if name not in known:
+            close = get_close_matches(name, known, 1)
+            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+            raise SettingsError(f"identify has no option '{name}'; {hint}")
+    return IdentificationOptions(**keywords) if options is None else options
 
 
 def load_model(path: str | Path) -> LinearModel:

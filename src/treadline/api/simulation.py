@@ -68,7 +68,7 @@ class Run(Printable):
             ("heading", f"{scores.rms_heading_deg:.2f}° RMS, {settled}"),
             ("roll-back", f"{scores.roll_back_m:.3f} m"),
             ("lateral", f"{scores.lateral_m:.3f} m"),
-            ("seat", f"at most {scores.seat_max_deg:.1f}° off level"),
+            ("seat", "no seat linkage" if scores.seat_max_deg is None else f"at most {scores.seat_max_deg:.1f}° off level"),
             ("passenger", f"at most {scores.passenger_max_m_s2:.2f} m/s²"),
             ("tip-over margin", f"at least {scores.min_stability_margin_deg:.1f}°"),
             ("phases", ", ".join(f"{name} {t_s:.1f} s" for t_s, name in scores.phases)),

@@ -30,7 +30,8 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
     return Answer(
         values=asdict(report),
         summary=[
-            f"{report.verdict}: track {report.track_length_margin_m:+.3f} m over 2√(h²+w²); friction needed "
+            f"{report.verdict}: track {report.track_length_margin_m:+.3f} m over 2√(h²+w²), {report.nosings_in_contact} nosings in "
+            f"contact; {'no seat linkage; ' if report.seat_range_deg is None else ''}friction needed "
             f"{report.friction_needed_with_reserve:.2f} ({report.friction_needed:.2f} to stand, and a reserve for jolts), "
             f"available {report.friction_available:.2f}; tipping margins {margins}",
             *report.reasons,

@@ -13,7 +13,8 @@ from treadline.cli.out import Force, claim
 from treadline.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
-    from treadline.identification import Identified
+    from treadline.identification import Gram, IdentificationOptions, Identified
+    from treadline.models import InputOutputRecord
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
@@ -93,6 +94,27 @@ class IdentifyOptions:
         except ValueError:
             raise SettingsError(f"--delays is '{self.delays}'; give auto, or one whole number per input, for example 0,2") from None
 
+    def options(self, *, validation: "float | InputOutputRecord | None", prior: "Gram | None") -> "IdentificationOptions":
+        """Return the options of the identification.
+
+        Args:
+            validation: Share of each record kept for validation, or the record read from ``--validate-on``.
+            prior: Gram matrix read from ``--update``.
+        """
+        from treadline.identification import IdentificationOptions
+
+        return IdentificationOptions(
+            order=self.order,
+            lags=self.lags,
+            method=self.method,
+            delays=self.dead_time,
+            solver=self.solver,
+            stable=self.stable,
+            validation=validation,
+            prior=prior,
+            forgetting=self.forgetting,
+        )
+
 
 DEFAULTS = IdentifyOptions()
 
@@ -163,19 +185,8 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
         records = [read(path) for path in logs]
         judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
         status.say("identifying")
-        found = fit(
-            records,
-            order=asked.order,
-            lags=asked.lags,
-            method=asked.method,
-            delays=asked.dead_time,
-            solver=asked.solver,
-            stable=asked.stable,
-            validation=judged,
-            prior=None if asked.update is None else Gram.load(asked.update),
-            forgetting=asked.forgetting,
-            on_progress=status.say,
-        )
+        prior = None if asked.update is None else Gram.load(asked.update)
+        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=status.say)
         status.say("judging")
         found.report  # noqa: B018 - computed here, where a person sees what takes time
     return found
@@ -208,10 +219,7 @@ def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     with Share(f"reading {_titled(logs)}", fraction) as share:
         return identify_chunks(
             *(share.of(reader) for reader in readers),
-            order=asked.order,
-            lags=asked.lags,
-            method=asked.method or "pbsid",
-            solver=asked.solver,
+            options=asked.options(validation=None, prior=None),
         )
 
 

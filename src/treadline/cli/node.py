@@ -78,6 +78,7 @@ def node(
         claim(out, force=force, kind="either")
         make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
+    setup.require_controller()
     config = setup.mission
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)

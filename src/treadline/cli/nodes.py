@@ -65,6 +65,7 @@ def nodes(
         claim(out, force=force, kind="either")
         make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
+    setup.require_controller()
     settings, config = setup.scenario, setup.mission
     seconds = duration or settings.drive.duration_s
     if transport == "inproc":
@@ -74,9 +75,9 @@ def nodes(
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
     options += [] if controller is None else ["--controller", controller]
-    from treadline.nodes.assembly import DRIVING
+    from treadline.nodes.assembly import driving_nodes
 
-    names = [name for name in DRIVING if name != without] + (["recorder"] if out is not None else [])
+    names = [name for name in driving_nodes(config.chair) if name != without] + (["recorder"] if out is not None else [])
     running: dict[str, subprocess.Popen[bytes]] = {}
     watch = _Watch(seconds, rearms_until_s(settings.operator))
     watch.listen(wire)
@@ -210,7 +211,7 @@ class _Watch:
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
     from treadline.cli.progress import SimulatedTime
     from treadline.mission.config import build_blocks, guard_config
-    from treadline.nodes.assembly import DRIVING, mount_of
+    from treadline.nodes.assembly import driving_nodes, mount_of
     from treadline.nodes.lockstep import LockStep
     from treadline.nodes.recorder import RecorderNode
 
@@ -232,7 +233,7 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
         plant.close()
         if recorder is not None:
             recorder.close()
-    where = dict.fromkeys(DRIVING, "this process")
+    where = dict.fromkeys(driving_nodes(config.chair), "this process")
     sys.stderr.write("\n".join(_table(where, "inproc")) + "\n")
     return watch.answer(None, where, "inproc")
 

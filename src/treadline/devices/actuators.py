@@ -31,7 +31,7 @@ class Actuators:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
         drives, seat = chair.drives, chair.seat
-        self._linkage = SeatLinkage(seat)
+        self._linkage = None if seat is None else SeatLinkage(seat)
         self.mismatch = np.array([0.0, scenario.chair.belt_mismatch])
         self.limits = np.array(
             [
@@ -39,14 +39,12 @@ class Actuators:
                 1.0 - math.exp(-TICK_S / drives.lag_s),
                 drives.max_acceleration_m_s2 * TICK_S,
                 BRAKE_M_S2 * TICK_S,
-                1.0 - math.exp(-TICK_S / seat.lag_s),
-                seat.max_rate_m_s,
+                0.0 if seat is None else 1.0 - math.exp(-TICK_S / seat.lag_s),
+                0.0 if seat is None else seat.max_rate_m_s,
             ]
         )
-        low, high = self._linkage.stroke_range
-        strokes = np.linspace(low, high, TABLE_SIZE)
-        self.seat = np.array([low, high, strokes[1] - strokes[0]])
-        self.angles = np.array([self._linkage.angle(float(stroke)) for stroke in strokes])
+        self.seat, self.angles = (np.array([]), np.array([])) if self._linkage is None else _seat_table(self._linkage)
+        """Ends of the stroke with the table's spacing, and the seat angle over the stroke; both empty without a seat."""
         self.flipper = (
             np.array([]) if chair.flipper is None else _flipper_limits(chair.flipper, limited=scenario.realism.motor_limits)
         )
@@ -63,21 +61,15 @@ class Actuators:
             SettingsError: If the seat angle is out of reach.
         """
         self.state[:] = 0.0
-        self.state[kernels.STROKE] = self._stroke(seat_rad)
-        self.state[kernels.SEAT_ANGLE] = seat_rad
+        if self._linkage is not None:
+            self.state[kernels.STROKE] = _stroke(self._linkage, seat_rad)
+            self.state[kernels.SEAT_ANGLE] = seat_rad
         self.state[kernels.FLIPPER_TARGET] = flipper_rad
         self.command[:] = 0.0
         self.electric[:] = 0.0
         self.electric[motor_kernels.CHARGE] = self._charge
         if self.motor.size:
             motor_kernels.draw(0.0, self.motor, self.electric)
-
-    def _stroke(self, seat_rad: float) -> float:
-        try:
-            return self._linkage.stroke(seat_rad)
-        except MechanicsError as error:
-            remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
-            raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
 
     def take(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None) -> None:
         """Set the commands; they hold until the next call.
@@ -99,6 +91,21 @@ class Actuators:
     def belts_m_s(self) -> Float[np.ndarray, " 2"]:
         """Actual belt speeds [m/s], mismatch included."""
         return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
+
+
+def _seat_table(linkage: SeatLinkage) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " n"]]:
+    """Return the ends of the stroke with the table's spacing, and the table of the seat angle over the stroke."""
+    low, high = linkage.stroke_range
+    strokes = np.linspace(low, high, TABLE_SIZE)
+    return np.array([low, high, strokes[1] - strokes[0]]), np.array([linkage.angle(float(stroke)) for stroke in strokes])
+
+
+def _stroke(linkage: SeatLinkage, seat_rad: float) -> float:
+    try:
+        return linkage.stroke(seat_rad)
+    except MechanicsError as error:
+        remedy = "give start.seat = 'chassis', a gentler stair, or a chair with a longer seat.stroke_m"
+        raise SettingsError(f"start.seat = 'level' is impossible: {error}; {remedy}") from None
 
 
 def _flipper_limits(flipper: Flipper, *, limited: bool) -> Float[np.ndarray, " n"]:

@@ -12,7 +12,7 @@ from treadline.devices import kernels
 from treadline.devices.imu import IMUS, Imu
 from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.stability import payload_com, seat_mass_kg
+from treadline.mechanics.stability import payload_com, payload_origin, seat_mass_kg
 from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
@@ -135,8 +135,9 @@ class Instruments:
         """
         truth, t_s = self._truth_of(state, grip), state.t_s
         readings: list[Reading] = [self._imu_sample(state)]
-        pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
-        readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
+        if self._chair.seat is not None:
+            pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
+            readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
         left = self._encoders[0].speed_m_s(truth.left_m_s)
         right = self._encoders[1].speed_m_s(truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch))
         readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
@@ -206,7 +207,7 @@ class Instruments:
             pitch_rate_rad_s=-float(state.rate_B[1]),
             x_m=x_m,
             y_m=y_m,
-            seat_pitch_rad=seat_pitch,
+            seat_pitch_rad=math.nan if self._chair.seat is None else seat_pitch,
             left_m_s=left_m_s,
             right_m_s=right_m_s,
             stability_margin_rad=margin,
@@ -226,12 +227,12 @@ class Instruments:
 
 def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
     """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
-    tracks, (hinge_x, hinge_y, hinge_z) = chair.tracks, chair.seat.hinge_m
+    tracks = chair.tracks
     numbers = np.empty(kernels.CHAIR)
     numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
     numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
-    numbers[kernels.HINGE : kernels.HINGE + 3] = hinge_x + loading.seat_shift_m, hinge_y, hinge_z
-    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(loading), chair.masses.chassis_kg
+    numbers[kernels.HINGE : kernels.HINGE + 3] = payload_origin(chair, loading)
+    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(chair, loading), chair.masses.chassis_kg
     numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
     numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
     return numbers

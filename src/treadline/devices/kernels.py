@@ -68,8 +68,8 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: rows as named above.
-        seat: lower and upper end of the stroke, spacing of ``angles``.
-        angles: seat angle over the stroke.
+        seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
+        angles: seat angle over the stroke; empty without a seat.
         flipper: lowest and highest angle, rate limit, servo deflection at full torque, and others; empty without a flipper.
         flipper_angle: actual flipper angle.
     """
@@ -83,8 +83,9 @@ def act(command, drives, state, seat, angles, flipper, flipper_angle):
     state[STROKE_RATE] += (asked - state[STROKE_RATE]) * drives[4]
     if state[SEAT_STUCK] > 0.5 or not powered:  # held by its gear
         state[STROKE_RATE] = 0.0
-    state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
-    state[SEAT_ANGLE] = table(state[STROKE], seat[0], seat[2], angles)
+    if seat.shape[0] > 0:
+        state[STROKE] = min(max(state[STROKE] + state[STROKE_RATE] * TICK_S, seat[0]), seat[1])
+        state[SEAT_ANGLE] = table(state[STROKE], seat[0], seat[2], angles)
 
     if flipper.shape[0] > 0:
         rate = min(max(command[4], -flipper[2]), flipper[2]) if state[FLIPPER_STUCK] < 0.5 and powered else 0.0
@@ -240,7 +241,7 @@ def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
 
 
 # Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
-# seat hinge with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
+# origin of the payload's frame with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
 HALF_RUN, APPROACH, RADIUS, HALF_GAUGE, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, FLIPPER_KG = 0, 1, 2, 3, 4, 7, 8, 9, 12
 CHAIR = 13
 

@@ -18,7 +18,7 @@ from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, pla
 from treadline.experiments.excite import PERIOD_S, excite
 from treadline.experiments.traverse import FALLEN_SLIDE_M, traverse
 from treadline.experiments.variations import LUG_GROUP, MAIN_SOURCES, NOMINAL_VARIATION, Variation
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.io.plain import plain
 from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
 from treadline.mission.drivers import ConstantSpeed
@@ -165,7 +165,7 @@ def _identified(variation: Variation, spans: Spans) -> Outcome:
     )
     if len(excited.record) < spans.samples:
         return f"{excited.run.verdict}: {excited.run.cause}", {}
-    report = identify(excited.record, method="okid-era").report
+    report = identify(excited.record, IdentificationOptions(method="okid-era")).report
     # The heading integrates: its pole lies near 1. The next one is the chair's and its drives'.
     poles = sorted((math.hypot(*pole) for pole in report.poles), reverse=True)
     return "ok", {

@@ -164,8 +164,8 @@ class _CrestRun:
 
     def __init__(self, case: CrestCase, chair: ChairDescription, plant: MujocoPlant) -> None:
         self._case, self._chair, self._plant = case, chair, plant
-        self._leveller = Leveller(LevellerConfig(seat=chair.seat))
-        self._feed_forward = PitchFeedForward(chair.seat)
+        self._leveller = Leveller(LevellerConfig(seat=chair.levelled_seat))
+        self._feed_forward = PitchFeedForward(chair.levelled_seat)
         self._slope_rad = plant.staircase.slope_rad
         self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0
         self._sequencer: Crest | Edge | None = None

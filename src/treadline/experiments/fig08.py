@@ -14,7 +14,7 @@ from treadline.angles import DEG
 from treadline.experiments.excite import PERIOD_S
 from treadline.experiments.plan import Ground, excitation
 from treadline.experiments.recorded import recorded_excitation
-from treadline.identification import identify
+from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.models import InputOutputRecord, LinearModel
 from treadline.scenario import Scenario
@@ -75,7 +75,7 @@ class Recording:
 
 def evaluate(fitted: Recording, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
     """Return the model of one ground, which names it, and Fig. 8's figures for it."""
-    found = identify(fitted.record, method="okid-era", validation=fresh)
+    found = identify(fitted.record, IdentificationOptions(method="okid-era", validation=fresh))
     origin = {"slope_deg": fitted.ground.slope_deg, "friction": list(fitted.ground.friction), "seed": fitted.seed}
     model, report = replace(found.model, provenance=found.model.provenance | {"identified_on": origin}), found.report
     values = np.asarray(report.singular_values, dtype=float)

@@ -51,7 +51,9 @@ def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dic
     """Run it and return the figure's numbers: on the paper's 28° stair, or on a scenario's."""
     standing = at_rest(turn(int(paper.FIG11_SLOPE_DEG), 0, DURATION_S) if scenario is None else scenario)
     driver = ConstantSpeed(0.0, 1.0 / paper.CONTROL_RATE_HZ)
-    run = recorded_run(folder, resolve(standing, driver, seed))
+    setup = resolve(standing, driver, seed)
+    setup.chair.levelled_seat  # noqa: B018 - rejects a chair without a seat linkage before anything is written
+    run = recorded_run(folder, setup)
     figures, slope_deg = seat_figures(run.trace), standing.stair.slope_rad / DEG
     # A table of its own: the run's own settle_s is the heading's.
     write_result(folder, run.summary() | {"seat": figures})

@@ -66,8 +66,9 @@ class Scores:
     lateral_m: float
     """Largest distance across the flight from the start [m]."""
     climbed_m: float
-    seat_rms_deg: float
-    seat_max_deg: float
+    seat_rms_deg: float | None
+    """RMS of the seat's pitch; None without a seat linkage."""
+    seat_max_deg: float | None
     max_pitch_rate_deg_s: float
     """Largest pitch rate, mean over 50 ms [°/s]: faster changes do not move a body."""
     max_pitch_jolt_deg_s: float
@@ -178,8 +179,8 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
         lateral_m=float(np.abs(y - y[0]).max()),
         climbed_m=float(x[-1] - x[0]),
-        seat_rms_deg=rms(seat) / DEG,
-        seat_max_deg=float(np.abs(seat).max()) / DEG,
+        seat_rms_deg=_reported(np.square(seat), lambda squares: np.sqrt(squares.mean()) / DEG),
+        seat_max_deg=_reported(np.abs(seat), lambda error: error.max() / DEG),
         max_pitch_rate_deg_s=float(np.abs(lasting(trace["pitch_rate_rad_s"])).max()) / DEG,
         max_pitch_jolt_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
         min_stability_margin_deg=lasting_minimum(margin) / DEG,

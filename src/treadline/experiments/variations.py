@@ -52,7 +52,7 @@ class Variation:
         def moved(place: tuple[float, float, float]) -> tuple[float, float, float]:
             return place[0] + forward_m, place[1], place[2] + up_m
 
-        masses, seat, drives = nominal.masses, nominal.seat, nominal.drives
+        masses, seat, drives = nominal.masses, nominal.levelled_seat, nominal.drives
         heavier = {"chassis_kg": masses.chassis_kg * self.chassis, "chassis_com_m": moved(masses.chassis_com_m)}
         return nominal.model_copy(
             update={

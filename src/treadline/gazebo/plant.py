@@ -40,6 +40,10 @@ class GazeboPlant(InstrumentedPlant):
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
         streams = np.random.default_rng(seed).spawn(8)  # as in the MuJoCo plant: equal seeds give equal noise
         _refuse_what_gazebo_cannot(scenario)
+        if chair.seat is None:
+            raise SettingsError(
+                f"chair {chair.name!r} has no seat linkage, whose joint the Gazebo plugin drives; use --plant mujoco"
+            )
         if scenario.belts != Belts():
             raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
         self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port

@@ -3,8 +3,9 @@
 from treadline.identification.era import era
 from treadline.identification.gram import Gram, gram
 from treadline.identification.identified import Identified
-from treadline.identification.identify import METHODS, SOLVERS, identify
+from treadline.identification.identify import identify
 from treadline.identification.okid import observer_markov, system_markov
+from treadline.identification.options import METHODS, SOLVERS, IdentificationOptions
 from treadline.identification.reduction import balanced_truncation
 from treadline.identification.report import IdentificationReport
 from treadline.identification.steps import okid, pbsid
@@ -14,6 +15,7 @@ __all__ = [
     "METHODS",
     "SOLVERS",
     "Gram",
+    "IdentificationOptions",
     "IdentificationReport",
     "Identified",
     "balanced_truncation",

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Num
 
+from treadline.arrays import store_contiguous
 from treadline.identification.gram import Units
 from treadline.models import LinearModel, Provenance
 
@@ -25,6 +26,9 @@ class Affine:
     C: Float[np.ndarray, "p n"]
     D: Float[np.ndarray, "p m1"]
     K: Float[np.ndarray, "n p"] | None = None
+
+    def __post_init__(self) -> None:
+        store_contiguous(self)
 
     @property
     def order(self) -> int:

@@ -48,7 +48,7 @@ def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, un
     changed = entering - np.einsum("ank,nm->amk", upper, system.B[:, :m], optimize=True)
     B = np.tensordot(np.linalg.pinv(O), changed, axes=1)
     A = moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True)
-    ways = Directions(A=A, B=with_constant(B), C=np.ascontiguousarray(upper[:p]), D=with_constant(dY[0]))
+    ways = Directions(A=A, B=with_constant(B), C=upper[:p], D=with_constant(dY[0]))
     return ConfidenceIntervals(system=system, ways=ways, units=units)
 
 

@@ -15,6 +15,7 @@ from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import FittedSystem
 from treadline.identification.model_selection import CvScore, select_model
 from treadline.identification.okid import ObserverMarkov, scaled_observer
+from treadline.identification.options import IdentificationOptions
 from treadline.identification.order import OrderChoice, gap_at, stands_out
 from treadline.identification.realisation import realised
 from treadline.identification.structure import choose_structure, gap_of, noise_level, settle_order, structural_order
@@ -34,21 +35,14 @@ def provenance_of(method: str, candidate: Candidate, shifts: Sequence[int] = ())
     return {"method": method, "order": candidate.order + sum(shifts), "lags": candidate.lags, "step": candidate.step}
 
 
-def gram_with_half(
-    records: Sequence[InputOutputRecord],
-    lags: int | None,
-    order: int | None,
-    solver: str,
-    units: Units,
-    prior: Gram | None = None,
-    forgetting: float = 1.0,
-) -> tuple[Gram, Gram | None]:
+def gram_with_half(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> tuple[Gram, Gram | None]:
     """Return the Gram matrix of all records and, for an open order, the Gram matrix of their first halves."""
+    prior, solver = options.prior, options.solver
     if prior is not None:
         new = gram_of(records, prior.lags, prior.units, solver=solver)
-        return prior.forgotten(forgetting ** sum(len(record) for record in records)) + new, None
-    most, names = max_supported_lags(records, lags, order), channel_names(records[0])
-    if order is not None:
+        return prior.forgotten(options.forgetting ** sum(len(record) for record in records)) + new, None
+    most, names = max_supported_lags(records, options.lags, options.order), channel_names(records[0])
+    if options.order is not None:
         return replace(gram_of(records, most, units, solver=solver), names=names), None
     builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
     marks = []
@@ -71,12 +65,10 @@ def from_gram(
     data: Gram,
     half: Gram | None,
     records: Sequence[InputOutputRecord],
+    options: IdentificationOptions,
     *,
-    order: int | None,
-    lags: int | None,
     method: str,
-    feedthrough: bool | None,
-    warnings: list[str],
+    warnings: Sequence[str] = (),
     on_progress: Callable[[str], None] = lambda _: None,
     records_are_complete: bool = True,
 ) -> FittedSystem:
@@ -86,28 +78,31 @@ def from_gram(
         data: Gram matrix of all data.
         half: Gram matrix of about half of the data, for the noise floor of the singular values; None for a given order.
         records: Samples for the steps that need them.
-        warnings: List to which warnings are appended.
+        options: Order, lags and feedthrough; the data decide what is left out.
+        method: Name of the method, settled by the caller.
+        warnings: Warnings about the data so far; the result has these and its own.
         on_progress: Called with a line of text per scored candidate.
         records_are_complete: Whether the records hold all data, so that a Gram matrix with fewer lags can be built from them.
     """
+    order, collected = options.order, list(warnings)
     if method == "deconvolution":
-        return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, warnings)
+        return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, collected)
     check_independent(data, channel_names(records[0]))
-    used, has_d = choose_structure(data, lags, feedthrough, is_model=method in OBSERVERS)
+    used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method in OBSERVERS)
     if records_are_complete and data.dropped and used < data.lags and method != "best":
         # Windows with fewer lags overlap fewer gaps, so the Gram matrix is rebuilt.
-        data, half = gram_with_half(records, used, order, "gram" if data.root is None else "qr", data.units)
+        data, half = gram_with_half(records, replace(options, lags=used), data.units)
     if order is not None:
         check_excitation(data, order)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
-    evidence = _evidence_of(fitting, half, used, order, warnings)
+    evidence = _evidence_of(fitting, half, used, order, collected)
     if method == "best" and evidence.structural is not None:
-        found = _by_cross_validation(fitting, evidence, order, warnings, on_progress)
+        found = _by_cross_validation(fitting, evidence, order, collected, on_progress)
     else:
         # Without noise no selection is needed: OKID/ERA is exact.
-        found = _by_method(fitting, evidence, "okid-era" if method == "best" else method, lags, order, warnings)
+        found = _by_method(fitting, evidence, "okid-era" if method == "best" else method, options, collected)
     if data.dropped:
-        warnings.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
+        collected.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return found
 
 
@@ -161,12 +156,12 @@ def _by_cross_validation(
 
 
 def _by_method(
-    fitting: Fitting, evidence: _Evidence, method: str, lags: int | None, order: int | None, warnings: list[str]
+    fitting: Fitting, evidence: _Evidence, method: str, options: IdentificationOptions, warnings: list[str]
 ) -> FittedSystem:
     """Return the model by a single named method."""
-    choice, candidate = evidence.choice, _candidate(method, evidence.lags, lags, evidence.choice.order, fitting.data)
+    choice, candidate = evidence.choice, _candidate(method, evidence.lags, options.lags, evidence.choice.order, fitting.data)
     if (
-        order is None
+        options.order is None
         and candidate.method == "pbsid"
         and evidence.structural is not None
         and not _is_clearly_separated(choice, evidence.svd)
@@ -174,7 +169,7 @@ def _by_method(
         choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, warnings)
         candidate = replace(candidate, order=choice.order)
     system = _model_or_raise(fitting, candidate)
-    if lags is None and candidate.method != "pbsid" and evidence.structural is not None:
+    if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
     return _fitted_system(fitting, candidate, system, replace(evidence, choice=choice), warnings)

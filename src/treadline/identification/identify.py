@@ -14,7 +14,6 @@ from treadline.identification.checks import (
     channel_names,
     check_alike,
     check_independent,
-    check_integers,
     check_records,
 )
 from treadline.identification.delays import input_delays, with_delays, without_delays
@@ -24,14 +23,13 @@ from treadline.identification.from_gram import from_gram, gram_with_half, proven
 from treadline.identification.gram import Gram, Units
 from treadline.identification.identified import FittedSystem, Identified
 from treadline.identification.okid import observer_markov
+from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 from treadline.identification.reduction import stabilised
 from treadline.identification.report import whole_samples
 from treadline.identification.structure import choose_structure
 from treadline.identification.threads import one_thread
 from treadline.models import InputOutputRecord
 
-METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
-SOLVERS = ("gram", "qr")
 VALIDATION_SAMPLES_MIN = 20
 """Smallest number of complete samples of a validation part: its residuals are tested over ten lags."""
 
@@ -39,72 +37,42 @@ VALIDATION_SAMPLES_MIN = 20
 @one_thread()
 def identify(
     records: InputOutputRecord | Sequence[InputOutputRecord],
+    options: IdentificationOptions = DEFAULT_OPTIONS,
     *,
-    order: int | None = None,
-    lags: int | None = None,
-    method: str | None = None,
-    feedthrough: bool | None = None,
-    delays: Sequence[int] | str | None = None,
-    solver: str = "gram",
-    stable: bool = False,
-    validation: float | InputOutputRecord | None = None,
-    prior: Gram | None = None,
-    forgetting: float = 1.0,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> Identified:
     """Return the linear model that fits one or more experiments.
 
     Args:
         records: Experiments with the same channels and period, treated as separate experiments.
-        order: Number of states. When left out, the largest gap of the singular values decides, with ``pbsid`` the BIC if the
-            gap is unclear, with ``best`` cross-validation.
-        lags: Observer lags p. When left out, the BIC decides, with ``okid-era`` and ``era-dc`` the AICc.
-        method: ``best`` compares several methods by cross-validation; ``okid-era`` is the paper's method, ``era-dc`` its
-            variant with data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
-            printed. Default ``best``, with a prior ``pbsid``.
-        feedthrough: Whether an input acts within the same sample (D); the BIC decides when left out.
-        delays: Dead time of each input in samples, ``auto`` to estimate it, None to model it with states.
-        solver: ``gram`` for normal equations, or ``qr``: slower, accurate to rounding on noise-free data.
-        stable: Whether to reflect poles outside the unit circle into it.
-        validation: Share of each record, at its end, kept for validation, or a separate record. When left out, the report
-            is computed on the fitted data.
-        prior: Gram matrix of earlier data (``Identified.gram``) to continue from.
-        forgetting: Weight factor on earlier data per new sample; 1 forgets nothing.
+        options: Order, lags, method and further choices; the data decide what is left out.
         on_progress: Called with a line of text per candidate that ``best`` scores.
 
     Raises:
         RecordError: If the data do not support the request.
-        SettingsError: If an option is unknown or out of range.
+        SettingsError: If the prior has other channels than the records.
     """
     started = time.perf_counter()
     given = [records] if isinstance(records, InputOutputRecord) else list(records)
-    method = method or ("best" if prior is None else "pbsid")
-    _check_options(given, method, solver, order, lags, forgetting, prior)
+    if not given:
+        raise SettingsError("identify needs at least one record")
+    if options.prior is not None:
+        _check_prior(options.prior, given[0])
+    method = options.method or ("best" if options.prior is None else "pbsid")
     units = check_records(given)
-    fitted, judged = _split(given, validation)
-    if validation is not None:
+    fitted, judged = _split(given, options.validation)
+    if options.validation is not None:
         units = check_records(fitted)
-    warnings: list[str] = []
-    shifts = _dead_time(fitted, delays, lags, order, feedthrough, units)
+    shifts = _dead_time(fitted, options, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
-    data, half = gram_with_half(moved, 1 if method == "deconvolution" else lags, order, solver, units, prior, forgetting)
-    differential = _differential_input(moved, data, lags, feedthrough) if method == "best" else None
+    data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
+    differential = _differential_input(moved, data, options) if method == "best" else None
     taken = moved if differential is None else differential.difference(moved)
-    data_pair = (
-        (data, half) if differential is None else gram_with_half(taken, lags, order, solver, differential.units(taken, data.units))
-    )
+    data_pair = (data, half) if differential is None else gram_with_half(taken, options, differential.units(taken, data.units))
     found = from_gram(
-        *data_pair,
-        taken,
-        order=order,
-        lags=lags,
-        method=method,
-        feedthrough=feedthrough,
-        warnings=warnings,
-        on_progress=on_progress,
-        records_are_complete=prior is None,
+        *data_pair, taken, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None
     )
-    if stable:
+    if options.stable:
         found = replace(found, system=_stable(found))
     model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate, shifts))
     if differential is not None:
@@ -124,11 +92,9 @@ def identify(
     )
 
 
-def _differential_input(
-    moved: Sequence[InputOutputRecord], data: Gram, lags: int | None, feedthrough: bool | None
-) -> DifferentialInput | None:
+def _differential_input(moved: Sequence[InputOutputRecord], data: Gram, options: IdentificationOptions) -> DifferentialInput | None:
     check_independent(data, channel_names(moved[0]))
-    return find_differential_input(moved, data, lags, feedthrough)
+    return find_differential_input(moved, data, options.lags, options.feedthrough)
 
 
 def _stable(found: FittedSystem) -> Affine:
@@ -140,25 +106,15 @@ def _stable(found: FittedSystem) -> Affine:
     return found.fitting.with_gain(system, constants=constants)
 
 
-def _dead_time(
-    records: Sequence[InputOutputRecord],
-    delays: Sequence[int] | str | None,
-    lags: int | None,
-    order: int | None,
-    feedthrough: bool | None,
-    units: Units,
-) -> list[int]:
+def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> list[int]:
     """Return the shift of each input in samples."""
-    m = records[0].u.shape[1]
-    if delays is None:
-        return [0] * m
-    if not isinstance(delays, str):
-        without_delays(records, delays)
-        return [int(delay) for delay in delays]
-    if delays != "auto":
-        raise SettingsError(f"delays is '{delays}'; give auto, or one number per input")
-    data, _ = gram_with_half(records, lags, order, "gram", units)
-    used, has_d = choose_structure(data, lags, feedthrough)
+    if options.delays is None:
+        return [0] * records[0].u.shape[1]
+    if not isinstance(options.delays, str):
+        without_delays(records, options.delays)
+        return [int(delay) for delay in options.delays]
+    data, _ = gram_with_half(records, replace(options, solver="gram", prior=None, forgetting=1.0), units)
+    used, has_d = choose_structure(data, options.lags, options.feedthrough)
     # Without feedthrough the model itself contains a delay of one sample.
     return [max(0, d - 1) for d in input_delays(observer_markov(data, used, feedthrough=has_d))]
 
@@ -172,8 +128,6 @@ def _split(
         check_alike([records[0], validation])
         _check_judged([validation])
         return records, [validation]
-    if not 0.0 < validation < 1.0:
-        raise SettingsError(f"the validation share is {validation}; it must lie between 0 and 1")
     cuts = [round(len(record) * (1.0 - validation)) for record in records]
     judged = [validate.part(record, cut, len(record)) for record, cut in zip(records, cuts, strict=True)]
     _check_judged(judged)
@@ -188,34 +142,7 @@ def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
         )
 
 
-def _check_options(
-    records: Sequence[InputOutputRecord],
-    method: str,
-    solver: str,
-    order: int | None,
-    lags: int | None,
-    forgetting: float,
-    prior: Gram | None,
-) -> None:
-    if not records:
-        raise SettingsError("identify needs at least one record")
-    for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
-        if value not in allowed:
-            raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(allowed)}")
-    check_integers(order=order, lags=lags)
-    if not 0.0 < forgetting <= 1.0:
-        raise SettingsError(f"forgetting is {forgetting}; it must be above 0 and at most 1")
-    if prior is None and forgetting < 1.0:
-        raise SettingsError("forgetting has no effect without earlier data; give a prior")
-    if prior is not None:
-        _check_prior(prior, records[0], method, lags)
-
-
-def _check_prior(prior: Gram, record: InputOutputRecord, method: str, lags: int | None) -> None:
-    if lags is not None and lags > prior.lags:
-        raise SettingsError(f"lags is {lags}; the prior has {prior.lags}")
-    if method in ("best", "deconvolution"):
-        raise SettingsError(f"method '{method}' needs all samples; with a prior give okid-era, era-dc or pbsid")
+def _check_prior(prior: Gram, record: InputOutputRecord) -> None:
     if prior.units.input_count != record.u.shape[1] or len(prior.units.scale) != record.u.shape[1] + record.y.shape[1]:
         raise SettingsError(
             f"the prior has {prior.units.input_count} inputs of {len(prior.units.scale)} channels, the record "

@@ -152,7 +152,7 @@ def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units:
             right.T @ H[:p],
             with_constant(Y[0]),
         ))  # fmt: skip
-    A, B, C, D = (np.ascontiguousarray(np.concatenate(arrays, axis=2)) for arrays in zip(*parts, strict=True))
+    A, B, C, D = (np.concatenate(arrays, axis=2) for arrays in zip(*parts, strict=True))
     return ConfidenceIntervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
 
 
@@ -251,7 +251,7 @@ def of_predicting(
         A=w.A + np.einsum("npk,pm->nmk", dK, system.C) + np.einsum("np,pmk->nmk", K, w.C),
         B=w.B[:, :-p] + np.einsum("npk,pm->nmk", dK, system.D) + np.einsum("np,pmk->nmk", K, dD),
         C=w.C,
-        D=np.ascontiguousarray(dD),
+        D=dD,
     )
     return ConfidenceIntervals(system=system, ways=moved, units=units)
 

@@ -88,7 +88,7 @@ def derivative_sums(
     signals = np.empty((len(u), error + p))
     modal_filters(modes.real, modes.imag, u, signals, decay)
     B, C = (modes.W @ system.B).astype(complex), modes.C
-    modal_run(modes.real, modes.imag, B, C, np.ascontiguousarray(system.D), u, y, there, signals, state, error)
+    modal_run(modes.real, modes.imag, B, C, system.D, u, y, there, signals, state, error)
     signals[:, state + n : error] = u
     # Initial state by least squares from the residual of the run from zero.
     square, right = _products(modes, np.hstack([signals[:, decay:state], signals[:, error:]]), (1,), 0, there)

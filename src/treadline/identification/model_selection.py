@@ -396,7 +396,7 @@ def _forecast_errors(system: Affine, run: Experiment) -> Float[np.ndarray, "T2 p
     drive, correction = u @ system.B.T, (run.y - u @ system.D.T) @ K.T
     x = observer_run(*(np.ascontiguousarray(item) for item in (system.A, predictor.A, drive, correction)), run.there, x0)[:steps]
     # y = C A^h x + Σ C A^(h-1-j) B u_j + D u_h as one matrix product with the inputs in between.
-    O = observability(np.ascontiguousarray(system.A), np.ascontiguousarray(system.C), HORIZON + 1)
+    O = observability(system.A, system.C, HORIZON + 1)
     answers = np.concatenate([(O[HORIZON - 1 :: -1] @ system.B), system.D[None]])
     between = sliding_window_view(u, HORIZON + 1, axis=0).transpose(0, 2, 1).reshape(steps, -1)
     return np.asarray(run.y[HORIZON:] - x @ O[HORIZON].T - between @ answers.transpose(0, 2, 1).reshape(-1, p))

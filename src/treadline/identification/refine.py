@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Num
 from scipy.linalg import lapack
 
+from treadline.arrays import store_contiguous
 from treadline.identification.affine import Affine
 from treadline.identification.gram import Units, runs_of
 from treadline.identification.kernels import gauge_directions, observability, run_residual, subtract_initial_response, tangents
@@ -48,10 +49,13 @@ class Experiment:
     y: Float[np.ndarray, "T p"]
     there: Bool[np.ndarray, " T"]
 
+    def __post_init__(self) -> None:
+        store_contiguous(self)
+
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples ``start … stop - 1``."""
         at = slice(start, stop)
-        return Experiment(u=np.ascontiguousarray(self.u[at]), y=np.ascontiguousarray(self.y[at]), there=self.there[at])
+        return Experiment(u=self.u[at], y=self.y[at], there=self.there[at])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,6 +66,9 @@ class Directions:
     B: Float[np.ndarray, "n m1 d"]
     C: Float[np.ndarray, "p n d"]
     D: Float[np.ndarray, "p m1 d"]
+
+    def __post_init__(self) -> None:
+        store_contiguous(self)
 
     def arrays(
         self,
@@ -99,7 +106,7 @@ def experiments_of(records: Sequence[InputOutputRecord], units: Units) -> list[E
         there = np.isfinite(y).all(axis=1)
         whole = Experiment(
             u=np.column_stack([u, np.ones(len(u))]),
-            y=np.ascontiguousarray(y) if there.all() else np.where(there[:, None], y, 0.0),
+            y=y if there.all() else np.where(there[:, None], y, 0.0),
             there=there,
         )
         known = np.isfinite(u).all(axis=1)
@@ -121,21 +128,15 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
 def residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
     """Return the residual of a free run from the least-squares initial state; zero at a missing output."""
     x0, e, last = _from_best_start(system, experiment)
-    subtract_initial_response(*_contiguous(system.A, system.C), x0, experiment.there, last, e)
+    subtract_initial_response(system.A, system.C, x0, experiment.there, last, e)
     return e
 
 
 def _from_best_start(system: Affine, experiment: Experiment) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "T p"], int]:
     """Return the least-squares initial state, the residual of a run from zero, and the steps over which the start matters."""
     last = _lasting(system, len(experiment.y))
-    matrices = _contiguous(system.A, system.B, system.C, system.D)
-    e, square, right = run_residual(*matrices, experiment.u, experiment.y, experiment.there, last)
+    e, square, right = run_residual(system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, last)
     return _solution(square, right[:, None])[:, 0], e, last
-
-
-def _contiguous(*matrices: Float[np.ndarray, "_ _"]) -> tuple[Float[np.ndarray, "_ _"], ...]:
-    """Return C-contiguous matrices, the layout of the compiled kernels."""
-    return tuple(np.ascontiguousarray(matrix) for matrix in matrices)
 
 
 def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
@@ -279,7 +280,7 @@ def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
     constant = system.D.shape[1] - 1 if not fixed[:, -1].all() else int(np.flatnonzero(~fixed.all(axis=0))[-1])
     free = np.flatnonzero(~fixed.ravel())
     sizes = np.cumsum([n * n, n * m1, p * n, free.size])
-    gauge = gauge_directions(*_contiguous(system.A, system.B, system.C), constant)
+    gauge = gauge_directions(system.A, system.B, system.C, constant)
     if free.size < p * m1:
         gauge = gauge[np.concatenate([np.arange(sizes[2]), sizes[2] + free])]
     Q = _complement(gauge)
@@ -320,7 +321,7 @@ def _lasting(system: Affine, steps: int) -> int:
 def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
     """Return the effect of the initial state on the outputs over its significant steps."""
     last = _lasting(system, len(experiment.y))
-    O = observability(*_contiguous(system.A, system.C), last)
+    O = observability(system.A, system.C, last)
     if not experiment.there[:last].all():
         O[~experiment.there[:last]] = 0.0
     return np.asarray(O)

@@ -2,17 +2,17 @@
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from treadline.errors import PoorExcitation, SettingsError
 from treadline.identification.affine import to_model
-from treadline.identification.checks import channel_names, check_alike, check_gaps, check_integers, check_records, gaps_in
+from treadline.identification.checks import channel_names, check_alike, check_gaps, check_records, gaps_in
 from treadline.identification.from_gram import from_gram, provenance_of
 from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.identified import Identified
-from treadline.identification.identify import SOLVERS
+from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 from treadline.identification.threads import one_thread
 from treadline.identification.validate import joined_in_time, most_recent
 from treadline.identification.windows import LAGS_MOST, max_supported_lags
@@ -20,6 +20,8 @@ from treadline.models import InputOutputRecord
 
 METHODS = ("pbsid", "okid-era", "era-dc")
 """Methods that need only the Gram matrix; refinements need all samples."""
+WHOLE_RECORD_OPTIONS = ("delays", "stable", "validation", "prior", "forgetting")
+"""Options that need all samples at once, so that chunks reject them."""
 KEPT = 20_000
 """Number of most recent samples kept for validation."""
 HALF_LEAST = 0.1
@@ -29,51 +31,30 @@ HALF_LEAST = 0.1
 @one_thread()
 def identify_chunks(
     *experiments: Iterable[InputOutputRecord],
-    order: int | None = None,
-    lags: int | None = None,
-    method: str = "pbsid",
-    feedthrough: bool | None = None,
-    solver: str = "gram",
+    options: IdentificationOptions = DEFAULT_OPTIONS,
 ) -> Identified:
     """Return the linear model of long experiments read in chunks, in bounded memory.
 
     Args:
         experiments: Consecutive chunks of each experiment. The first chunks in which every channel moves determine the
             units and the largest number of lags.
-        order: Number of states. When left out, the largest gap of the singular values decides, with ``pbsid`` the BIC if the
-            gap is unclear.
-        lags: Observer lags. When left out, the BIC decides, with ``okid-era`` and ``era-dc`` the AICc.
-        method: ``pbsid``, ``okid-era`` or ``era-dc``.
-        feedthrough: Whether an input acts within the same sample.
-        solver: ``gram`` or ``qr``.
+        options: Order, lags, feedthrough, solver, and one of the methods in ``METHODS``, by default ``pbsid``.
 
     Raises:
         RecordError: If a chunk is unusable, or the data do not support the request.
         SettingsError: If an option is unknown or out of range.
     """
     started = time.perf_counter()
-    for name, value, allowed in (("method", method, METHODS), ("solver", solver, SOLVERS)):
-        if value not in allowed:
-            raise SettingsError(f"{name} is '{value}'; for chunks allowed: {', '.join(allowed)}")
-    check_integers(order=order, lags=lags)
+    method = options.method or "pbsid"
+    _check_options(options, method)
     rest = _chunks(experiments)
-    start = _start(rest, lags, order)
-    data, half, last = _gram_of_chunks(start, rest, solver)
+    start = _start(rest, options.lags, options.order)
+    data, half, last = _gram_of_chunks(start, rest, options.solver)
     kept = sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
     if start.left_out:
         warnings.append(f"the first {start.left_out} samples, with a constant channel or too many gaps, were left out")
-    found = from_gram(
-        data,
-        half,
-        last,
-        order=order,
-        lags=lags,
-        method=method,
-        feedthrough=feedthrough,
-        warnings=warnings,
-        records_are_complete=False,
-    )
+    found = from_gram(data, half, last, options, method=method, warnings=warnings, records_are_complete=False)
     names = channel_names(start.chunks[0].record)
     return Identified(
         model=to_model(found.system, found.units, data.dt_s, names, provenance_of(method, found.candidate)),
@@ -85,6 +66,15 @@ def identify_chunks(
         started=started,
         gram=data,
     )
+
+
+def _check_options(options: IdentificationOptions, method: str) -> None:
+    """Reject options that need all samples at once."""
+    if method not in METHODS:
+        raise SettingsError(f"method is '{method}'; for chunks allowed: {', '.join(METHODS)}")
+    for item in fields(options):
+        if item.name in WHOLE_RECORD_OPTIONS and getattr(options, item.name) != item.default:
+            raise SettingsError(f"{item.name} needs the whole record; give it to identify")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_y, rotation_z
-from treadline.mechanics.chair import ChairDescription, Flipper, Point, Tracks
+from treadline.mechanics.chair import ChairDescription, Flipper, Point, Seat, Tracks
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import payload_com, seat_mass_kg
+from treadline.mechanics.stability import payload_com, payload_origin, seat_mass_kg
 from treadline.mechanics.staircase import Box, Staircase, Step
 from treadline.scenario import Chair, Start
 
@@ -80,18 +80,18 @@ class Vehicle:
     name: str
     chassis: Body
     seat: Body
+    """Seat with the payload, hinged to the chassis; or the payload alone, fixed to it."""
     flipper: Body | None
 
     @property
     def turning(self) -> tuple[tuple[Body, Hinge], ...]:
-        """Hinged bodies with their hinges: the seat, and the flipper if present."""
-        hung = (self.seat,) if self.flipper is None else (self.seat, self.flipper)
-        return tuple((body, body.hinge) for body in hung if body.hinge is not None)
+        """Hinged bodies with their hinges: seat and flipper, as far as present."""
+        return tuple((body, body.hinge) for body in self.bodies if body.hinge is not None)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, the chassis first."""
-        return (self.chassis, *(body for body, _ in self.turning))
+        return (self.chassis, self.seat) if self.flipper is None else (self.chassis, self.seat, self.flipper)
 
 
 def vehicle(chair: ChairDescription, loading: Chair) -> Vehicle:
@@ -115,25 +115,29 @@ def _chassis(chair: ChairDescription) -> Body:
 
 
 def _seat(chair: ChairDescription, loading: Chair) -> Body:
-    """Return the seat with its payload: a uniform box for a person, at the scenario's offset."""
-    seat, linkage = chair.seat, SeatLinkage(chair.seat)
-    mass, com = seat_mass_kg(loading), payload_com(chair, loading)
+    """Return the seat with its payload, or the payload alone: a uniform box at the scenario's offset."""
+    mass, com = seat_mass_kg(chair, loading), payload_com(chair, loading)
+    box = Shape(name="payload", kind="box", centre_m=com, half_m=_half(chair.payload_size_m))
+    return Body(
+        name="seat" if chair.seat is not None else "load",
+        parent="chair",
+        origin_m=payload_origin(chair, loading),
+        mass_kg=mass,
+        com_m=com,
+        inertia=box_inertia(mass, chair.payload_size_m),
+        hinge=None if chair.seat is None else _seat_hinge(chair.seat),
+        shapes=() if chair.seat is None and chair.payload is None else (box,),  # inside the hull, the payload has no surface
+    )
+
+
+def _seat_hinge(seat: Seat) -> Hinge:
+    linkage = SeatLinkage(seat)
     fastest = max(linkage.rate_ratio(float(stroke)) for stroke in np.linspace(*linkage.stroke_range, 21))
-    hinge = Hinge(
+    return Hinge(
         axis=(0.0, 1.0, 0.0),
         range_rad=linkage.angle_range,
         max_rate_rad_s=seat.max_rate_m_s * fastest,
         torque_n_m=None,
-    )
-    return Body(
-        name="seat",
-        parent="chair",
-        origin_m=(seat.hinge_m[0] + loading.seat_shift_m, seat.hinge_m[1], seat.hinge_m[2]),
-        mass_kg=mass,
-        com_m=com,
-        inertia=box_inertia(mass, seat.payload_size_m),
-        hinge=hinge,
-        shapes=(Shape(name="payload", kind="box", centre_m=com, half_m=_half(seat.payload_size_m)),),
     )
 
 

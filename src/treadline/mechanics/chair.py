@@ -121,6 +121,15 @@ class Seat(Settings):
         return self
 
 
+class Payload(Settings):
+    """Payload of a chair without a seat linkage: a box fixed to the chassis."""
+
+    com_m: Point
+    """Centre of mass of the payload in B."""
+    size_m: Size
+    """Edges of the uniform box with the inertia of the payload."""
+
+
 class Drives(Settings):
     """Belt motors with their inner speed loop."""
 
@@ -216,7 +225,10 @@ class ChairDescription(Settings):
     name: str
     tracks: Tracks
     masses: Masses
-    seat: Seat
+    seat: Seat | None = None
+    """Seat with its linkage for levelling. None: the payload is fixed to the chassis, and nothing is levelled."""
+    payload: Payload | None = None
+    """Place of the payload on a chair without a seat. None: inside the hull, with its centre and its edges."""
     drives: Drives
     camera: CameraMount
     rear_camera: CameraMount | None = None
@@ -229,6 +241,12 @@ class ChairDescription(Settings):
     """Motor of each belt. None: belts follow their commands at any load."""
     battery: Battery | None = None
     """Battery of the motors; required with motors."""
+
+    @model_validator(mode="after")
+    def _the_payload_has_one_place(self) -> "ChairDescription":
+        if self.seat is not None and self.payload is not None:
+            raise ValueError("give [seat] or [payload], not both: seat.payload_com_m is the payload's place in a seat")
+        return self
 
     @model_validator(mode="after")
     def _motors_have_a_battery(self) -> "ChairDescription":
@@ -255,6 +273,41 @@ class ChairDescription(Settings):
                 f"{low:g} to {high:g}"
             )
         return self
+
+    @property
+    def levelled_seat(self) -> Seat:
+        """Seat with its linkage.
+
+        Raises:
+            SettingsError: If the chair has no seat linkage.
+        """
+        if self.seat is None:
+            raise SettingsError(f"chair {self.name!r} has no seat linkage, so there is nothing to level; describe it in [seat]")
+        return self.seat
+
+    @property
+    def payload_origin_m(self) -> Point:
+        """Origin of the payload's frame in B [m]: the seat's hinge, or the centre of a payload fixed to the chassis."""
+        if self.seat is not None:
+            return self.seat.hinge_m
+        return self.masses.chassis_com_m if self.payload is None else self.payload.com_m
+
+    @property
+    def payload_com_m(self) -> Point:
+        """Nominal centre of mass of the payload in its frame [m]."""
+        return (0.0, 0.0, 0.0) if self.seat is None else self.seat.payload_com_m
+
+    @property
+    def payload_size_m(self) -> Size:
+        """Edges of the payload's box [m]."""
+        if self.seat is not None:
+            return self.seat.payload_size_m
+        return self.masses.chassis_size_m if self.payload is None else self.payload.size_m
+
+    @property
+    def empty_seat_kg(self) -> float:
+        """Mass of the seat shell [kg]; zero without a seat."""
+        return 0.0 if self.seat is None else EMPTY_SEAT_KG
 
     def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
         """Return the chair's front or rear camera, its image scaled to a height.
@@ -288,7 +341,7 @@ class ChairDescription(Settings):
     def half_width_m(self) -> float:
         """Half of the largest width over belts, chassis and passenger [m]."""
         tracks = self.tracks
-        return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.seat.payload_size_m[1])
+        return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.payload_size_m[1])
 
     @property
     def swept_half_m(self) -> float:

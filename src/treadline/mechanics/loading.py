@@ -7,7 +7,7 @@
 import math
 from dataclasses import dataclass
 
-from treadline.mechanics.chair import EMPTY_SEAT_KG, GRAVITY_M_S2, ChairDescription
+from treadline.mechanics.chair import GRAVITY_M_S2, ChairDescription
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +21,8 @@ class Loading:
 
     @property
     def seat_kg(self) -> float:
-        """Mass rotating with the seat [kg]."""
-        return EMPTY_SEAT_KG + self.payload_kg
+        """Mass rotating with the seat, or fixed to the chassis of a chair without one [kg]."""
+        return self.chair.empty_seat_kg + self.payload_kg
 
     @property
     def weight_n(self) -> float:
@@ -32,9 +32,11 @@ class Loading:
 
 
 def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
-    """Return the assumed centre of mass (x, z) in B [m] with level seat."""
-    chair, c, s = loading.chair, math.cos(pitch_rad), math.sin(pitch_rad)
-    (hx, _, hz), (px, _, pz) = chair.seat.hinge_m, chair.seat.payload_com_m
+    """Return the assumed centre of mass (x, z) in B [m] with level seat, or with the payload fixed to the chassis."""
+    chair = loading.chair
+    seat_rad = 0.0 if chair.seat is None else pitch_rad
+    c, s = math.cos(seat_rad), math.sin(seat_rad)
+    (hx, _, hz), (px, _, pz) = chair.payload_origin_m, chair.payload_com_m
     chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
     # The flipper reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
     flipper, pivot = 0.0 if chair.flipper is None else chair.flipper.mass_kg, 0.5 * chair.tracks.flat_run_m

@@ -2,28 +2,36 @@
 
 import math
 
-from treadline.mechanics.chair import EMPTY_SEAT_KG, ChairDescription, Flipper, Point
+from treadline.mechanics.chair import ChairDescription, Flipper, Point
+from treadline.mechanics.loading import Loading
 from treadline.mechanics.tipping import Margins, tipping_margins, worst_support
 from treadline.scenario import Chair
 
 
-def seat_mass_kg(loading: Chair) -> float:
-    """Return the mass rotating with the seat [kg]."""
-    return EMPTY_SEAT_KG + loading.payload_kg
+def seat_mass_kg(chair: ChairDescription, loading: Chair) -> float:
+    """Return the mass rotating with the seat, or fixed to the chassis of a chair without one [kg]."""
+    return chair.empty_seat_kg + loading.payload_kg
 
 
 def payload_com(chair: ChairDescription, loading: Chair) -> Point:
-    """Return the payload's centre of mass relative to the hinge, in the seat frame [m]."""
-    (x, y, z), (dx, dy, dz) = chair.seat.payload_com_m, loading.payload_offset_m
+    """Return the payload's centre of mass in the payload's frame, which turns with the seat [m]."""
+    (x, y, z), (dx, dy, dz) = chair.payload_com_m, loading.payload_offset_m
     return (x + dx, y + dy, z + dz)
 
 
 def payload_place(chair: ChairDescription, loading: Chair, seat_angle_rad: float) -> Point:
-    """Return the payload's centre of mass in B [m] at a forward seat angle."""
-    c, s = math.cos(seat_angle_rad), math.sin(seat_angle_rad)
+    """Return the payload's centre of mass in B [m] at a forward seat angle; a payload without a seat does not turn."""
+    angle_rad = 0.0 if chair.seat is None else seat_angle_rad
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
     x, y, z = payload_com(chair, loading)
-    hx, hy, hz = chair.seat.hinge_m
-    return (hx + loading.seat_shift_m + c * x + s * z, hy + y, hz - s * x + c * z)
+    hx, hy, hz = payload_origin(chair, loading)
+    return (hx + c * x + s * z, hy + y, hz - s * x + c * z)
+
+
+def payload_origin(chair: ChairDescription, loading: Chair) -> Point:
+    """Return the origin of the payload's frame in B [m], with the seat shift."""
+    x, y, z = chair.payload_origin_m
+    return (x if chair.seat is None else x + loading.seat_shift_m, y, z)
 
 
 def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: float, flipper_angle_rad: float | None = None) -> Point:
@@ -32,7 +40,7 @@ def centre_of_mass(chair: ChairDescription, loading: Chair, seat_angle_rad: floa
     Args:
         flipper_angle_rad: Angle of the flipper; None: its rest angle.
     """
-    seat_kg, chassis_kg = seat_mass_kg(loading), chair.masses.chassis_kg
+    seat_kg, chassis_kg = seat_mass_kg(chair, loading), chair.masses.chassis_kg
     payload = payload_place(chair, loading, seat_angle_rad)
     chassis = chair.masses.chassis_com_m
     if chair.flipper is not None:
@@ -61,8 +69,12 @@ def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | 
 
 
 def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float) -> Margins:
-    """Return the tip-over margins of a chair at rest on a stair, with the seat levelled against the pitch."""
+    """Return the tip-over margins of a chair at rest on a stair, with the seat, if it has a linkage, levelled against the pitch.
+
+    A square chair lays its flipper along the flight, where it supports the front; a turned chair lifts it to turn.
+    """
     up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
     pitch = math.asin(up[0])
     com = centre_of_mass(chair, loading, pitch)
-    return tipping_margins(com, up, worst_support(chair, pitch_m))
+    weight_n = Loading(chair=chair, payload_kg=loading.payload_kg).weight_n if heading_rad == 0.0 else None
+    return tipping_margins(com, up, worst_support(chair, pitch_m, weight_n))

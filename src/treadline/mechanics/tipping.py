@@ -2,7 +2,7 @@
 
 The chair stands on nosings, and the set of nosings changes during a climb. At the worst phase of this cycle the rearmost nosing is
 nearly one pitch ahead of the track's rear end, and the foremost one pitch behind its front end: the support is shorter than the
-track by a pitch at either end.
+track by a pitch at either end. A flipper in line with the belts lengthens the track at its front, as far as its motor carries.
 """
 
 import math
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Point
+from treadline.mechanics.flipper_support import front_support_m
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
 """Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""
@@ -42,12 +43,18 @@ class Support:
     """Distance to the right edge, positive to the right [m]."""
 
 
-def worst_support(chair: ChairDescription, pitch_m: float) -> Support:
-    """Return the support polygon available at every phase of the nosing cycle."""
+def worst_support(chair: ChairDescription, pitch_m: float, weight_n: float | None = None) -> Support:
+    """Return the support polygon available at every phase of the nosing cycle.
+
+    Args:
+        pitch_m: Largest distance between neighbouring nosings [m].
+        weight_n: Weight of chair and payload [N], which the flipper's motor has to carry; None while the flipper is lifted.
+    """
     tracks = chair.tracks
     half_length_m = 0.5 * tracks.flat_run_m - pitch_m
     half_width_m = 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-    return Support(front_m=half_length_m, rear_m=half_length_m, left_m=half_width_m, right_m=half_width_m)
+    front_m = half_length_m if weight_n is None else front_support_m(chair, pitch_m, weight_n)
+    return Support(front_m=front_m, rear_m=half_length_m, left_m=half_width_m, right_m=half_width_m)
 
 
 def tipping_margins(com_B: Point, up_B: Point, support: Support) -> Margins:

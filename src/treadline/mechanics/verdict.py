@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, Tracks
+from treadline.mechanics.flipper_support import track_on_stair_m
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading
 from treadline.mechanics.lugs import oversized_lugs
@@ -15,7 +16,7 @@ from treadline.mechanics.stability import static_margins
 from treadline.mechanics.staircase import as_designed
 from treadline.mechanics.starts import start_problems
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, Margins
-from treadline.mechanics.tracks import minimum_track_length
+from treadline.mechanics.tracks import minimum_track_length, nosings_touched
 from treadline.mechanics.traction import friction_use, largest_heading_rad
 from treadline.printing import Printable
 from treadline.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
@@ -44,6 +45,9 @@ class CheckReport(Printable):
     """Verdict: ``go`` or ``refuse``."""
     reasons: list[str]
     track_length_margin_m: float
+    """Track in the nosing plane, a flipper in line with the belts included, beyond 2√(h² + w²) [m]."""
+    nosings_in_contact: int
+    """Number of nosings under the track at the worst phase of the nosing cycle."""
     friction_needed: float
     """Friction required to stand: tan β."""
     friction_needed_with_reserve: float
@@ -52,7 +56,8 @@ class CheckReport(Printable):
     friction_use_at_start: float
     """Used fraction of the friction ellipse at the start heading; the chair slides at 1."""
     stability_margin_deg: dict[str, float]
-    seat_range_deg: tuple[float, float]
+    seat_range_deg: tuple[float, float] | None
+    """Range of the seat's angle; None without a seat linkage."""
     proposed_seat_shift_m: float | None = field(default=None)
     """Seat shift that would reach the required margin [m]; None if there is none."""
 
@@ -60,12 +65,18 @@ class CheckReport(Printable):
         """Return the verdict, the margins and the reasons."""
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
         rows = [
-            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²)"),
+            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact"),
             ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
             ("tip-over margins", margins),
+            ("seat", seat_text(self.seat_range_deg)),
             *(("reason", reason) for reason in self.reasons),
         ]
         return self.verdict, rows
+
+
+def seat_text(range_deg: tuple[float, float] | None) -> str:
+    """Return the range of the seat in words."""
+    return "no seat linkage" if range_deg is None else f"level from {range_deg[0]:.0f}° to {range_deg[1]:.0f}° of pitch"
 
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
@@ -76,15 +87,18 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     slope = stair.slope_rad
     widest_m = _widest_spacing_m(scenario, 1)
     margins = static_margins(chair, loading, slope, widest_m, heading)
-    shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if margins.worst < MARGIN_LIMIT_RAD else None
-    seat_range = SeatLinkage(chair.seat).angle_range
+    needs_shift = chair.seat is not None and margins.worst < MARGIN_LIMIT_RAD
+    shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if needs_shift else None
+    seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
+    length_m, pitch_m = track_on_stair_m(chair), math.hypot(stair.rise_m, stair.run_m)
     reasons = (
         _beyond_rating(chair, slope, loading.payload_kg),
-        _too_short(stair, chair.tracks),
+        _too_short(stair, length_m),
         _too_slippery(stair, heading),
-        _too_unstable(margins, loading, shift),
+        _too_unstable(margins, chair, loading, shift),
         _too_heavy_for_the_brakes(chair, loading.payload_kg, slope),
-        _too_steep_for_the_seat(seat_range[1], slope),
+        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], slope),
+        _no_seat_to_shift(scenario.chair, chair),
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
@@ -95,13 +109,14 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     return CheckReport(
         verdict="refuse" if any(reasons) else "go",
         reasons=[reason for reason in reasons if reason],
-        track_length_margin_m=chair.tracks.flat_run_m - minimum_track_length(stair.rise_m, stair.run_m),
+        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m),
+        nosings_in_contact=nosings_touched(length_m, pitch_m, pitch_m),
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
         friction_available=stair.mean_friction[0],
         friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
-        seat_range_deg=(seat_range[0] / DEG, seat_range[1] / DEG),
+        seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
     )
 
@@ -121,8 +136,17 @@ def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float)
     return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {most_kg:g} kg{where}"
 
 
-def _too_short(stair: Stair, tracks: Tracks) -> str | None:
-    lacking_m = minimum_track_length(stair.rise_m, stair.run_m) - tracks.flat_run_m
+def _no_seat_to_shift(loading: Chair, chair: ChairDescription) -> str | None:
+    if chair.seat is not None or loading.seat_shift_m == 0.0:
+        return None
+    return (
+        f"chair.seat_shift_m is {loading.seat_shift_m:g}, and chair '{chair.name}' has no seat linkage; leave it out, and give the "
+        "payload's place in chair.payload_offset_m"
+    )
+
+
+def _too_short(stair: Stair, length_m: float) -> str | None:
+    lacking_m = minimum_track_length(stair.rise_m, stair.run_m) - length_m
     if lacking_m < 0.0:
         return None
     pitch = math.hypot(stair.rise_m, stair.run_m)
@@ -145,7 +169,7 @@ def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
     )
 
 
-def _too_unstable(margins: Margins, loading: Chair, shift_m: float | None) -> str | None:
+def _too_unstable(margins: Margins, chair: ChairDescription, loading: Chair, shift_m: float | None) -> str | None:
     if margins.worst >= MARGIN_LIMIT_RAD:
         return None
     side = min(SIDES, key=lambda name: float(getattr(margins, name)))
@@ -153,6 +177,8 @@ def _too_unstable(margins: Margins, loading: Chair, shift_m: float | None) -> st
     if shift_m is None and side in ("left", "right"):
         return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
     if shift_m is None:
+        if chair.seat is None:
+            return text + f"take less payload, or place it lower or further {'uphill' if side == 'downhill' else 'downhill'}"
         return text + "take less payload, or sit lower"
     change = shift_m - loading.seat_shift_m
     return text + f"shift the seat {abs(change) * 1000.0:.0f} mm {'uphill' if change > 0.0 else 'downhill'}"
@@ -195,7 +221,10 @@ def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
 
 
 def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
-    """Return where missing or long steps leave a track on one nosing: a track must span any three neighbouring nosings."""
+    """Return where missing or long steps leave a track on one nosing: a track must span any three neighbouring nosings.
+
+    The flat run alone counts: a flipper yields to its load, and bridges no gap.
+    """
     needed_m = _widest_spacing_m(scenario, 2)
     if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
         return None

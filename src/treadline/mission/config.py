@@ -131,7 +131,7 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
         estimator=estimator_of(config),
         planner=planner,
         driver=driver,
-        leveller=PitchLeveller(LevellerConfig(seat=config.chair.seat)),
+        leveller=None if config.chair.seat is None else PitchLeveller(LevellerConfig(seat=config.chair.seat)),
         guard=Guard(guard_config(config, driver.period_s, driven=driver.follows_plan)),
         swept_half_m=config.chair.swept_half_m,
     )

@@ -8,6 +8,7 @@ import math
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.flipper_support import track_on_stair_m
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading, centre_of_mass_level
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, tipping_margins, worst_support
@@ -30,16 +31,19 @@ def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run
         return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
     if rating is not None and payload_kg > rating.payload_kg:
         return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
-    lacking_m = minimum_track_length(rise_m, run_m) - chair.tracks.flat_run_m
+    lacking_m = minimum_track_length(rise_m, run_m) - track_on_stair_m(chair)
     if lacking_m > MEASURED_M:
         return f"the track is {lacking_m:.3f} m too short for steps of {rise_m:.3f} by {run_m:.3f} m; use a longer track"
-    reach = SeatLinkage(chair.seat).angle_range[1]
+    reach = math.inf if chair.seat is None else SeatLinkage(chair.seat).angle_range[1]
     if reach < slope_rad - MEASURED_RAD:
         return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
-    x_m, z_m = centre_of_mass_level(Loading(chair=chair, payload_kg=payload_kg), slope_rad)
+    loading = Loading(chair=chair, payload_kg=payload_kg)
+    x_m, z_m = centre_of_mass_level(loading, slope_rad)
     up = (math.sin(slope_rad), 0.0, math.cos(slope_rad))
-    worst = tipping_margins((x_m, 0.0, z_m), up, worst_support(chair, math.hypot(rise_m, run_m))).worst
+    support = worst_support(chair, math.hypot(rise_m, run_m), loading.weight_n)
+    worst = tipping_margins((x_m, 0.0, z_m), up, support).worst
     if worst < MARGIN_LIMIT_RAD - UNKNOWN_RAD:
         least = MARGIN_LIMIT_RAD / DEG
-        return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; shift the seat or take less payload"
+        remedy = "take less payload" if chair.seat is None else "shift the seat or take less payload"
+        return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; {remedy}"
     return None

@@ -71,7 +71,8 @@ class Blocks:
     estimator: Estimator
     planner: Planner
     driver: Driver
-    leveller: SeatLeveller
+    leveller: SeatLeveller | None
+    """Control loop of the seat; None for a chair without a seat linkage."""
     guard: Guard
     swept_half_m: float = SWEPT_HALF_M
     """Half of the width that the chair sweeps [m]."""
@@ -132,7 +133,7 @@ class Mission:
         self._estimator = blocks.estimator
         self._camera = CameraBlock(blocks.detector, blocks.swept_half_m)
         self._driver = DriverBlock(blocks.planner, blocks.driver)
-        self._leveller = SeatBlock(blocks.leveller)
+        self._leveller = None if blocks.leveller is None else SeatBlock(blocks.leveller)
         self._log = log
         self._is_dead = is_dead
         self._restamp = restamp
@@ -169,14 +170,15 @@ class Mission:
             case ImuSample():
                 self._estimate = self._estimator.step(signal)
                 self._camera.update(signal)
-                self._leveller.update(signal)
+                if self._leveller is not None:
+                    self._leveller.update(signal)
                 self._driver.update(signal)
             case TrackReading():
                 self._estimate = self._estimator.step(signal)
                 self._driver.update(signal)
             case FlipperReading():
                 self._driver.update(signal)
-            case SeatReading():
+            case SeatReading() if self._leveller is not None:
                 self._seat = self._guard.pass_seat(self._leveller.step(signal))
             case RgbdFrame():
                 for detected in self._camera.step(signal, self._guard.admit):
@@ -221,7 +223,8 @@ class Mission:
         self._belts = belts
         if flipper is not None:
             self._record(flipper)
-        self._record(self._seat)
+        if self._leveller is not None:
+            self._record(self._seat)
         if plan.phase != self._phase:
             self._phase = plan.phase
             self._record(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from treadline.errors import SettingsError
+from treadline.mechanics.chair import ChairDescription
 from treadline.mission.config import MissionConfig, build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
@@ -24,6 +25,11 @@ ROLES = {
     "plant": "the chair on its stair, simulated",
     "recorder": "identification record and log",
 }
+
+
+def driving_nodes(chair: ChairDescription) -> tuple[str, ...]:
+    """Return the nodes of a chair's graph: without a seat linkage there is no seat node."""
+    return tuple(name for name in DRIVING if name != "seat" or chair.seat is not None)
 
 
 def mount_of(config: MissionConfig) -> PinholeCamera:
@@ -57,7 +63,9 @@ def node_of(
     limits: GuardConfig = guard_config(config, blocks.driver.period_s)
     match name:
         case "guard":
-            awaited = tuple(other for other in DRIVING if other != "guard" and not (stick and other == "driver"))
+            awaited = tuple(
+                other for other in driving_nodes(config.chair) if other != "guard" and not (stick and other == "driver")
+            )
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
         case "camera":
             node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
@@ -66,6 +74,8 @@ def node_of(
         case "heading":
             return HeadingNode(blocks.estimator, limits, mount_of(config))
         case "seat":
+            if blocks.leveller is None:
+                raise SettingsError(f"chair {config.chair.name!r} has no seat linkage; leave out the seat node")
             return SeatNode(blocks.leveller, limits)
         case "driver":
             return DriverNode(blocks.planner, blocks.driver, limits)

@@ -32,12 +32,13 @@ class LockStep:
         self._plant = PlantNode(plant)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
-        camera, seat = CameraNode(blocks.detector, config, blocks.swept_half_m), SeatNode(blocks.leveller, config)
+        camera = CameraNode(blocks.detector, config, blocks.swept_half_m)
+        seat = [] if blocks.leveller is None else [SeatNode(blocks.leveller, config)]
         # The guard gets each reading first, and publishes its commands last.
-        listeners: list[Node] = [self._plant, self.guard, camera, heading, seat, driver, *beside]
+        listeners: list[Node] = [self._plant, self.guard, camera, heading, *seat, driver, *beside]
         for node in listeners:
             node.listen(self.transport)
-        self.nodes: list[Node] = [*beside, camera, seat, driver, heading, self.guard]
+        self.nodes: list[Node] = [*beside, camera, *seat, driver, heading, self.guard]
         self._tick = 0
         self._plant.start()
 

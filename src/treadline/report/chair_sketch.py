@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from treadline.angles import DEG
-from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.chair import ChairDescription, Seat
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.tracks import outline, pulley_centres
 from treadline.paper import PAYLOAD_KG
@@ -15,7 +15,7 @@ from treadline.report.pen import AMBER, INK, STEEL, WHITE, Pen, Point, pair, tur
 
 def draw_chair(pen: Pen, machine: ChairDescription, seat_angle_rad: float, pitch_rad: float) -> None:
     """Draw belts, chassis, linkage and seat, turned by the chair's pitch about B's origin."""
-    tracks, masses, parts = machine.tracks, machine.masses, machine.seat
+    tracks, masses = machine.tracks, machine.masses
     pen.area(turned(outline(tracks), pitch_rad), "#f1f1f1", INK, 2.6)
     for centre in pulley_centres(tracks).tolist():
         at = pair(turned([tuple(centre)], pitch_rad)[0])
@@ -24,6 +24,12 @@ def draw_chair(pen: Pen, machine: ChairDescription, seat_angle_rad: float, pitch
     (x, _, z), (length, _, height) = masses.chassis_com_m, masses.chassis_size_m
     hull = _rectangle((x, z), length, height)
     pen.area(turned(hull, pitch_rad), "#c9d3dc99", INK, 1.0)
+    if machine.seat is not None:
+        _draw_seat(pen, machine.seat, seat_angle_rad, pitch_rad)
+
+
+def _draw_seat(pen: Pen, parts: Seat, seat_angle_rad: float, pitch_rad: float) -> None:
+    """Draw the seat and its linkage."""
     hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
     pin = hinge + parts.lever_arm_m * np.array([math.cos(seat_angle_rad), -math.sin(seat_angle_rad)])
     slider = hinge - np.array([SeatLinkage(parts).stroke(seat_angle_rad), parts.slider_drop_m])
@@ -42,7 +48,7 @@ def draw_chair(pen: Pen, machine: ChairDescription, seat_angle_rad: float, pitch
 
 def draw_payload(pen: Pen, machine: ChairDescription) -> None:
     """Draw the payload's box and its centre, chair and seat level."""
-    hinge, offset, size = machine.seat.hinge_m, machine.seat.payload_com_m, machine.seat.payload_size_m
+    hinge, offset, size = machine.payload_origin_m, machine.payload_com_m, machine.payload_size_m
     x, z = hinge[0] + offset[0], hinge[2] + offset[2]
     corners = _rectangle((x, z), size[0], size[2])
     pen.line([*corners, corners[0]], ORANGE, 1.2, "--")
@@ -65,7 +71,7 @@ def draw_camera(pen: Pen, machine: ChairDescription) -> None:
 
 def name_linkage(pen: Pen, machine: ChairDescription, slope_rad: float) -> None:
     """Label the parts of the seat linkage of a chair whose seat is horizontal on a slope."""
-    parts = machine.seat
+    parts = machine.levelled_seat
     hinge = np.array([parts.hinge_m[0], parts.hinge_m[2]])
     slider = hinge - np.array([SeatLinkage(parts).stroke(slope_rad), parts.slider_drop_m])
     pin = hinge + parts.lever_arm_m * np.array([math.cos(slope_rad), -math.sin(slope_rad)])

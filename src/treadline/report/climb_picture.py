@@ -69,11 +69,16 @@ def write_climb_picture(run: Path, path: Path) -> Path:
 
 
 def chair_origin(chair: ChairDescription, truth: Truth) -> Point:
-    """Return the position of B in the side view, from the passenger's place, the pitch and the seat's pitch."""
-    hinge, com = chair.seat.hinge_m, chair.seat.payload_com_m
-    in_chair = turned([(com[0], com[2])], truth.seat_pitch_rad - truth.pitch_rad)[0] + np.array([hinge[0], hinge[2]])
+    """Return the position of B in the side view, from the payload's place, the pitch and the seat's pitch."""
+    origin, com = chair.payload_origin_m, chair.payload_com_m
+    in_chair = turned([(com[0], com[2])], -seat_angle_rad(chair, truth))[0] + np.array([origin[0], origin[2]])
     offset = turned([(float(in_chair[0]), float(in_chair[1]))], truth.pitch_rad)[0]
     return truth.passenger_x_m - float(offset[0]), truth.passenger_z_m - float(offset[1])
+
+
+def seat_angle_rad(chair: ChairDescription, truth: Truth) -> float:
+    """Return the forward lean of the seat relative to the chassis [rad]; zero without a seat linkage."""
+    return 0.0 if chair.seat is None else truth.pitch_rad - truth.seat_pitch_rad
 
 
 def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tuple[float, float, int], caption: str) -> Image.Image:
@@ -88,7 +93,7 @@ def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tup
     corners += [(length_m + BEYOND_M, steps * rise_m), (length_m + BEYOND_M, -0.5), (-BEFORE_M, -0.5)]
     pen.area(corners, STONE, INK, 1.0)
     moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
-    draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, truth.pitch_rad - truth.seat_pitch_rad, truth.pitch_rad)
+    draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, seat_angle_rad(chair, truth), truth.pitch_rad)
     pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)

@@ -44,7 +44,7 @@ def chair() -> Figure:
     pen.dimension(front, nose, f"{tracks.approach_m:g} m", -0.30)
     pen.text((-0.68, -0.20), f"gauge {tracks.gauge_m:g} m (Table I)", size=9.5, colour=BLUE)
     pen.pointer((-0.62, 0.40), (-0.36, 0.20), f"chassis {machine.masses.chassis_kg:g} kg", "right")
-    hinge = machine.seat.hinge_m
+    hinge = machine.levelled_seat.hinge_m
     pen.pointer((-0.40, 0.58), (hinge[0] - 0.13, hinge[2] + 0.06), "seat: hinge, bar and slider\n(Fig. 4)", "right")
     pen.pointer((0.84, 0.45), (nose[0] + 0.01, nose[1] + 0.03), "nose pulley", "left")
     return figure
@@ -87,14 +87,14 @@ def seat() -> Figure:
     """Return Fig. 4: the linkage on a stair, the seat horizontal and the seat parallel to the chassis."""
     figure, panels = sheet(8.0, 4.1, 2)
     machine = read_chair("wheelchair")
-    linkage = SeatLinkage(machine.seat)
+    linkage = SeatLinkage(machine.levelled_seat)
     cases = ((SLOPE_RAD, "(a) seat horizontal"), (0.0, "(b) seat inclined with the chassis"))
     for pen, (angle, words) in zip(panels, cases, strict=True):
         pen.frame((-0.64, 0.84), (-0.50, 1.0))
         draw_chair(pen, machine, angle, SLOPE_RAD)
         stroke = linkage.stroke(angle)
         pen.text((0.12, -0.36), f"{words}\nstroke {round(100 * stroke, 1) + 0.0} cm", size=10.0)
-        hinge = turned([(machine.seat.hinge_m[0], machine.seat.hinge_m[2])], SLOPE_RAD)[0]
+        hinge = turned([(machine.levelled_seat.hinge_m[0], machine.levelled_seat.hinge_m[2])], SLOPE_RAD)[0]
         start = (float(hinge[0]), float(hinge[1]))
         pen.line([start, (start[0] + 0.62, start[1])], BLUE, 0.8, ":")
         if angle == 0.0:

@@ -92,8 +92,8 @@ GROUPS: dict[str, dict[str, ScoreLabel]] = {
         "passenger_longitudinal_m_s2": ScoreLabel("acceleration of the passenger along the chair", "m/s²"),
         "passenger_lateral_m_s2": ScoreLabel("acceleration of the passenger across the chair", "m/s²"),
         "passenger_jerk_m_s3": ScoreLabel("jerk of the passenger, 99th percentile", "m/s³"),
-        "seat_rms_deg": ScoreLabel("seat pitch, RMS", "°"),
-        "seat_max_deg": ScoreLabel("seat pitch, largest", "°"),
+        "seat_rms_deg": ScoreLabel("seat pitch, RMS", "°", "no seat linkage"),
+        "seat_max_deg": ScoreLabel("seat pitch, largest", "°", "no seat linkage"),
     },
     "Safety": {
         "min_stability_margin_deg": ScoreLabel("smallest tip-over margin that lasts 0.1 s", "°"),

@@ -60,8 +60,10 @@ COLUMNS = 43
 """Number of columns."""
 NO_SUPPORT_M = -1e3
 """Reach of a chair without contact [m]."""
-# Indices of the flipper, the last joint of a chair with a flipper.
-FLIPPER_QPOS, FLIPPER_QVEL, FLIPPER_SERVO = 8, 7, 1
+SEAT_QPOS = 7
+"""Place of the seat among MuJoCo's positions, after the chassis' free joint."""
+LAST = -1
+"""Place of the flipper among MuJoCo's positions, velocities and actuators: the last joint, with a seat before it or without."""
 # Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
 # halves and the unit vector to its left, both in the horizontal plane of the world.
 MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
@@ -156,7 +158,7 @@ def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reac
 
 @njit(cache=True)
 @no_type_check
-def move_payload(sway, qvel, xmat, seat_xmat, com, force):
+def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
     """Set the payload position of the sway, and the reaction force on the seat.
 
     MuJoCo treats the mass at ``com`` as fixed in the seat: its acceleration lacks the terms of the relative motion d(t), d'' + 2 ω
@@ -164,8 +166,8 @@ def move_payload(sway, qvel, xmat, seat_xmat, com, force):
     """
     phase, omega, mass = sway[SWAY_PHASE], sway[SWAY_OMEGA], sway[SWAY_KG]
     c, s = math.cos(phase), math.sin(phase)
-    # qvel[3:6] is the angular velocity of the chassis in its own frame, qvel[6] the additional rate of the seat about y.
-    w0, w1, w2 = qvel[3], qvel[4] + qvel[6], qvel[5]
+    # qvel[3:6] is the angular velocity of the chassis in its own frame, seat_rate the additional rate of the seat about y.
+    w0, w1, w2 = qvel[3], qvel[4] + seat_rate, qvel[5]
     wx = xmat[0] * w0 + xmat[1] * w1 + xmat[2] * w2
     wy = xmat[3] * w0 + xmat[4] * w1 + xmat[5] * w2
     wz = xmat[6] * w0 + xmat[7] * w1 + xmat[8] * w2
@@ -219,8 +221,8 @@ def advance(
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: actuator state, rows as in ``devices.kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
-        seat: lower and upper end of the stroke, spacing of ``angles``.
-        angles: seat angle over the stroke.
+        seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
+        angles: seat angle over the stroke; empty without a seat.
         flipper: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an unpowered motor,
             damping of the joint, stall torque, no-load rate; empty without a flipper.
         damping: of each degree of freedom; changed in place.
@@ -242,9 +244,10 @@ def advance(
     corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
     lug, travel, part_of, fixed_rad = lugs
     fields = (friction, layout[4])
+    seated = seat.shape[0] > 0
     for k in range(ticks):
         before = (state[0], state[1])
-        act(command, drives, state, seat, angles, flipper, qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else 0.0)
+        act(command, drives, state, seat, angles, flipper, qpos[LAST] if flipper.shape[0] > 0 else 0.0)
         if motor.shape[0] > 0:
             held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
             limit_belts(before, state[:2], held, motor, electric)
@@ -261,11 +264,12 @@ def advance(
         noslip[0] = NOSLIP_ITERATIONS if stands else 0
         softness = 0.0 if stands else 1.0
         if actuator.shape[0] > 0:
-            torque = limit_seat(qpos[7], qvel[6], state, seat, angles, actuator)
+            torque = limit_seat(qpos[SEAT_QPOS], qvel[6], state, seat, angles, actuator)
             force_range[0, 0], force_range[0, 1] = -torque, torque
-        control[0] = state[SEAT_ANGLE]
+        if seated:
+            control[0] = state[SEAT_ANGLE]
         if flipper.shape[0] > 0:
-            control[FLIPPER_SERVO] = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[4]
+            control[LAST] = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[4]
 
         row = log[k]
         row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
@@ -274,13 +278,13 @@ def advance(
         traction[:] = 0.0
         for _ in range(substeps):
             if flipper.shape[0] > 0 and state[FLIPPER_LOST] > 0.5:
-                damping[FLIPPER_QVEL] = flipper[6] + (flipper[5] if qvel[FLIPPER_QVEL] > 0.0 else 0.0)
+                damping[LAST] = flipper[6] + (flipper[5] if qvel[LAST] > 0.0 else 0.0)
             elif flipper.shape[0] > 0:
-                share = qvel[FLIPPER_QVEL] / flipper[8]
-                force_range[FLIPPER_SERVO, 0] = -flipper[7] * min(max(1.0 + share, 0.0), 1.0)
-                force_range[FLIPPER_SERVO, 1] = flipper[7] * min(max(1.0 - share, 0.0), 1.0)
+                share = qvel[LAST] / flipper[8]
+                force_range[LAST, 0] = -flipper[7] * min(max(1.0 + share, 0.0), 1.0)
+                force_range[LAST, 1] = flipper[7] * min(max(1.0 - share, 0.0), 1.0)
             if sway.shape[0] > 0:
-                move_payload(sway, qvel, xmat, seat_xmat, payload_com, payload_force)
+                move_payload(sway, qvel, qvel[6] if seated else 0.0, xmat, seat_xmat, payload_com, payload_force)
             _kinematics(model, data)
             _inertia(model, data)
             _factor(model, data)
@@ -289,7 +293,7 @@ def advance(
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
             if lug.shape[0] > 0:
                 speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
-                approach_rad = qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else fixed_rad
+                approach_rad = qpos[LAST] if flipper.shape[0] > 0 else fixed_rad
                 follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
             weaken(count[0], real, whole, friction, geom, grip)
             reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
@@ -317,14 +321,16 @@ def advance(
         traction /= substeps
         row[TRACTION : TRACTION + 2] = traction
         row[POWER] = electric[ELECTRIC_POWER]
-        row[QPOS : QPOS + 8] = qpos[:8]
-        row[QVEL : QVEL + 7] = qvel[:7]
+        row[QPOS : QPOS + 7] = qpos[:7]
+        row[QVEL : QVEL + 6] = qvel[:6]
+        row[QPOS + 7] = qpos[SEAT_QPOS] if seated else 0.0
+        row[QVEL + 6] = qvel[6] if seated else 0.0
         row[BELTS] = state[0] * (1.0 + mismatch[0])
         row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
         row[SEAT] = state[STROKE]
         row[CONTACTS] = count[0]
         row[BRAKE] = state[BRAKED]
-        row[FLIPPER] = qpos[FLIPPER_QPOS] if flipper.shape[0] > 0 else 0.0
-        row[FLIPPER_TORQUE] = force[FLIPPER_SERVO] if flipper.shape[0] > 0 else 0.0
+        row[FLIPPER] = qpos[LAST] if flipper.shape[0] > 0 else 0.0
+        row[FLIPPER_TORQUE] = force[LAST] if flipper.shape[0] > 0 else 0.0
         rotation(qpos[3], qpos[4], qpos[5], qpos[6], row[ROTATION : ROTATION + 9].reshape(3, 3))
     return judge(warnings, log, real.shape[0])

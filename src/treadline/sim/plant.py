@@ -111,8 +111,8 @@ class MujocoPlant(InstrumentedPlant):
         if self._chair.flipper is not None:
             self._state[drives.FLIPPER_LOST] = damage.flipper_lost
             limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
-            self._model.actuator_forcerange[kernels.FLIPPER_SERVO] = (-limit, limit)
-            self._model.dof_damping[kernels.FLIPPER_QVEL] = FLIPPER_FRICTION_N_M_S_RAD
+            self._model.actuator_forcerange[kernels.LAST] = (-limit, limit)
+            self._model.dof_damping[kernels.LAST] = FLIPPER_FRICTION_N_M_S_RAD
         self._damage = damage
         self._around.change(damage, *self._pose_WB())
         if self._model.nmocap:
@@ -128,7 +128,7 @@ class MujocoPlant(InstrumentedPlant):
     @property
     def passenger_height_m(self) -> float:
         """Present height of the payload's centre of mass above the floor [m], used for comfort."""
-        return float(self._data.body("seat").xipos[2])
+        return float(self._data.xipos[self._seat_body, 2])
 
     def close(self) -> None:
         """Do nothing; the plant holds no external resources."""
@@ -151,7 +151,7 @@ class MujocoPlant(InstrumentedPlant):
         self._lugs = fit_lugs(self._scenario.belts, self._chair.tracks, self._model, self._belts, draws)
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
-        self._seat_body = self._model.body("seat").id
+        self._seat_body = self._model.body(vehicle(self._chair, self._scenario.chair).seat.name).id
         self._sway = sway_of(
             self._scenario.chair,
             self._model.body_mass[self._seat_body],
@@ -170,8 +170,9 @@ class MujocoPlant(InstrumentedPlant):
         rest = tracks.approach_angle_deg * DEG
         self._drives.rest(start.seat_rad, rest)
         if self._chair.flipper is not None:
-            self._data.qpos[kernels.FLIPPER_QPOS] = self._data.ctrl[kernels.FLIPPER_SERVO] = rest
-        self._data.qpos[7] = self._data.ctrl[0] = start.seat_rad
+            self._data.qpos[kernels.LAST] = self._data.ctrl[kernels.LAST] = rest
+        if self._chair.seat is not None:
+            self._data.qpos[kernels.SEAT_QPOS] = self._data.ctrl[0] = start.seat_rad
 
     def _pose_WB(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
         return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
@@ -249,7 +250,13 @@ class MujocoPlant(InstrumentedPlant):
     def _seat_actuator(self) -> Float[np.ndarray, " n"]:
         """Return the limits of the seat actuator for the compiled loop; empty without limits."""
         seat = self._chair.seat
-        if seat.push_n is None or seat.no_load_m_s is None or seat.hold_n is None or not self._scenario.realism.motor_limits:
+        if (
+            seat is None
+            or seat.push_n is None
+            or seat.no_load_m_s is None
+            or seat.hold_n is None
+            or not self._scenario.realism.motor_limits
+        ):
             return np.array([])
         self._model.actuator_forcelimited[0] = True
         stiffness, damping = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
@@ -280,14 +287,15 @@ class MujocoPlant(InstrumentedPlant):
 
     def _log_row(self) -> Float[np.ndarray, " c"]:
         row = np.zeros(kernels.COLUMNS)
-        row[kernels.QPOS : kernels.QPOS + 8] = self._data.qpos[:8]
-        row[kernels.QVEL : kernels.QVEL + 7] = self._data.qvel[:7]
+        joints = 0 if self._chair.seat is None else 1
+        row[kernels.QPOS : kernels.QPOS + 7 + joints] = self._data.qpos[: 7 + joints]
+        row[kernels.QVEL : kernels.QVEL + 6 + joints] = self._data.qvel[: 6 + joints]
         row[kernels.SEAT] = self._state[drives.STROKE]
         row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
         row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
         if self._chair.flipper is not None:
-            row[kernels.FLIPPER] = self._data.qpos[kernels.FLIPPER_QPOS]
-            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[kernels.FLIPPER_SERVO]
+            row[kernels.FLIPPER] = self._data.qpos[kernels.LAST]
+            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[kernels.LAST]
         return row
 
     def _passed(self) -> Iterator[tuple[ChairState, float]]:

@@ -77,7 +77,6 @@ def _scene(
     *,
     start: Standing | None = None,
 ) -> str:
-    stiffness, damping = seat_stiffness(chair.seat)
     header = HEADER.format(
         timestep=physics.timestep_s, time_constant=physics.contact_time_constant_s, friction=friction, hull=HULL_FRICTION
     )
@@ -86,7 +85,7 @@ def _scene(
         header
         + f"  <worldbody>\n{world}\n  </worldbody>\n"
         + "  <actuator>\n"
-        + f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
+        + ("" if chair.seat.hinge is None else _seat_servo(chair.seat))
         + ("" if flipper is None else _flipper_servo(flipper))
         + "  </actuator>\n</mujoco>\n"
     )
@@ -117,10 +116,10 @@ def _tree(chair: Vehicle, start: Standing | None) -> str:
         "      <freejoint/>",
         *(f"      {line}" for line in _contents(chassis)),
     ]
-    for body, hinge in chair.turning:
+    for body in chair.bodies[1:]:
         lines += [
             f'      <body name="{body.name}" pos="{_row(body.origin_m)}">',
-            f"        {_hinge(body.name, hinge)}",
+            *([] if body.hinge is None else [f"        {_hinge(body.name, body.hinge)}"]),
             *(f"        {line}" for line in _contents(body)),
             "      </body>",
         ]
@@ -151,6 +150,11 @@ def _geom(shape: Shape) -> str:
     # A surface that moves a little from the start: the model is compiled with moving surfaces.
     motion = "" if shape.belt is None else f' surfacevel="{moves}"'
     return f'<geom {look} {form} pos="{_row(shape.centre_m)}"{turn}{motion}/>'
+
+
+def _seat_servo(seat: Body) -> str:
+    stiffness, damping = seat_stiffness(seat)
+    return f'    <position name="seat" joint="seat" kp="{stiffness!r}" kv="{damping!r}"/>\n'
 
 
 def _flipper_servo(flipper: Flipper) -> str:

@@ -106,6 +106,8 @@ def _model(
     child(model, "allow_auto_disable", "0")  # a chair that rests would sleep through its belts' start
     words = {} if belts_on_bodies else {"chair": "track", "flipper": "flipper"}
     for body in whole.bodies:
+        if body.mass_kg == 0.0:
+            continue  # a robot without payload; SDF has no link without mass
         if body.name in words:
             _three_links(model, body, chair.tracks, words[body.name], friction)
         else:
@@ -114,6 +116,8 @@ def _model(
             _link(model, body.name, body, mass, body.shapes, friction, hull_collides=not belts_on_bodies)
         if body.hinge is not None:
             _hinge(model, body, body.hinge)
+        elif body.parent is not None:
+            _fixed(model, body)
     # Here the surfaces are brought to move: the plugin sets the contacts' motion on left_track, right_track and the flippers.
     for plugin in plugins:
         model.append(fromstring(plugin))  # noqa: S314 - the caller's own element
@@ -186,6 +190,12 @@ def _surface(collision: Element, friction: tuple[float, float]) -> None:
     ode = child(child(child(collision, "surface"), "friction"), "ode")
     child(ode, "mu", text(friction[0]))
     child(ode, "mu2", text(friction[1]))
+
+
+def _fixed(model: Element, body: Body) -> None:
+    joint = child(model, "joint", name=f"{body.name}_joint", type="fixed")
+    child(joint, "parent", body.parent)
+    child(joint, "child", body.name)
 
 
 def _hinge(model: Element, body: Body, hinge: Hinge) -> None:

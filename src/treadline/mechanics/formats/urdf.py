@@ -24,9 +24,12 @@ def urdf(chair: ChairDescription, loading: Chair) -> str:
     child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
     _link(robot, whole.chassis)
     _joint(robot, "base_link", whole.chassis.name)
-    for body, hinge in whole.turning:
+    for body in whole.bodies[1:]:
         _link(robot, body)
-        _turning(robot, body, hinge)
+        if body.hinge is None:
+            _joint(robot, whole.chassis.name, body.name, xyz=text(*body.origin_m))
+        else:
+            _turning(robot, body, body.hinge)
     for body in whole.bodies:
         for shape in body.shapes:
             if shape.kind == "cylinder":
