@@ -1,0 +1,129 @@
+"""Evidence of a stair: what two steps can reach, what a repetition adds, and what a series of frames remembers."""
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.perception import StairDetector
+from treadline.perception.lattice import EVIDENCE, UNCONFIRMED
+from treadline.perception.lattice_kernels import best_lattice
+from treadline.perception.planes import BLOCK_RESIDUAL, noise_of
+from treadline.perception.steps import Placed, seed_points, spacing
+from treadline.sim.camera import ViewRecipe, draw_view
+
+RISE, RUN = 0.17, 0.29
+EMPTY = np.full((320, 240), np.nan)
+AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+def tread_row(step: int, *, rise: float = RISE, run: float = RUN, front: bool = True) -> list[float]:
+    """Return a tread of a perfect stair whose first nosing lies 1 m ahead and 0.9 m below the camera."""
+    x, z = 1.0 + step * run, -0.9 + step * rise
+    return [z, 0.007**2, x, 0.015**2 if front else np.inf, 0.0, np.inf, -0.5, 0.5, x + 0.02, x + run - 0.02]
+
+
+def riser_row(step: int, *, rise: float = RISE, run: float = RUN) -> list[float]:
+    x, z = 1.0 + step * run, -0.9 + step * rise
+    return [x, 0.01**2, z, 0.009**2, z - rise, 0.009**2, -0.5, 0.5]
+
+
+def evidence(treads: list[list[float]], risers: list[list[float]], nearness: Float[np.ndarray, "w h"] = EMPTY) -> float:
+    tread_table, riser_table = np.array(treads).reshape(-1, 10), np.array(risers).reshape(-1, 8)
+    found = best_lattice(
+        seed_points(tread_table, riser_table),
+        tread_table,
+        riser_table,
+        nearness,
+        (285.0, 285.0, 159.5, 119.5),
+        AXES,
+        np.empty(len(treads), dtype=np.int64),
+        np.empty(len(treads), dtype=np.bool_),
+        np.empty(len(risers), dtype=np.int64),
+    )
+    return float(found[0])
+
+
+def test_two_steps_however_well_they_fit_are_unconfirmed() -> None:
+    """Test: two treads with their risers, of average measures, without any error. Expected result: less than a stair needs."""
+    two = evidence([tread_row(0), tread_row(1)], [[*riser_row(0)[:4], 0.0, np.inf, -0.5, 0.5], riser_row(1)])
+    assert UNCONFIRMED < two < EVIDENCE
+
+
+def test_each_repetition_adds_evidence() -> None:
+    """Test: three to six steps. Expected result: a stair, by 3 nats or more for each height and place that is added."""
+    found = [evidence([tread_row(k) for k in range(n)], [riser_row(k) for k in range(n)]) for n in (3, 4, 5, 6)]
+    assert found[0] > EVIDENCE
+    assert np.diff(found).min() > 3.0
+
+
+def test_unequal_steps_are_no_stair() -> None:
+    """Test: three shelves whose spacing differs by a third. Expected result: none."""
+    shelf = [tread_row(0), tread_row(1), tread_row(1)]
+    shelf[2] = [shelf[1][0] + 1.33 * RISE, *shelf[1][1:2], shelf[1][2] + 0.67 * RUN, *shelf[1][3:]]
+    assert not evidence(shelf, []) > EVIDENCE
+
+
+def test_a_missing_step_in_view_costs_what_it_should() -> None:
+    """Test: steps 0, 1 and 3; at step 2 the image shows nothing, or the floor. Expected result: a stair; 3 nats less."""
+    treads, risers = [tread_row(k) for k in (0, 1, 3)], [riser_row(k) for k in (0, 1, 3)]
+    hidden = evidence(treads, risers)
+    floor = np.full((320, 240), np.nan)
+    rows = (np.arange(240) - 119.5) / 285.0
+    # The floor lies 1.07 m below the camera: inverse depth is linear in the row.
+    floor[:, rows > 0.05] = (rows[rows > 0.05] / 1.07)[None, :]
+    seen = evidence(treads, risers, floor)
+    assert hidden > EVIDENCE
+    # All steps are then seen through, the present ones as well: the image is no stair's.
+    assert hidden - seen >= 3.0
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.002, 0.006])
+def test_the_spacing_of_steps_has_a_true_interval(scatter: float) -> None:
+    """Test: 400 draws of six steps whose heights scatter. Expected result: the error over its deviation has a mean square near 1.
+
+    A regular stair's is smaller: the prior of the scatter is wide. With six steps, 400 draws give 1 to within 0.15.
+    """
+    rng, strains = np.random.default_rng(7), []
+    for _ in range(400):
+        steps = np.arange(6)
+        heights = RISE * steps + scatter * rng.standard_normal(6) + 0.001 * rng.standard_normal(6)
+        found, sigma = spacing(
+            [Placed(steps=steps, values_m=heights, variances_m2=np.full(6, 1e-6), offset_sigma_m=0.0)], (0.17, 0.035)
+        )
+        strains.append((found - RISE) / sigma)
+    assert (0.05 if scatter == 0.0 else 0.6) < np.mean(np.square(strains)) < 1.3
+
+
+@pytest.mark.parametrize(("noise_px", "low", "high"), [(0.055, 1.0, 1.0), (0.15, 1.4, 2.6), (0.6, 3.0, 3.0)])
+def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, high: float) -> None:
+    """Test: white disparity noise on a plane; 0.16 px is a block's limit. Expected result: 1 for a Kinect, 2.2 times the ratio."""
+    from treadline.perception import kernels
+
+    rng = np.random.default_rng(3)
+    nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))
+    cells = kernels.cell_sums(nearness, 4, 285.0, 285.0, 159.5, 119.5, 0.4, 4.5)
+    assert low <= noise_of(cells, 0.6 * 16) <= high
+
+
+def test_a_frame_of_two_steps_counts_after_one_that_confirmed_the_flight() -> None:
+    """Test: a frame of two steps alone; after a frame of the same stair with more; 11 s later. Expected result: no, yes, no."""
+    detector, alone = StairDetector(), StairDetector()
+    whole = draw_view(np.random.default_rng(31_001), ViewRecipe(scenes=("up",)))
+    confirmed = detector.see(whole.frame, whole.gravity_C)
+    assert confirmed.measurement is not None
+    depth = whole.frame.depth_m.copy()
+    sight = None
+    # Rows from the top are covered until two steps are left.
+    for rows in range(20, 220, 4):
+        depth[:rows] = np.nan
+        frame = type(whole.frame)(t_s=1.0, rgb=whole.frame.rgb, depth_m=depth.copy(), camera=whole.frame.camera)
+        sight = alone.look(frame, whole.gravity_C)
+        if sight.unconfirmed:
+            break
+    assert sight is not None
+    assert sight.unconfirmed
+    assert sight.heading_rad is not None
+    assert alone.see(frame, whole.gravity_C).measurement is None
+    assert detector.see(frame, whole.gravity_C).measurement is not None
+    late = type(frame)(t_s=11.1, rgb=frame.rgb, depth_m=frame.depth_m, camera=frame.camera)
+    assert detector.see(late, whole.gravity_C).measurement is None
