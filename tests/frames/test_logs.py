@@ -3,15 +3,20 @@
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from treadline.cli import main
 from treadline.errors import ImageError, LogFormatError, SettingsError
 from treadline.frames import read_frames
 from treadline.frames.evaluation import see_frames
 from treadline.frames.logs import FramesOfLog
+from treadline.frames.named_frame import NamedFrame
+from treadline.signals import RgbdFrame
 
 RATE_HZ = 30.0
 ENDINGS = [".mcap", ".bag", ""]
@@ -20,7 +25,7 @@ COUNT = 3
 
 
 @pytest.fixture
-def frame(rendered):
+def frame(rendered) -> RgbdFrame:
     """Return a frame from a flight."""
     return rendered()
 
@@ -29,7 +34,9 @@ def frame(rendered):
 def walk(recording, frame) -> Callable[..., object]:
     """Return a recording of one view: depth, calibration and, if asked, colour."""
 
-    def record(*, ros1: bool = False, colour_late_s: float | None = None, camera=None, depth: str = "/camera/depth/image_rect"):
+    def record(
+        *, ros1: bool = False, colour_late_s: float | None = None, camera=None, depth: str = "/camera/depth/image_rect"
+    ) -> Any:
         log = recording(ros1=ros1)
         for number in range(COUNT):
             t_s = number / RATE_HZ
@@ -59,10 +66,6 @@ def headings(source) -> list[float | None]:
 
 
 def direct(frame) -> float:
-    from dataclasses import replace
-
-    from treadline.frames.named_frame import NamedFrame
-
     bare = replace(frame, camera=replace(frame.camera, mount_pitch_rad=0.0, mount_m=(0.0, 0.0, 0.0)))
     (heading,) = headings([NamedFrame(name="a", frame=bare, mount_known=False, gravity_C=None)])
     assert heading is not None
@@ -114,14 +117,12 @@ def test_depth_images_are_preferred_to_clouds_and_one_of_several_is_named(walk, 
     other = walk(depth="/second/depth/image_rect")
     log.messages += other.messages
     path = log.write(tmp_path / "two.mcap")
-    with pytest.raises(SettingsError, match="several topics hold depth.*--topic /camera/depth/image_rect"):
+    with pytest.raises(SettingsError, match=r"several topics hold depth.*--topic /camera/depth/image_rect"):
         read_frames(path)
     assert len(list(read_frames(path, topic="/second/depth/image_rect"))) == COUNT
 
 
 def test_a_calibration_of_another_size_is_refused(walk, frame, calibration_file, tmp_path: Path) -> None:
-    from dataclasses import replace
-
     half = replace(frame.camera, width_px=160, height_px=120)
     path = walk(camera=half).write(tmp_path / "walk.mcap")
     with pytest.raises(ImageError, match="320×240 pixels, /camera/depth/camera_info is for 160×120"):
@@ -159,7 +160,7 @@ def test_logs_without_depth_messages_or_whole_bytes_are_refused(walk, recording,
         read_frames(tmp_path / "nothing.mcap")
     bare = recording()
     bare.image("/depth", 0.0, np.full((240, 320), 1500, np.uint16), "16UC1")
-    with pytest.raises(LogFormatError, match="no intrinsics.*--camera"):
+    with pytest.raises(LogFormatError, match=r"no intrinsics.*--camera"):
         read_frames(bare.write(tmp_path / "bare.mcap"))
     whole = walk().write(tmp_path / "walk.mcap").read_bytes()
     (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
@@ -186,8 +187,6 @@ def test_repeated_stamps_are_left_out_and_counted(walk, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("ending", [".csv", ".jsonl"])
 def test_see_writes_a_row_per_frame_and_a_summary(walk, capsys, frame, tmp_path: Path, ending: str) -> None:
-    from treadline.cli import main
-
     path = walk().write(tmp_path / "walk.mcap")
     table = tmp_path / f"walk{ending}"
     assert main(["see", str(path), "--headings", str(table)]) == 0
