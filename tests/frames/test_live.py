@@ -247,6 +247,11 @@ def test_see_needs_one_input(capsys) -> None:
     for words in (["see"], ["see", "a.png", "--live", "oak"]):
         assert main(words) == 2
         assert "see needs one input" in capsys.readouterr().err
+    for word, value in (("--unit", "mm"), ("--topic", "/a"), ("--method", "paper")):
+        assert main(["see", "--live", "oak", word, value]) == 2
+        assert f"{word}" in capsys.readouterr().err
+    assert main(["see", "a.png", "--seconds", "3"]) == 2
+    assert "--seconds is of --live" in capsys.readouterr().err
     assert main(["see", "--live", "v4l"]) == 2
     assert "no intrinsics; give --camera" in capsys.readouterr().err
 

@@ -87,6 +87,11 @@ def see(
         raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
     tell_compiling()
     if live is not None:
+        given = {"--unit": unit, "--topic": topic, "--threshold": threshold, "--method paper": chosen == "paper" or None}
+        if alone := [name for name, value in given.items() if value is not None]:
+            raise SettingsError(
+                f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
+            )
         from treadline.cli.see_live import see_live
 
         return see_live(live, camera=camera, gravity=gravity, seconds=seconds, headings=headings, out=out)

@@ -43,7 +43,7 @@ def see_live(
     frames = LiveFrames(
         device, calibration=calibration, gravity_C=gravity_of(gravity), colour=out is not None, on_warning=line.warn
     )
-    evaluator, summary, last = FrameEvaluator("robust"), Summary(), dict[str, Any]()
+    evaluator, summary, last = FrameEvaluator("robust", warm_up=False), Summary(), dict[str, Any]()
     drawn_s = -PICTURE_S
     with ExitStack() as stack:
         stack.enter_context(stdout_on_stderr())

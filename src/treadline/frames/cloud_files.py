@@ -43,7 +43,7 @@ def read_cloud(path: Path) -> PointCloud:
         return _ply(data) if path.suffix.lower() == ".ply" else _pcd(data)
     except ImageError as error:
         raise ImageError(f"{path}: {error}") from None
-    except (ValueError, KeyError, IndexError, UnicodeDecodeError, OverflowError, MemoryError) as error:
+    except (ValueError, TypeError, KeyError, IndexError, UnicodeDecodeError, OverflowError, MemoryError) as error:
         raise ImageError(f"{path}: damaged point cloud: {' '.join(str(error).split())[:200]}; export it again") from None
 
 

@@ -2,12 +2,12 @@
 
 An organised cloud (one point per pixel, row by row) is a depth image already; its intrinsics follow from the points, because
 ``u = fx·x/z + cx`` and ``v = fy·y/z + cy``. So are the points of a depth image whose holes were left out, if x/z and y/z lie on a
-regular grid. Other clouds are projected into a virtual pinhole camera at the origin that looks along z: the nearest point of each
+regular grid. Other clouds are projected into a virtual pinhole camera at the origin that looks along z: the nearest surface of each
 pixel counts, and the focal length gives ``POINTS_PER_PIXEL`` points per pixel on average.
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
@@ -33,12 +33,20 @@ FEWEST_POINTS = 1000
 """Fewest points of a cloud: an image of 40 × 25 pixels, in which a step 1 m away is 5 pixels high at 60° of view."""
 FIT_PX = 0.5
 """Largest RMS residual of the intrinsics [px]: coordinates rounded to a millimetre at 0.5 m give 0.3 px at fx = 600."""
+SAMPLE = 20_000
+"""Number of points from which unit, axes and intrinsics follow; the intrinsics of exact points are exact from two of them."""
 GRID_GAP = 1e-4
 """Smallest gap between columns of a pixel grid in x/z: a tenth of a pixel at fx = 1000; single precision is 1e-7."""
 GRID_PX = 0.1
 """Largest deviation of x/z from a regular grid [px]."""
 POINTS_PER_PIXEL = 3.0
 """Mean number of points per pixel of the virtual camera: at 3 random points, exp(-3) = 5 % of the pixels stay empty."""
+SURFACE = 0.05
+"""Depth range of one surface within a pixel, relative to its depth: a tread seen at 6° to its plane, 1/(200 px · tan 6°) = 4.8 %.
+
+Edge direction of 24 clouds without a pixel grid against their depth images: 0.005° RMS at 2 and 5 %, 0.015° at 0.5 %, and 0.018°
+with the nearest point alone.
+"""
 WIDEST_TAN = 3.73
 """Largest x/z and y/z of the virtual camera: a field of view of 150°, the limit of ``camera_file``."""
 LARGEST_PX = 1280
@@ -80,18 +88,33 @@ def cloud_image(
     Raises:
         ImageError: If the cloud is too small, lies behind the camera, or has another unit, or if its size is not the camera's.
     """
-    scale = np.float32(UNITS[unit])
-    points = (cloud.points * scale) @ AXES[axes][1].T.astype(np.float32)
-    valid = np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)
-    if valid.sum() < FEWEST_POINTS:
-        raise ImageError(f"{where}: {valid.sum()} points with a return; at least {FEWEST_POINTS} are needed to see two steps")
-    _check_unit(where, points[valid], unit)
-    _check_in_front(where, points[valid], axes)
-    valid &= points[:, 2] > 0.0
-    cloud = replace(cloud, points=np.where(valid[:, None], points, np.float32(np.nan)))
-    if cloud.size_px is not None:
-        return _organised(where, cloud, valid, camera)
-    return _projected(cloud, valid, camera)
+    x, y, z = _in_camera(cloud.points, axes, UNITS[unit])
+    size = np.abs(x) + np.abs(y) + np.abs(z)
+    index = np.flatnonzero((size > 0.0) & (size < np.inf))  # NaN is neither
+    if len(index) < FEWEST_POINTS:
+        raise ImageError(f"{where}: {len(index)} points with a return; at least {FEWEST_POINTS} are needed to see two steps")
+    some = index[:: max(1, len(index) // SAMPLE)]
+    _check_unit(where, np.stack([x[some], y[some], z[some]], axis=1), unit)
+    _check_in_front(where, np.stack([x[some], y[some], z[some]], axis=1), axes)
+    index = index[z[index] > 0.0]
+    depth = z[index]
+    seen = _Seen(number=index, depth=depth, x=x[index] / depth, y=y[index] / depth)
+    return _projected(cloud, seen, camera) if cloud.size_px is None else _organised(where, cloud, seen, camera)
+
+
+class _Seen(NamedTuple):
+    """Points in front of the camera: number in the cloud, depth [m], x/z and y/z."""
+
+    number: Int64[np.ndarray, " n"]
+    depth: Float32[np.ndarray, " n"]
+    x: Float32[np.ndarray, " n"]
+    y: Float32[np.ndarray, " n"]
+
+
+def _in_camera(points: Float32[np.ndarray, "n 3"], axes: Axes, scale: float) -> list[Float32[np.ndarray, " n"]]:
+    """Return the coordinates in the camera frame [m]: all rotations of ``AXES`` permute axes and change signs."""
+    places = np.argmax(np.abs(AXES[axes][1]), axis=1)
+    return [points[:, place] * np.float32(scale * row[place]) for place, row in zip(places, AXES[axes][1], strict=True)]
 
 
 def _check_unit(where: object, points: Float32[np.ndarray, "n 3"], unit: str) -> None:
@@ -127,28 +150,28 @@ def _check_in_front(where: object, points: Float32[np.ndarray, "n 3"], axes: Axe
     )
 
 
-def _organised(where: object, cloud: PointCloud, valid: np.ndarray, camera: PinholeCamera | None) -> CloudImage:
+def _organised(where: object, cloud: PointCloud, seen: _Seen, camera: PinholeCamera | None) -> CloudImage:
     assert cloud.size_px is not None  # noqa: S101 - for the type checker
     width, height = cloud.size_px
     if camera is not None and (camera.width_px, camera.height_px) != (width, height):
         raise ImageError(f"{where}: {width}×{height} points, the calibration is for {camera.width_px}×{camera.height_px}")
-    index = np.flatnonzero(valid)
-    x, y, z = cloud.points[index].astype(float).T
-    fx, cx, rms_u = _line(x / z, index % width)
-    fy, cy, rms_v = _line(y / z, index // width)
+    some = slice(None, None, max(1, len(seen.number) // SAMPLE))
+    fx, cx, rms_u = _line(seen.x[some].astype(float), seen.number[some] % width)
+    fy, cy, rms_v = _line(seen.y[some].astype(float), seen.number[some] // width)
     residual = float(np.hypot(rms_u, rms_v))
     if not (residual <= FIT_PX and fx > 0.0 and fy > 0.0):
-        image = _projected(cloud, valid, camera)
-        seen = f"{image.frame.camera.width_px}×{image.frame.camera.height_px}"
+        image = _projected(cloud, seen, camera)
+        used = f"{image.frame.camera.width_px}×{image.frame.camera.height_px}"
         return replace(
             image,
             warning=f"the organised cloud is not a pinhole image (residual {residual:.1f} px, at most {FIT_PX:g}: lens "
-            f"distortion, or a cloud in another frame than its camera's); seen through a virtual camera of {seen} pixels",
+            f"distortion, or a cloud in another frame than its camera's); seen through a virtual camera of {used} pixels",
         )
     fitted = PinholeCamera(width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy)
-    depth = cloud.points[:, 2].reshape(height, width)
+    depth = np.full(width * height, np.nan, dtype=np.float32)
+    depth[seen.number] = seen.depth
     rgb = black(height, width) if cloud.rgb is None else cloud.rgb.reshape(height, width, 3)
-    frame = RgbdFrame(t_s=cloud.t_s, rgb=rgb, depth_m=np.ascontiguousarray(depth), camera=_mounted(fitted, camera))
+    frame = RgbdFrame(t_s=cloud.t_s, rgb=rgb, depth_m=depth.reshape(height, width), camera=_mounted(fitted, camera))
     return CloudImage(frame=frame, has_colour=cloud.rgb is not None, warning=None)
 
 
@@ -163,29 +186,47 @@ def _line(ratio: Float64[np.ndarray, " n"], pixel: Int64[np.ndarray, " n"]) -> t
     return focal, centre, float(np.sqrt(np.mean((pixel - focal * ratio - centre) ** 2)))
 
 
-def _projected(cloud: PointCloud, valid: np.ndarray, camera: PinholeCamera | None) -> CloudImage:
-    points = cloud.points[valid].astype(float)
-    x, y = points[:, 0] / points[:, 2], points[:, 1] / points[:, 2]
+def _projected(cloud: PointCloud, seen: _Seen, camera: PinholeCamera | None) -> CloudImage:
+    x, y = seen.x.astype(float), seen.y.astype(float)
     grid = _pixel_grid(x, y) if camera is None else None
     used = camera or grid or _virtual_camera(x, y)
-    column = np.round(used.fx_px * x + used.cx_px).astype(int)
-    row = np.round(used.fy_px * y + used.cy_px).astype(int)
-    inside = (column >= 0) & (column < used.width_px) & (row >= 0) & (row < used.height_px)
-    # Far points are written first, so that the nearest point of a pixel remains.
-    order = np.flatnonzero(inside)[np.argsort(-points[inside, 2], kind="stable")]
-    depth = np.full((used.height_px, used.width_px), np.nan, dtype=np.float32)
-    depth[row[order], column[order]] = points[order, 2]
+    kept, pixel = _front_points(x * used.fx_px + used.cx_px, y * used.fy_px + used.cy_px, seen.depth, used)
+    depth = np.full(used.height_px * used.width_px, np.nan, dtype=np.float32)
+    depth[pixel] = seen.depth[kept]
     rgb = black(used.height_px, used.width_px)
     if cloud.rgb is not None:
-        rgb[row[order], column[order]] = cloud.rgb[valid][order]
+        rgb.reshape(-1, 3)[pixel] = cloud.rgb[seen.number[kept]]
     warning = None
     if camera is None and grid is None:
         warning = (
-            f"unorganised cloud of {len(points)} points: seen through a virtual camera of {used.width_px}×{used.height_px} pixels, "
+            f"unorganised cloud of {len(x)} points: seen through a virtual camera of {used.width_px}×{used.height_px} pixels, "
             f"fx = {used.fx_px:.1f} px, at the origin of the cloud; an organised cloud, or --camera, keeps the pixels as measured"
         )
-    frame = RgbdFrame(t_s=cloud.t_s, rgb=rgb, depth_m=depth, camera=used)
+    frame = RgbdFrame(t_s=cloud.t_s, rgb=rgb, depth_m=depth.reshape(used.height_px, used.width_px), camera=used)
     return CloudImage(frame=frame, has_colour=cloud.rgb is not None, warning=warning)
+
+
+def _front_points(
+    u: Float64[np.ndarray, " n"], v: Float64[np.ndarray, " n"], depth: Float32[np.ndarray, " n"], camera: PinholeCamera
+) -> tuple[Int64[np.ndarray, " m"], Int64[np.ndarray, " m"]]:
+    """Return the points that a camera sees, one per pixel, and their pixels.
+
+    In each pixel the nearest surface counts, and of its points the one next to the pixel's centre: the nearest point alone would
+    pull a sloping surface towards the camera.
+    """
+    column, row = np.rint(u).astype(np.int64), np.rint(v).astype(np.int64)
+    inside = np.flatnonzero((column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px))
+    pixel, z = row[inside] * camera.width_px + column[inside], depth[inside]
+    nearest = np.full(camera.width_px * camera.height_px, np.inf, dtype=np.float32)
+    np.minimum.at(nearest, pixel, z)
+    front = z <= (1.0 + SURFACE) * nearest[pixel]
+    inside, pixel = inside[front], pixel[front]
+    # The last point written to a pixel remains.
+    order = np.argsort(-((u[inside] - column[inside]) ** 2 + (v[inside] - row[inside]) ** 2), kind="stable")
+    chosen = np.full(len(nearest), -1, dtype=np.int64)
+    chosen[pixel[order]] = inside[order]
+    filled = np.flatnonzero(chosen >= 0)
+    return chosen[filled], filled
 
 
 def _pixel_grid(x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"]) -> PinholeCamera | None:
