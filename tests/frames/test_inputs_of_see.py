@@ -75,6 +75,14 @@ def test_a_run_folder_with_images_is_read_like_a_recording(rendered, tmp_path: P
         values = json.loads(capsys.readouterr().out)
         assert [item["t_s"] for item in values["frames"]] == pytest.approx([0.0, 0.1, 0.2])
         assert values["summary"]["accepted"] == 3
+    assert not values["frames"][0]["mount_known"]
+    (tmp_path / "run" / "manifest.json").write_text('{"settings": {}, "seed": 0, "command": "treadline climb"}')
+    for path in (tmp_path / "run", tmp_path / "run" / "log.mcap"):
+        assert main(["see", str(path), "--json"]) == 0
+        seen = json.loads(capsys.readouterr().out)["frames"][0]
+        # The manifest names the chair, and the chair has the mount of its camera.
+        assert seen["mount_known"]
+        assert seen["heading_deg"] == pytest.approx(12.0, abs=0.2)
     whole = (tmp_path / "run" / "log.mcap").read_bytes()
     (tmp_path / "run" / "log.mcap").write_bytes(whole[:5000])
     assert main(["see", str(tmp_path / "run")]) == 2

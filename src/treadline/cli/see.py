@@ -11,6 +11,7 @@ from treadline.cli.out import Force, claim
 
 if TYPE_CHECKING:
     from treadline.frames.named_frame import FrameSource
+    from treadline.signals import PinholeCamera
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -123,9 +124,22 @@ def _source(
         unit=unit,
         axes=axes,
         topic=topic,
+        mount=_mount_of_run(source),
         colour=colour,
     )
     return open_frames(source, depth, options)
+
+
+def _mount_of_run(source: Path) -> "PinholeCamera | None":
+    """Return the camera of the chair that made a run folder; None for other inputs."""
+    from treadline.io.runs import LOG, MANIFEST
+
+    folder = source.parent if source.name == LOG else source
+    if not (folder / MANIFEST).is_file():
+        return None
+    from treadline.experiments.replay_source import source_of
+
+    return source_of(folder).base.chair.camera_at()
 
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:

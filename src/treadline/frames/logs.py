@@ -34,10 +34,13 @@ from treadline.io.topics import (
     reader_of,
     survey,
 )
-from treadline.signals import RgbdFrame
+from treadline.signals import PinholeCamera, RgbdFrame
 
 RUN_LOG = "log.mcap"
 """File name of the log in a run folder."""
+
+MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
+"""Names of the mount of a camera, which CameraInfo messages lack."""
 
 
 def is_log(path: Path) -> bool:
@@ -64,6 +67,7 @@ class FramesOfLog:
         gravity_C: Float[np.ndarray, " 3"] | None = None,
         unit: str | None = None,
         axes: Axes = "camera",
+        mount: PinholeCamera | None = None,
         colour: bool = False,
     ) -> None:
         """Survey a log.
@@ -73,12 +77,15 @@ class FramesOfLog:
             camera: Calibration and mount in place of the log's.
             unit: Unit of 16-bit depth counts or of cloud coordinates.
             axes: Axes of the clouds.
+            mount: Camera whose mount the log's camera has, unless ``camera`` is given.
             colour: Whether colour images are wanted.
         """
         self._path = path
         self._sealed = (path / RUN_LOG).is_file()
         self._log = path / RUN_LOG if self._sealed else path
         self._given, self._gravity, self._axes = camera, gravity_C, axes
+        self._mount = mount if camera is None else camera.camera
+        self._mount_known = mount is not None if camera is None else camera.mount_known
         found = survey(self._log, sealed=self._sealed)
         self.topic = _chosen(path, found, topic)
         self.is_cloud = found[self.topic].kind == POINT_CLOUD
@@ -219,16 +226,12 @@ class FramesOfLog:
         return later
 
     def _named(self, number: int, frame: RgbdFrame, has_colour: bool) -> NamedFrame:
-        if self._given is not None:
-            mount = {
-                name: getattr(self._given.camera, name)
-                for name in ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
-            }
-            frame = replace(frame, camera=replace(frame.camera, **mount))
+        if self._mount is not None:
+            frame = replace(frame, camera=replace(frame.camera, **{name: getattr(self._mount, name) for name in MOUNT}))
         return NamedFrame(
             name=f"{number:06d}",
             frame=frame,
-            mount_known=self._given is not None and self._given.mount_known,
+            mount_known=self._mount_known,
             gravity_C=self._gravity,
             has_colour=has_colour,
             t_s=frame.t_s,

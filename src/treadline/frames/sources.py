@@ -15,6 +15,7 @@ from treadline.frames.image_files import is_photo, nominal_camera, read_frame
 from treadline.frames.logs import FramesOfLog, is_log
 from treadline.frames.named_frame import FrameSource, NamedFrame, SeveralFrames, gravity_of
 from treadline.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.signals import PinholeCamera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,6 +32,8 @@ class FrameOptions:
     """Axes of point clouds."""
     topic: str | None = None
     """Topic of the depth images or point clouds of a log."""
+    mount: PinholeCamera | None = None
+    """Camera whose mount the camera of a log has, if no calibration is given."""
     colour: bool = True
     """Whether the colour images of a log are wanted; depth alone is read faster."""
 
@@ -89,6 +92,7 @@ def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameS
             gravity_C=options.gravity_C,
             unit=options.unit,
             axes=options.axes,
+            mount=options.mount,
             colour=options.colour,
         )
     if options.topic is not None:
