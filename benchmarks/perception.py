@@ -33,9 +33,9 @@ from treadline.angles import DEG, rotation_of
 from treadline.camera_file import CameraFile, read_camera
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
+from treadline.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
+from treadline.frames.image_files import read_frame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.perception.frames import COLOUR_ENDINGS, DEPTH_ENDING
-from treadline.perception.images import read_frame
 from treadline.signals import StairMap
 from treadline.sim.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
 from treadline.sim.camera.recipe import STEPPED_SCENES

@@ -9,13 +9,24 @@
 * ``tl.check(scenario)``: mechanical feasibility of a scenario.
 * ``tl.climb(scenario, controller=None, seed=0)``: one simulated traversal.
 * ``tl.detect_stair(depth_m, camera, gravity=None)``: heading and geometry of the stair in one depth image.
+* ``tl.read_frames(path)``: frames of a depth image, a point cloud, a folder, or a log.
 """
 
 from importlib import import_module
 from typing import Any
 
 __version__ = "0.2.0"
-__all__ = ["IdentificationOptions", "__version__", "check", "climb", "detect_stair", "identify", "load_model", "tune"]
+__all__ = [
+    "IdentificationOptions",
+    "__version__",
+    "check",
+    "climb",
+    "detect_stair",
+    "identify",
+    "load_model",
+    "read_frames",
+    "tune",
+]
 
 _MODULE_OF = {
     "IdentificationOptions": "treadline.identification.options",
@@ -24,6 +35,7 @@ _MODULE_OF = {
     "detect_stair": "treadline.api.vision",
     "identify": "treadline.api.models",
     "load_model": "treadline.api.models",
+    "read_frames": "treadline.frames",
     "tune": "treadline.api.models",
 }
 """Module of each public function. Named by text, so that importing the package, or one of its blocks, loads none of them."""

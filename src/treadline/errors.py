@@ -17,6 +17,7 @@
     │   ├── NotDefinite                  a weight is not (semi-)definite
     │   └── PeriodMismatch               two different sampling periods where one is required
     ├── ImageError                       an image or its calibration cannot be used
+    ├── CameraError                      a live depth camera is missing, busy, or has stopped
     ├── MechanicsError                   an impossible geometry
     ├── GazeboError                      Gazebo is not installed, does not start, or has exited
     └── SimulationDiverged               the simulation is numerically invalid and has no result (exit code 1)
@@ -81,6 +82,10 @@ class PeriodMismatch(ModelError):
 
 class ImageError(TreadlineError):
     """An image or its calibration cannot be used."""
+
+
+class CameraError(TreadlineError):
+    """A live depth camera is missing, busy, or has stopped."""
 
 
 class MechanicsError(TreadlineError):

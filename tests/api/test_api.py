@@ -15,7 +15,7 @@ from treadline.models import LinearModel
 from treadline.scenario import Scenario
 from treadline.sim.camera import ViewRecipe, draw_view
 
-PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "tune"}
+PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "read_frames", "tune"}
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
 
@@ -122,6 +122,20 @@ def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
     path.write_text("\n".join(lines) + "\n")
     one, other = (tl.detect_stair(view.frame.depth_m, given, view.gravity_C) for given in (camera, str(path)))
     assert one.heading_rad == pytest.approx(other.heading_rad, abs=1e-9)  # degrees and back
+
+
+def test_frames_of_files_go_into_the_detector(tmp_path: Path) -> None:
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    camera, z = view.frame.camera, view.frame.depth_m
+    v, u = np.indices(z.shape)
+    points = np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1).reshape(-1, 3)
+    header = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {z.shape[1]}\nHEIGHT {z.shape[0]}\n"
+    body = points.astype("<f4").tobytes()
+    (tmp_path / "a.pcd").write_bytes(f"{header}POINTS {len(points)}\nDATA binary\n".encode() + body)
+    (named,) = tl.read_frames(tmp_path / "a.pcd")
+    found = tl.detect_stair(named.frame.depth_m, camera, view.gravity_C)
+    assert found.heading_rad == tl.detect_stair(z, camera, view.gravity_C).heading_rad
+    assert named.frame.camera.fx_px == pytest.approx(camera.fx_px, rel=1e-5)
 
 
 def test_a_run_has_scores_series_and_a_figure() -> None:

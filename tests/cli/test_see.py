@@ -14,10 +14,10 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_z
 from treadline.camera_file import read_camera
 from treadline.cli import main
+from treadline.frames.image_files import read_frame
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.perception import StairDetector
-from treadline.perception.images import read_frame
 from treadline.scenario import Stair
 from treadline.signals import RgbdFrame
 from treadline.sim.camera import Camera
@@ -326,11 +326,11 @@ def test_a_bad_direction_of_gravity_is_refused(run, folder: Path, text: str) -> 
     assert_refused(run("see", folder), "gravity.csv:2")
 
 
-def test_a_folder_without_pairs_is_refused(run, folder: Path) -> None:
-    (folder / "a_rgb.png").unlink()
-    assert_refused(run("see", folder), "a_depth.png", "a_rgb.png")
+def test_a_folder_without_frames_is_refused(run, folder: Path) -> None:
     (folder / "a_depth.png").unlink()
-    assert_refused(run("see", folder), "NAME_rgb.png")
+    assert_refused(run("see", folder), "a_rgb.png", "NAME_depth.png")
+    (folder / "a_rgb.png").unlink()
+    assert_refused(run("see", folder), "NAME_depth.png")
     (folder / "camera.toml").unlink()
     assert_refused(run("see", folder), "camera.toml")
 
@@ -338,9 +338,43 @@ def test_a_folder_without_pairs_is_refused(run, folder: Path) -> None:
 def test_a_photo_without_depth_says_what_is_missing(run, folder: Path) -> None:
     assert_refused(run("see", folder / "a_rgb.png"), "a_rgb.png", "photo without depth", "16-bit")
     assert_refused(run("see", folder / "a_rgb.png", "--camera", folder / "camera.toml"), "photo without depth")
-    assert_refused(run("see", folder / "a_depth.png"), "a_depth.png", "without its colour image")
+    assert_refused(run("see", folder / "a_depth.png"), "a_depth.png", "no intrinsics", f"--camera {folder / 'camera.toml'}")
     assert_refused(run("see", folder / "nowhere.png"), "nowhere.png", "no such file")
     assert_refused(run("see", folder / "camera.toml"), "camera.toml", "not an image")
+
+
+def test_depth_alone_suffices(run, folder: Path) -> None:
+    both = run("see", *pair(folder), "--json").values
+    alone = run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--json").values
+    # The robust method reads depth alone, so the results are equal.
+    assert {**alone, "ms": 0, "name": ""} == {**both, "ms": 0, "name": ""}
+    (folder / "a_rgb.png").unlink()
+    (item,) = run("see", folder, "--json").values["frames"]
+    # The folder's gravity.csv replaces the gravity estimated from the treads.
+    assert item["heading_deg"] == pytest.approx(both["heading_deg"], abs=0.01)
+
+
+def test_depth_alone_has_a_picture_on_the_depth_image(run, folder: Path) -> None:
+    out = folder / "pictures"
+    assert run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--out", out).code == 0
+    assert [path.name for path in out.iterdir()] == ["a_depth-seen.png"]
+    assert cv2.imread(str(out / "a_depth-seen.png")).std() > 20.0
+    paper = run("see", folder / "a_depth.png", "--camera", folder / "camera.toml", "--method", "paper")
+    assert_refused(paper, "no colour image", "Algorithm 1")
+
+
+def test_the_size_of_a_kinect_2_is_a_stated_guess(run, folder: Path) -> None:
+    write_depth(folder / "k_depth.png", np.full((424, 512), 1500.0))
+    outcome = run("see", folder / "k_depth.png")
+    assert outcome.code == 1
+    assert "warning: no --camera: 512×424 is the size of a Kinect 2" in outcome.out
+
+
+def test_the_unit_of_depth_can_be_given(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA + "depth_unit_m = 0.00001\n")
+    assert_refused(run("see", *pair(folder)), "--unit mm")
+    assert run("see", *pair(folder), "--unit", "mm").code == 0
+    assert_refused(run("see", *pair(folder), "--unit", "inch"), "--unit", "mm")
 
 
 def test_a_pair_without_intrinsics_is_refused(run, folder: Path) -> None:

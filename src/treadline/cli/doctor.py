@@ -21,6 +21,10 @@ EXTRAS = (
     ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install '.[ros]'"),
     ("control", "control", "models as control.StateSpace", "pip install '.[control]'"),
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
+    ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),
+    ("pyorbbecsdk2", "pyorbbecsdk", "see --live orbbec", "pip install '.[orbbec]'"),
+    ("pyk4a", "pyk4a", "see --live k4a", "pip install '.[k4a]'"),
+    ("depthai", "depthai", "see --live oak", "pip install '.[oak]'"),
 )
 """What the rest does without: missing, they are no fault."""
 
@@ -54,8 +58,13 @@ def _are(count: int, what: str = "part") -> str:
 
 
 def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:
-    installed = util.find_spec(module) is not None
-    return _entry(name, metadata.version(name) if installed else None, enables, remedy, required=required)
+    version = None
+    if util.find_spec(module) is not None:
+        try:
+            version = metadata.version(name)
+        except metadata.PackageNotFoundError:  # the module comes from a package of another name, as pyk4a from pyk4a-bundle
+            version = "here"
+    return _entry(name, version, enables, remedy, required=required)
 
 
 def _rospy() -> dict[str, object]:

@@ -1,80 +1,179 @@
-"""``treadline see``: heading and stair geometry in recorded frames."""
+"""``treadline see``: heading and stair geometry in recorded frames, point clouds, logs and live cameras."""
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import List, choice
 from treadline.cli.out import Force, claim
 
+if TYPE_CHECKING:
+    from treadline.frames.named_frame import FrameSource
+    from treadline.signals import PinholeCamera
+
 MANY = 20
-"""Number of frames in a folder above which progress is shown."""
+"""Number of frames above which progress is shown."""
 
 
 def see(
-    rgb: Path,
+    source: Path | None = None,
     depth: Path | None = None,
     /,
     *,
+    live: str | None = None,
     camera: Path | None = None,
     gravity: List = None,
+    unit: str | None = None,
+    axes: str = "camera",
+    topic: str | None = None,
     method: str = "robust",
     threshold: str | None = None,
+    seconds: float | None = None,
+    headings: Path | None = None,
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
-    """Detect the stair in an RGB-D frame and report the heading.
+    """Detect the stair in depth frames and report the heading.
 
-    Give a colour image and a 16-bit depth image with a calibration, or a folder of NAME_rgb.png + NAME_depth.png
-    with camera.toml and, if known, gravity.csv. A calibration without a mount gives a heading about the camera's own axis, and
-    the answer states this.
+    A depth image suffices; a colour image adds pictures in colour. A calibration without a mount gives a heading about the
+    camera's own axis, and the answer states this.
+
+    treadline see depth.png --camera camera.toml (16-bit PNG)
+
+    treadline see rgb.png depth.png --camera camera.toml
+
+    treadline see FOLDER (NAME_depth.png, NAME_rgb.png, camera.toml, gravity.csv)
+
+    treadline see cloud.ply --unit mm (or .pcd; the camera is found from the points)
+
+    treadline see walk.mcap --headings walk.csv (or .bag, .db3, or a run folder)
+
+    treadline see --live realsense --out seen (or orbbec, k4a, oak, v4l; Ctrl-C ends)
 
     Args:
-        rgb: Colour image, or a folder.
-        depth: Depth image, 16 bit.
-        camera: Calibration file (TOML). Default for a folder: its camera.toml.
+        source: Depth image, colour image, point cloud, folder of these, log, or run folder.
+        depth: Depth image, 16 bit, if the first file is a colour image.
+        live: Camera: realsense, orbbec, k4a, oak, or v4l (a video device with 16-bit depth, /dev/video0 or v4l:NUMBER).
+        camera: Calibration file (TOML). Default for a folder: its camera.toml; a cloud, a log and a live camera have their own.
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
+        unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.
+        axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,
+            z backward).
+        topic: Topic of the depth images or point clouds of a log, if several hold depth.
         method: Method: robust, or paper for Algorithm 1 as printed.
         threshold: Rule for Canny's thresholds in Algorithm 1: median (the default), otsu, rosin or mad; needs --method paper, or
             --out, whose six stages are those of Algorithm 1.
+        seconds: Duration of --live [s]. Default: until Ctrl-C.
+        headings: Table with a row per frame, .csv or .jsonl (one JSON object per line), in place of a line per frame.
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
-            the robust method (NAME-seen.png).
+            the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
     from treadline.cli.compiling import report_compiling
     from treadline.errors import SettingsError
+    from treadline.frames.point_cloud import AXES
     from treadline.perception.edges import ThresholdRule
-    from treadline.perception.frames import FolderOfFrames, see_frames, single_frame
-    from treadline.perception.images import alone
 
     if out is not None:
         claim(out, force=force)
-    report_compiling()
+    if headings is not None:
+        claim(headings, force=force, kind="file")
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:
         raise SettingsError("--threshold is of Algorithm 1: give --method paper, or --out for pictures of its stages")
-    if depth is None and not rgb.is_dir():
-        raise alone(rgb)
-    if depth is None:
-        frames = FolderOfFrames(rgb, camera, gravity)
-        seen = list(_with_progress(see_frames(frames, method=chosen, out=out, threshold=rule), len(frames)))
-        accepted = sum(bool(item["accepted"]) for item in seen)
+    choice("--axes", axes, AXES)
+    if (source is None) == (live is None):
+        raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
+    report_compiling()
+    if live is not None:
+        given = {"--unit": unit, "--topic": topic, "--threshold": threshold, "--method paper": chosen == "paper" or None}
+        if alone := [name for name, value in given.items() if value is not None]:
+            raise SettingsError(
+                f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
+            )
+        from treadline.cli.see_live import see_live
+
+        return see_live(live, camera=camera, gravity=gravity, seconds=seconds, headings=headings, out=out)
+    if seconds is not None:
+        raise SettingsError("--seconds is of --live")
+    assert source is not None  # noqa: S101 - for the type checker
+    frames = _source(source, depth, camera, gravity, unit, axes, topic, colour=chosen == "paper" or out is not None)
+    return _answer(frames, chosen, rule, headings, out)
+
+
+def _source(
+    source: Path,
+    depth: Path | None,
+    camera: Path | None,
+    gravity: str | None,
+    unit: str | None,
+    axes: Any,
+    topic: str | None,
+    *,
+    colour: bool,
+) -> "FrameSource":
+    from treadline.camera_file import read_camera
+    from treadline.frames.named_frame import gravity_of
+    from treadline.frames.sources import FrameOptions, open_frames
+
+    options = FrameOptions(
+        camera=None if camera is None else read_camera(camera),
+        gravity_C=gravity_of(gravity),
+        unit=unit,
+        axes=axes,
+        topic=topic,
+        mount=_mount_of_run(source),
+        colour=colour,
+    )
+    return open_frames(source, depth, options)
+
+
+def _mount_of_run(source: Path) -> "PinholeCamera | None":
+    """Return the camera of the chair that made a run folder; None for other inputs."""
+    from treadline.io.runs import LOG, MANIFEST
+
+    folder = source.parent if source.name == LOG else source
+    if not (folder / MANIFEST).is_file():
+        return None
+    from treadline.experiments.replay_source import source_of
+
+    return source_of(folder).base.chair.camera_at()
+
+
+def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
+    """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
+    from treadline.frames.evaluation import see_frames
+    from treadline.frames.named_frame import SeveralFrames
+    from treadline.frames.results import HeadingTable, Summary
+
+    summary, seen = Summary(), list[dict[str, Any]]()
+    with ExitStack() as stack:
+        table = None if headings is None else stack.enter_context(HeadingTable(headings))
+        for values in _with_progress(see_frames(frames, method=method, out=out, threshold=rule), frames.count):
+            summary.add(values)
+            seen.append(values)
+            if table is not None:
+                table.write(values)
+    notes = [*(f"warning: {warning}" for warning in frames.warnings), *_warnings(seen)]
+    if isinstance(frames, SeveralFrames) and len(seen) == 1:
+        (values,) = seen
         return Answer(
-            values={"frames": seen},
-            summary=[*(_line(item) for item in seen), f"{accepted} of {len(seen)} frames accepted", *_warnings(seen)],
+            values=values | {"warnings": list(frames.warnings)},
+            summary=[_line(values), *notes],
+            code=0 if values["accepted"] else 1,
         )
-    if camera is None:
-        raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
-    (answer,) = see_frames([single_frame(rgb, depth, camera, gravity)], method=chosen, out=out, threshold=rule)
-    return Answer(values=answer, summary=[_line(answer), *_warnings([answer])], code=0 if answer["accepted"] else 1)
+    lines = [f"headings: {headings}"] if headings is not None else [_line(item) for item in seen]
+    values = {"frames": seen, "summary": summary.values, "warnings": list(frames.warnings)}
+    return Answer(values=values, summary=[*lines, *summary.lines, *notes])
 
 
-def _with_progress(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[str, Any]]:
+def _with_progress(seen: Iterator[dict[str, Any]], count: int | None) -> Iterator[dict[str, Any]]:
     """Yield the results; of many frames, show the progress."""
     from treadline.cli.progress import Progress
 
-    if count < MANY:
+    if count is None or count < MANY:
         yield from seen
         return
     every = max(1, count // 20)
@@ -86,10 +185,11 @@ def _with_progress(seen: Iterator[dict[str, Any]], count: int) -> Iterator[dict[
 
 
 def _line(seen: dict[str, Any]) -> str:
+    name = seen["name"] + (f" at {seen['t_s']:.3f} s" if "t_s" in seen else "")
     if not seen["accepted"]:
-        return f"{seen['name']}: no heading: {seen['reason']}"
+        return f"{name}: no heading: {seen['reason']}"
     words = [
-        f"{seen['name']}: heading {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
+        f"{name}: heading {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
         f"{seen['edges']} edges",
     ]
     stair = seen["stair"]

@@ -98,11 +98,20 @@ class Frames:
                     f"sizes differ: an image of {width}×{height} at {image.t_s:.3f} s, calibrated for {size[1]}×{size[0]}"
                 )
         # Without colour the picture is black: in the dark depth alone is looked at.
-        rgb = np.zeros((*size, 3), np.uint8) if color is None else _rgb(color)
-        return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=_metres(depth, self._unit_m), camera=camera)
+        rgb = np.zeros((*size, 3), np.uint8) if color is None else rgb_pixels(color)
+        return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=depth_metres(depth, self._unit_m), camera=camera)
 
 
-def _metres(image: Picture, unit_m: float) -> Float32[np.ndarray, "h w"]:
+def depth_metres(image: Picture, unit_m: float, millimetres: str = "--set camera.depth_unit_m=0.001") -> Float32[np.ndarray, "h w"]:
+    """Return the depth in metres, NaN where nothing returned.
+
+    Args:
+        unit_m: Depth per count of an image of 16 bits [m].
+        millimetres: Option that sets the unit to millimetres, for the error message.
+
+    Raises:
+        ImageError: If the median depth is implausible.
+    """
     counts, nothing = image.pixels, np.float32(np.nan)
     if counts.dtype.kind == "u":
         depth = np.where((counts > 0) & (counts < NO_RETURN), counts * np.float32(unit_m), nothing)
@@ -112,12 +121,13 @@ def _metres(image: Picture, unit_m: float) -> Float32[np.ndarray, "h w"]:
     some = some[some > 0.0]
     middle = float(np.median(some)) if some.size else None
     if middle is not None and not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
-        remedy = "--set camera.depth_unit_m=0.001 is for millimetres" if counts.dtype.kind == "u" else "32FC1 must be in metres"
+        remedy = f"{millimetres} is for millimetres" if counts.dtype.kind == "u" else "32FC1 must be in metres"
         raise ImageError(f"the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
     return depth.astype(np.float32, copy=False)
 
 
-def _rgb(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
+def rgb_pixels(image: Picture) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the colours of an image in the order red, green, blue."""
     pixels = image.pixels
     if pixels.ndim == 2:
         return np.repeat(pixels[:, :, None], 3, axis=2)

@@ -150,13 +150,13 @@ def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, st
     gyro, accel = (named["imu"], named.get("accel")) if "imu" in named else _imu(where, found)
     if depth is None:
         if headings is None:
-            raise LogFormatError(f"{where}: neither depth images nor headings{_compressed(found)} (there are: {listed(found)})")
+            raise LogFormatError(f"{where}: neither depth images nor headings{compressed_hint(found)} (there are: {listed(found)})")
         return Topics(imu=gyro, accel=accel, headings=headings)
-    color = named.get("color") or _color(found, depth)
+    color = named.get("color") or color_topic(found, depth)
     if color is not None and found[color].size != found[depth].size:
         sizes = " and ".join(f"{name} {found[name].size[0]}×{found[name].size[1]}" for name in (color, depth))
         raise LogFormatError(f"{where}: sizes differ: {sizes}; name a depth topic that is registered to colour: --topics depth=…")
-    info = named.get("info") or _info(found, depth, color)
+    info = named.get("info") or info_topic(found, depth, color)
     if info is None and not calibrated:
         raise LogFormatError(
             f"{where}: no intrinsics: no CameraInfo next to {depth}; name one (--topics info=…) or --set camera.fx_px, fy_px, "
@@ -198,13 +198,19 @@ def _depth(found: Mapping[str, TopicSummary]) -> str | None:
     def rank(name: str) -> tuple[bool, bool, str]:
         return not any(word in name for word in REGISTERED), "depth" not in name, name
 
+    return min(depth_topics(found), key=rank, default=None)
+
+
+def depth_topics(found: Mapping[str, TopicSummary]) -> list[str]:
+    """Return the topics with depth images."""
     images = [name for name, item in found.items() if item.kind == IMAGE and item.pixels in DEPTH_ENCODINGS]
     # Infrared images are 16-bit as well.
-    images = [name for name in images if "depth" in name or not any(word in name for word in ("infra", "/ir", "mono"))]
-    return min(images, key=rank, default=None)
+    return [name for name in images if "depth" in name or not any(word in name for word in ("infra", "/ir", "mono"))]
 
 
-def _color(found: Mapping[str, TopicSummary], depth: str) -> str | None:
+def color_topic(found: Mapping[str, TopicSummary], depth: str) -> str | None:
+    """Return the colour images of the size of the depth images."""
+
     def rank(name: str) -> tuple[bool, bool, str]:
         return found[name].pixels in {"mono8", "8UC1"}, not any(word in name for word in ("color", "rgb")), name
 
@@ -212,7 +218,8 @@ def _color(found: Mapping[str, TopicSummary], depth: str) -> str | None:
     return min((name for name in images if found[name].size == found[depth].size), key=rank, default=None)
 
 
-def _info(found: Mapping[str, TopicSummary], depth: str, color: str | None) -> str | None:
+def info_topic(found: Mapping[str, TopicSummary], depth: str, color: str | None) -> str | None:
+    """Return the calibration next to the depth or the colour images, or the only one."""
     known = [name for name, item in found.items() if item.kind == CAMERA_INFO]
     for image in (depth, color):
         siblings = [name for name in known if image is not None and _parent(name) == _parent(image)]
@@ -233,7 +240,8 @@ def _imu(where: Path, found: Mapping[str, TopicSummary]) -> tuple[str | None, st
     return (best[0] if best else None), None
 
 
-def _compressed(found: Mapping[str, TopicSummary]) -> str:
+def compressed_hint(found: Mapping[str, TopicSummary]) -> str:
+    """Return how to make compressed images readable; empty without any."""
     names = [name for name, item in found.items() if item.kind == COMPRESSED]
     return f"; {names[0]} is compressed: republish it raw (ros2 run image_transport republish compressed raw)" if names else ""
 

@@ -1,4 +1,4 @@
-"""Recorded frames: a colour image and a 16-bit depth image, checked against their calibration."""
+"""Recorded frames: a 16-bit depth image and, if given, a colour image, checked against their calibration."""
 
 import struct
 import zlib
@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from treadline.camera_file import CameraFile
-from treadline.errors import ImageError
+from treadline.errors import ImageError, SettingsError
+from treadline.frames.named_frame import black
 from treadline.signals import RgbdFrame
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -20,12 +21,15 @@ PLAUSIBLE_M = (0.2, 30.0)
 """Range of the median depth of an indoor frame [m]; outside it the unit is wrong."""
 
 
-def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
-    """Return the frame in two image files.
+def read_frame(rgb: Path | None, depth: Path, calibration: CameraFile) -> RgbdFrame:
+    """Return the frame in a depth image and, if given, a colour image; without one, the frame's colour is black.
 
     Raises:
         ImageError: If a file is missing or not an image, the sizes differ, or the depth is implausible.
     """
+    if rgb is None:
+        depth_m = _depth(depth, calibration)
+        return RgbdFrame(t_s=0.0, rgb=black(*depth_m.shape), depth_m=depth_m, camera=calibration.camera)
     if not calibration.registered and calibration.X_depth_colour is None:
         raise ImageError(
             f"{depth}: the calibration says registered = false; register depth to colour first, or give the pose X_depth_colour"
@@ -34,6 +38,36 @@ def read_frame(rgb: Path, depth: Path, calibration: CameraFile) -> RgbdFrame:
     if not calibration.registered:
         colour = _on_depth(colour, depth_m, calibration)
     return RgbdFrame(t_s=0.0, rgb=colour, depth_m=depth_m, camera=calibration.camera)
+
+
+NOMINAL = {(512, 424): ("Kinect 2", 365.3)}
+"""Depth image sizes, width and height, that belong to one camera model only, with its name and nominal focal length [px].
+
+A Kinect 2 sees 70.6° × 60.0° (data sheet), which is a focal length of 361.6 to 367.2 px; recorded units have 365.3 px. Other common
+sizes belong to several cameras: 640×480 is a Kinect 1 (575 px) and a D435 (383 px).
+"""
+
+
+def nominal_camera(depth: Path) -> tuple[CameraFile, str]:
+    """Return the nominal calibration of the camera that a depth image's size identifies, and the warning that states the guess.
+
+    Raises:
+        ImageError: If the file is not a depth image.
+        SettingsError: If the size belongs to several cameras.
+    """
+    image = _depth_counts(depth)
+    height, width = image.shape
+    if (width, height) not in NOMINAL:
+        beside = depth.parent / "camera.toml"
+        remedy = f"--camera {beside}" if beside.is_file() else "--camera camera.toml (width, height, fx_px, fy_px, cx_px, cy_px)"
+        raise SettingsError(f"{depth}: no intrinsics: {width}×{height} pixels fit several cameras; give {remedy}")
+    name, focal_px = NOMINAL[width, height]
+    centre = 0.5 * (width - 1), 0.5 * (height - 1)
+    calibration = CameraFile(width=width, height=height, fx_px=focal_px, fy_px=focal_px, cx_px=centre[0], cy_px=centre[1])
+    return calibration, (
+        f"no --camera: {width}×{height} is the size of a {name}, so its nominal intrinsics are used: fx = fy = {focal_px:g} px, "
+        f"cx, cy = {centre[0]:g}, {centre[1]:g} px; a focal length 2 % off costs 0.2° of heading"
+    )
 
 
 def _on_depth(
@@ -52,23 +86,19 @@ def _on_depth(
     return np.asarray(cv2.remap(colour, columns.astype(np.float32), rows.astype(np.float32), cv2.INTER_LINEAR))
 
 
-def alone(path: Path) -> ImageError:
-    """Return the error for one image without its partner."""
-    try:
-        image = _decoded(path, cv2.IMREAD_UNCHANGED)
-    except ImageError as error:
-        return error
-    if image.dtype == np.uint16 and image.ndim == 2:
-        return ImageError(f"{path}: a depth image without its colour image; give both: see RGB DEPTH --camera camera.toml")
-    return ImageError(
-        f"{path}: a photo without depth; a heading needs the 16-bit depth image of the same moment, too: "
-        "see RGB DEPTH --camera camera.toml"
-    )
+def is_photo(path: Path) -> bool:
+    """Return whether an image file is a colour image without depth.
+
+    Raises:
+        ImageError: If the file is not an image.
+    """
+    image = decoded(path, cv2.IMREAD_UNCHANGED)
+    return not (image.dtype == np.uint16 and image.ndim == 2)
 
 
 def _colour(path: Path, calibration: CameraFile) -> UInt8[np.ndarray, "h w 3"]:
     # Applying a stored image rotation would misalign colour and depth.
-    image = _decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+    image = decoded(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
     if image.dtype == np.uint16:
         if np.ptp(image, axis=2).max() == 0:
             raise ImageError(f"{path}: 16 bits of grey are no colour image; is it the depth image? give RGB first, then DEPTH")
@@ -77,11 +107,16 @@ def _colour(path: Path, calibration: CameraFile) -> UInt8[np.ndarray, "h w 3"]:
     return np.ascontiguousarray(image[:, :, ::-1])
 
 
-def _depth(path: Path, calibration: CameraFile) -> Float32[np.ndarray, "h w"]:
-    image = _decoded(path, cv2.IMREAD_UNCHANGED)
+def _depth_counts(path: Path) -> np.ndarray:
+    image = decoded(path, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2 or image.dtype != np.uint16:
         kind = f"{image.dtype.itemsize * 8}-bit with {1 if image.ndim == 2 else image.shape[2]} channel(s)"
         raise ImageError(f"{path}: depth must be 16-bit with one channel, this is {kind}; record the raw depth image")
+    return image
+
+
+def _depth(path: Path, calibration: CameraFile) -> Float32[np.ndarray, "h w"]:
+    image = _depth_counts(path)
     _check_size(path, image, calibration)
     valid = ~np.isin(image, NO_RETURN)
     if not valid.any():
@@ -92,12 +127,17 @@ def _depth(path: Path, calibration: CameraFile) -> Float32[np.ndarray, "h w"]:
     if not PLAUSIBLE_M[0] <= middle <= PLAUSIBLE_M[1]:
         raise ImageError(
             f"{path}: the median depth is {middle:.3g} m with depth_unit_m = {calibration.depth_unit_m:g}; "
-            "wrong unit? millimetres need 0.001"
+            "wrong unit? millimetres need depth_unit_m = 0.001 (--unit mm)"
         )
     return depth
 
 
-def _decoded(path: Path, flags: int) -> np.ndarray:
+def decoded(path: Path, flags: int) -> np.ndarray:
+    """Return the pixels of a whole PNG or JPEG file.
+
+    Raises:
+        ImageError: If the file is missing, truncated, or no image.
+    """
     try:
         data = path.read_bytes()
     except FileNotFoundError:

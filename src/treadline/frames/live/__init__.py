@@ -1,0 +1,1 @@
+"""Live depth cameras behind one protocol, and the checks of their streams."""

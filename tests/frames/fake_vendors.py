@@ -1,0 +1,431 @@
+"""Modules that answer as the vendors' packages do, with the frames of a list: names and signatures of their documentation.
+
+Each ``fake_…`` function returns a module and the record of what was asked of it.
+"""
+
+from collections.abc import Iterator
+from datetime import timedelta
+from types import ModuleType, SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+MOUNTED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Rotation from the fake IMU to the camera: a quarter turn about the optical axis."""
+DISTORTION = (0.1, -0.05, 0.001, -0.002, 0.02, 0.01, 0.0, 0.0)
+"""Coefficients k1, k2, p1, p2, k3 to k6 of the fake lens with distortion."""
+
+
+class Shot(NamedTuple):
+    """What a fake camera sees at one time."""
+
+    t_s: float
+    counts: np.ndarray
+    rgb: np.ndarray | None = None
+    rgb_t_s: float = 0.0
+    force_I: tuple[float, float, float] | None = None
+    """Specific force in the IMU's axes [m/s²]."""
+
+
+def module(name: str, **content: Any) -> ModuleType:
+    """Return a module with this content."""
+    made = ModuleType(name)
+    vars(made).update(content)
+    return made
+
+
+def fake_pyrealsense2(  # noqa: C901 - a closure over its frames
+    shots: Iterator[Shot], K: tuple[float, ...], *, has_imu: bool, error: str | None = None
+) -> ModuleType:
+    """Return pyrealsense2 with one D435i (or D435 without IMU)."""
+    stream = SimpleNamespace(depth="depth", color="color", accel="accel")
+
+    class Frame:
+        def __init__(self, data: Any, t_s: float) -> None:
+            self._data, self._t_s = data, t_s
+
+        def get_data(self) -> Any:
+            return self._data
+
+        def get_timestamp(self) -> float:
+            return 1e3 * self._t_s
+
+        def as_motion_frame(self) -> "Frame":
+            return self
+
+        def get_motion_data(self) -> Any:
+            return SimpleNamespace(**dict(zip("xyz", self._data, strict=True)))
+
+    class FrameSet:
+        def __init__(self, shot: Shot, *, has_images: bool = True) -> None:
+            self.shot, self.has_images = shot, has_images
+
+        def get_depth_frame(self) -> Frame | None:
+            return Frame(self.shot.counts, self.shot.t_s) if self.has_images else None
+
+        def get_color_frame(self) -> Frame | None:
+            return None if self.shot.rgb is None else Frame(self.shot.rgb, self.shot.rgb_t_s)
+
+        def first_or_default(self, kind: str) -> Frame | None:
+            assert kind == stream.accel
+            return None if self.shot.force_I is None else Frame(self.shot.force_I, self.shot.t_s)
+
+    class Config:
+        def __init__(self) -> None:
+            self.streams: dict[str, tuple[Any, ...]] = {}
+
+        def enable_stream(self, kind: str, *rest: Any) -> None:
+            self.streams[kind] = rest
+
+        def can_resolve(self, _wrapper: Any) -> bool:
+            return has_imu or stream.accel not in self.streams
+
+    class Profile:
+        def get_device(self) -> Any:
+            return SimpleNamespace(first_depth_sensor=lambda: SimpleNamespace(get_depth_scale=lambda: 0.001))
+
+        def get_stream(self, _kind: str) -> "Profile":
+            return self
+
+        def as_video_stream_profile(self) -> "Profile":
+            return self
+
+        def get_intrinsics(self) -> Any:
+            width, height, fx, fy, ppx, ppy = K
+            return SimpleNamespace(width=width, height=height, fx=fx, fy=fy, ppx=ppx, ppy=ppy)
+
+        def get_extrinsics_to(self, _other: "Profile") -> Any:
+            return SimpleNamespace(rotation=MOUNTED.T.ravel().tolist(), translation=[0.0, 0.0, 0.0])
+
+    class Pipeline:
+        def start(self, config: Config) -> Profile:
+            if error is not None:
+                raise RuntimeError(error)
+            made.started = config.streams
+            return Profile()
+
+        def wait_for_frames(self, timeout_ms: int = 5000) -> FrameSet:
+            shot = next(shots, None)
+            if shot is None:
+                raise RuntimeError(f"Frame didn't arrive within {timeout_ms}")
+            return FrameSet(shot, has_images=shot.counts.size > 0)
+
+        def stop(self) -> None:
+            made.stopped = True
+
+    made = module(
+        "pyrealsense2",
+        stream=stream,
+        format=SimpleNamespace(z16="z16", rgb8="rgb8"),
+        config=Config,
+        pipeline=Pipeline,
+        pipeline_wrapper=lambda pipeline: pipeline,
+        align=lambda kind: SimpleNamespace(process=lambda frames: frames, kind=kind),
+        stopped=False,
+    )
+    return made
+
+
+def fake_pyorbbecsdk(  # noqa: C901 - a closure over its frames
+    shots: Iterator[Shot], K: tuple[float, ...], *, error: str | None = None, distorted: bool = False
+) -> ModuleType:
+    """Return pyorbbecsdk 2 with one camera that has the preferred depth stream, and colour as MJPG only."""
+
+    class OBError(Exception):
+        pass
+
+    class Profile:
+        def get_fps(self) -> int:
+            return 30
+
+        def get_intrinsic(self) -> Any:
+            width, height, fx, fy, cx, cy = K
+            return SimpleNamespace(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+
+        def get_distortion(self) -> Any:
+            names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+            values = dict(zip(names, DISTORTION if distorted else (0.0,) * 8, strict=True))
+            return SimpleNamespace(model="OBCameraDistortionModel.BROWN_CONRADY_K6", **values)
+
+        def get_extrinsic_to(self, _other: "Profile") -> Any:
+            return SimpleNamespace(rot=MOUNTED.astype(np.float32), transform=np.zeros(3, np.float32))
+
+    class Profiles:
+        def __init__(self, sensor: str) -> None:
+            self.sensor = sensor
+
+        def get_video_stream_profile(self, width: int, height: int, pixels: str, fps: int) -> Profile:
+            if self.sensor == "color" or (width, height, pixels, fps) != (640, 480, "Y16", 30):
+                raise OBError("no such profile")
+            return Profile()
+
+        def get_default_video_stream_profile(self) -> Profile:
+            return Profile()
+
+    class Motion:
+        def __init__(self, force: tuple[float, float, float]) -> None:
+            self.force = force
+
+        def get_x(self) -> float:
+            return self.force[0]
+
+        def get_y(self) -> float:
+            return self.force[1]
+
+        def get_z(self) -> float:
+            return self.force[2]
+
+        def get_stream_profile(self) -> Profile:
+            return Profile()
+
+    class Depth:
+        def __init__(self, shot: Shot) -> None:
+            self.shot = shot
+
+        def get_data(self) -> Any:
+            return self.shot.counts.astype(np.uint16).reshape(-1).view(np.uint8)
+
+        def get_width(self) -> int:
+            return self.shot.counts.shape[1]
+
+        def get_height(self) -> int:
+            return self.shot.counts.shape[0]
+
+        def get_depth_scale(self) -> float:
+            return 1.0
+
+        def get_timestamp_us(self) -> int:
+            return round(1e6 * self.shot.t_s)
+
+    class FrameSet:
+        def __init__(self, shot: Shot) -> None:
+            self.shot = shot
+
+        def get_depth_frame(self) -> Depth | None:
+            return Depth(self.shot) if self.shot.counts.size else None
+
+        def get_color_frame(self) -> None:
+            return None
+
+        def get_accel_frame(self) -> Motion | None:
+            return None if self.shot.force_I is None else Motion(self.shot.force_I)
+
+    class Pipeline:
+        def __init__(self) -> None:
+            if error is not None:
+                raise RuntimeError(error)
+
+        def get_device(self) -> Any:
+            return SimpleNamespace(get_sensor=lambda kind: kind)
+
+        def get_stream_profile_list(self, sensor: str) -> Profiles:
+            return Profiles(sensor)
+
+        def start(self, config: Any) -> None:
+            made.started = config
+
+        def wait_for_frames(self, _timeout_ms: int) -> FrameSet | None:
+            shot = next(shots, None)
+            return None if shot is None else FrameSet(shot)
+
+        def stop(self) -> None:
+            made.stopped = True
+
+    class Config:
+        def __init__(self) -> None:
+            self.streams: list[Any] = []
+
+        def enable_stream(self, profile: Profile) -> None:
+            self.streams.append(profile)
+
+        def enable_accel_stream(self) -> None:
+            self.streams.append("accel")
+
+        def set_frame_aggregate_output_mode(self, mode: str) -> None:
+            assert mode == "any"
+
+    made = module(
+        "pyorbbecsdk",
+        OBError=OBError,
+        Pipeline=Pipeline,
+        Config=Config,
+        OBSensorType=SimpleNamespace(DEPTH_SENSOR="depth", COLOR_SENSOR="color", ACCEL_SENSOR="accel"),
+        OBFormat=SimpleNamespace(Y16="Y16", RGB="RGB"),
+        OBStreamType=SimpleNamespace(DEPTH_STREAM="depth"),
+        OBFrameAggregateOutputMode=SimpleNamespace(ANY_SITUATION="any"),
+        AlignFilter=lambda align_to_stream: SimpleNamespace(kind=align_to_stream, process=lambda frames: frames),
+        stopped=False,
+    )
+    return made
+
+
+def fake_pyk4a(shots: Iterator[Shot], K: tuple[float, ...], *, error: str | None = None) -> ModuleType:  # noqa: C901 - a closure
+    """Return pyk4a with one Azure Kinect whose lens has no distortion; its IMU has two samples per frame."""
+
+    class K4AException(Exception):
+        pass
+
+    class K4ATimeoutException(K4AException):
+        pass
+
+    class Calibration:
+        def get_camera_matrix(self, kind: str) -> np.ndarray:
+            assert kind == "depth"
+            _, _, fx, fy, cx, cy = K
+            return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+        def get_distortion_coefficients(self, kind: str) -> np.ndarray:
+            assert kind == "depth"
+            return np.zeros(8)
+
+        def get_extrinsic_parameters(self, source: str, target: str) -> tuple[np.ndarray, np.ndarray]:
+            assert (source, target) == ("accel", "depth")
+            return MOUNTED, np.zeros((1, 3))
+
+    class Device:
+        def __init__(self, config: Any) -> None:
+            made.started = config
+            self.calibration = Calibration()
+            self._samples: list[Any] = []
+
+        def start(self) -> None:
+            if error is not None:
+                raise K4AException(*([error] if error else []))
+
+        def get_capture(self, timeout: int) -> Any:
+            shot = next(shots, None)
+            if shot is None:
+                assert timeout > 0
+                raise K4ATimeoutException
+            self._samples = [{"acc_sample": shot.force_I}] * 2 if shot.force_I is not None else []
+            color = None if shot.rgb is None else np.dstack([shot.rgb[:, :, ::-1], np.full(shot.rgb.shape[:2], 255, np.uint8)])
+            return SimpleNamespace(
+                depth=shot.counts,
+                depth_timestamp_usec=round(1e6 * shot.t_s),
+                transformed_color=color,
+                color_timestamp_usec=round(1e6 * shot.rgb_t_s),
+            )
+
+        def get_imu_sample(self, timeout: int) -> Any:
+            assert timeout == 0
+            if not self._samples:
+                raise K4ATimeoutException
+            return self._samples.pop()
+
+        def stop(self) -> None:
+            made.stopped = True
+
+    made = module(
+        "pyk4a",
+        PyK4A=Device,
+        Config=SimpleNamespace,
+        ColorResolution=SimpleNamespace(OFF=0, RES_720P=1),
+        DepthMode=SimpleNamespace(NFOV_UNBINNED=2),
+        FPS=SimpleNamespace(FPS_30=2),
+        CalibrationType=SimpleNamespace(DEPTH="depth", ACCEL="accel"),
+        K4AException=K4AException,
+        K4ATimeoutException=K4ATimeoutException,
+        stopped=False,
+    )
+    return made
+
+
+def fake_depthai(  # noqa: C901 - a closure over its frames
+    shots: Iterator[Shot], K: tuple[float, ...], *, error: str | None = None, imu_rotation: np.ndarray | None = None
+) -> ModuleType:
+    """Return depthai 3 with one OAK-D; without ``imu_rotation``, its IMU extrinsics are zeros, as delivered."""
+
+    class QueueException(Exception):
+        pass
+
+    waiting: list[Shot] = []
+
+    class Image:
+        def __init__(self, shot: Shot) -> None:
+            self.shot = shot
+
+        def getFrame(self) -> np.ndarray:
+            return self.shot.counts
+
+        def getWidth(self) -> int:
+            return self.shot.counts.shape[1]
+
+        def getHeight(self) -> int:
+            return self.shot.counts.shape[0]
+
+        def getTimestampDevice(self) -> timedelta:
+            return timedelta(seconds=self.shot.t_s)
+
+        def getTransformation(self) -> Any:
+            _, _, fx, fy, cx, cy = K
+            return SimpleNamespace(getIntrinsicMatrix=lambda: [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    class Images:
+        def get(self, timeout: timedelta) -> Image | None:
+            assert timeout.total_seconds() > 0.0
+            shot = next(shots, None)
+            if shot is None:
+                raise QueueException("MessageQueue was closed")
+            waiting.append(shot)
+            return Image(shot)
+
+    class Forces:
+        def tryGetAll(self) -> list[Any]:
+            taken = [shot.force_I for shot in waiting if shot.force_I is not None]
+            waiting.clear()
+            packets = [SimpleNamespace(acceleroMeter=SimpleNamespace(**dict(zip("xyz", force, strict=True)))) for force in taken]
+            return [SimpleNamespace(packets=packets)]
+
+    class Stereo:
+        depth = SimpleNamespace(createOutputQueue=lambda **_: Images())
+
+        def build(self, *, autoCreateCameras: bool, size: tuple[int, int], fps: float) -> "Stereo":
+            made.started = (autoCreateCameras, size, fps)
+            return self
+
+        def setSubpixel(self, enable: bool) -> None:
+            made.subpixel = enable
+
+    class Imu:
+        out = SimpleNamespace(createOutputQueue=lambda **_: Forces())
+
+        def enableIMUSensor(self, sensor: str, rate_hz: int) -> None:
+            assert (sensor, rate_hz) == ("accel", 100)
+
+        def setBatchReportThreshold(self, count: int) -> None:
+            assert count == 1
+
+        def setMaxBatchReports(self, count: int) -> None:
+            assert count == 10
+
+    class Pipeline:
+        def __init__(self) -> None:
+            if error is not None:
+                raise RuntimeError(error)
+
+        def create(self, kind: type) -> Any:
+            return kind()
+
+        def getDefaultDevice(self) -> Any:
+            X = np.zeros((4, 4))
+            if imu_rotation is not None:
+                X[:3, :3] = imu_rotation
+            calibration = SimpleNamespace(getImuToCameraExtrinsics=lambda _socket: X.tolist())
+            return SimpleNamespace(getConnectedIMU=lambda: "BNO086", readCalibration=lambda: calibration)
+
+        def start(self) -> None:
+            pass
+
+        def stop(self) -> None:
+            made.stopped = True
+
+    made = module(
+        "depthai",
+        Pipeline=Pipeline,
+        node=SimpleNamespace(StereoDepth=Stereo, IMU=Imu),
+        MessageQueue=SimpleNamespace(QueueException=QueueException),
+        CameraBoardSocket=SimpleNamespace(CAM_C="right"),
+        IMUSensor=SimpleNamespace(ACCELEROMETER_RAW="accel"),
+        stopped=False,
+    )
+    return made
