@@ -71,6 +71,9 @@ class EdgeFit:
     planes_against_lines_rad: tuple[float, float] | None
     """Angle about the vertical from risers minus that from lines, and its standard deviation [rad]; None unless both are
     available."""
+    turn_per_step_rad: tuple[float, float]
+    """Rotation of the edges about the vertical from one step to the next, and its standard deviation [rad]; infinite with fewer
+    than three nosings. A curved flight turns at every step."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
@@ -203,6 +206,7 @@ def fit_edges(
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
         planes_against_lines_rad=_planes_against_lines(rows, solution),
+        turn_per_step_rad=_turn_per_step(np.array([nosing.step for nosing in nosings], dtype=float), angles, noise),
     )
 
 
@@ -304,6 +308,23 @@ def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.
     total = np.bincount(rows.group[of_nosing], weight, count)
     angle = np.bincount(rows.group[of_nosing], weight * rows.value[of_nosing] / rows.by[of_nosing, 0], count) / total
     return angle, 1.0 / total
+
+
+def _turn_per_step(
+    steps: Float[np.ndarray, " n"], angles: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]
+) -> tuple[float, float]:
+    """Return the slope of the angle over the step, with the scatter about it in its standard deviation [rad]."""
+    if len(steps) < 3 or np.ptp(steps) < 2.0:
+        return 0.0, np.inf
+    # Steps scatter by more than their noise: the same weight for all, apart from the noisiest.
+    weights = 1.0 / (variances + np.median(variances))
+    middle = float(weights @ steps) / float(weights.sum())
+    by = steps - middle
+    spread = float(weights @ by**2)
+    turn = float(weights @ (by * angles)) / spread
+    off = angles - float(weights @ angles) / float(weights.sum()) - turn * by
+    scale = max(float(weights @ off**2) / (len(steps) - 2), 1.0)
+    return turn, float(np.sqrt(scale / spread))
 
 
 def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:

@@ -43,6 +43,8 @@ GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Standard deviation of gravity from the IMU, and from treads [rad]."""
 TREADS_LEAST = 2
 """Least number of treads horizontal by gravity, above which no tilted ones are considered."""
+CURVED_SIGMAS = 4.0
+"""Number of standard deviations above which a rotation from step to step is that of a curved flight."""
 DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
 """Angle between risers and nosings [rad], and number of standard deviations, above which one of them does not belong to the
 stair."""
@@ -167,6 +169,8 @@ def _answer(
     sides = sides_of([*(tread for tread, _ in fronts), *seen.risers], blocks, frame.camera, in_view)
     bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
     turn, turn_sigma = turn_by(bow, sides)
+    curved = _curved(fit, seen)
+    turn_sigma = float(np.hypot(turn_sigma, curved))
     chord = fit.edge + turn * fit.ahead
     chord /= np.linalg.norm(chord)
     # The chair's right is the image's left for a rear camera.
@@ -245,9 +249,19 @@ def _rejection_reason(
             f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
             f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
         )
+    if not sigma_rad <= SIGMA_LIMIT and _curved(fit, seen) > 0.0:
+        return f"edges turn by {fit.turn_per_step_rad[0] / DEG:+.1f}° at each step: no straight flight"
     if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
     return None
+
+
+def _curved(fit: EdgeFit, seen: Flight) -> float:
+    """Return the angle between the edges in view and those at the chair on a curved flight; 0 unless the steps turn [rad]."""
+    turn, sigma = fit.turn_per_step_rad
+    if abs(turn) < CURVED_SIGMAS * sigma:
+        return 0.0
+    return abs(turn) * float(np.mean([nosing.ahead_m for nosing in seen.nosings])) / seen.run_m
 
 
 def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:
