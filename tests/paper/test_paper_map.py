@@ -10,8 +10,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from treadline.perception import heading
-from treadline.perception.heading import world_x
+from treadline.perception.paper import heading
+from treadline.perception.paper.heading import world_x
 
 ROOT = Path(__file__).parents[2]
 MAP = ROOT / "docs" / "paper-map.md"

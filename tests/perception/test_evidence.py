@@ -7,8 +7,8 @@ from jaxtyping import Float
 from treadline.perception import StairDetector
 from treadline.perception.lattice import EVIDENCE, UNCONFIRMED
 from treadline.perception.lattice_kernels import best_lattice
-from treadline.perception.planes import BLOCK_RESIDUAL, noise_of
 from treadline.perception.steps import Placed, seed_points, spacing
+from treadline.perception.surfaces import BLOCK_RESIDUAL, noise_of
 from treadline.sim.camera import ViewRecipe, draw_view
 
 RISE, RUN = 0.17, 0.29

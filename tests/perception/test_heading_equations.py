@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, rotation_z
-from treadline.perception.heading import delta_d, delta_x, heading_about, heading_as_printed, heading_of_edge, world_x
+from treadline.perception.paper.heading import delta_d, delta_x, heading_about, heading_as_printed, heading_of_edge, world_x
 from treadline.signals import PinholeCamera
 
 A, CENTRE = 1.0 / 575.0, 320.0

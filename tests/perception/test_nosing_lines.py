@@ -6,7 +6,7 @@ import pytest
 from treadline.mechanics.chair import read_chair
 from treadline.perception.kernels import BEYOND
 from treadline.perception.lines import Line, nosing_line
-from treadline.perception.planes import Ends, Surface
+from treadline.perception.surfaces import Ends, Surface
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))

@@ -6,7 +6,7 @@ import pytest
 from treadline.perception import StairDetector
 from treadline.perception import overlay as drawn
 from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
-from treadline.perception.planes import Surface
+from treadline.perception.surfaces import Surface
 from treadline.sim.camera.recipe import ViewRecipe
 from treadline.sim.camera.views import View, draw_view
 

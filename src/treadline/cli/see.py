@@ -73,7 +73,7 @@ def see(
     from treadline.cli.compiling import report_compiling
     from treadline.errors import SettingsError
     from treadline.frames.point_cloud import AXES
-    from treadline.perception.edges import ThresholdRule
+    from treadline.perception.paper.edges import ThresholdRule
 
     if out is not None:
         claim(out, force=force)

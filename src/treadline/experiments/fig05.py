@@ -13,7 +13,7 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_of
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.pictures import write_stages
+from treadline.perception.paper.pictures import write_stages
 from treadline.setup import Opener
 from treadline.signals import ImuSample, RgbdFrame
 from treadline.sim import open_plant as open_mujoco

@@ -14,11 +14,11 @@ from treadline.errors import ImageError
 from treadline.frames.named_frame import NamedFrame
 from treadline.perception.detection import StairDetection, StairShape, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.edges import ThresholdRule
-from treadline.perception.heading import heading_about
 from treadline.perception.overlay import overlay
-from treadline.perception.paper import PaperConfig
-from treadline.perception.pictures import write_picture, write_stages
+from treadline.perception.paper.algorithm import PaperConfig
+from treadline.perception.paper.edges import ThresholdRule
+from treadline.perception.paper.heading import heading_about
+from treadline.perception.paper.pictures import write_picture, write_stages
 from treadline.signals import RgbdFrame, StairMap
 
 NO_MOUNT = (

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.planes import PlanarBlocks, Surface
 from treadline.perception.steps import Direction, NosingObservation
+from treadline.perception.surfaces import PlanarBlocks, Surface
 from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
 

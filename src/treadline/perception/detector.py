@@ -15,7 +15,7 @@ from treadline.angles import DEG
 from treadline.arrays import shaped
 from treadline.errors import ImageError
 from treadline.perception.detection import SWEPT_HALF_M, StairDetection, StairShape
-from treadline.perception.paper import PaperConfig, look_as_printed
+from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
 from treadline.perception.robust import detect_stair
 from treadline.perception.stopwatch import Stopwatch
 from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception import form_kernels
-from treadline.perception.planes import JUMP, Ends, PlanarBlocks, Surface
 from treadline.perception.random_effects import pooled_mean
 from treadline.perception.steps import Axes
+from treadline.perception.surfaces import JUMP, Ends, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
 
 SideKind = Literal["wall", "open"]

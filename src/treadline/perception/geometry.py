@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception.detection import StairShape
-from treadline.perception.direction import gravity_variance
-from treadline.perception.planes import Surface
+from treadline.perception.edge_fit import gravity_variance
 from treadline.perception.random_effects import pooled_mean
 from treadline.perception.steps import Axes
+from treadline.perception.surfaces import Surface
 from treadline.perception.vectors import cross
 from treadline.signals import StairAxes
 

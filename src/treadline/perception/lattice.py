@@ -24,7 +24,6 @@ from treadline.perception.lattice_kernels import (
     best_lattice,
 )
 from treadline.perception.lines import Line
-from treadline.perception.planes import PlanarBlocks, Surface, components, joined
 from treadline.perception.steps import (
     LEAST_LEVER,
     Axes,
@@ -41,6 +40,7 @@ from treadline.perception.steps import (
     tread_rows,
 )
 from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.surfaces import PlanarBlocks, Surface, components, joined
 from treadline.perception.vectors import cross
 from treadline.perception.votes import line_votes, votes_of
 from treadline.signals import PinholeCamera, RgbdFrame

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception import kernels
-from treadline.perception.planes import Ends, Surface
+from treadline.perception.surfaces import Ends, Surface
 from treadline.signals import PinholeCamera
 
 NEAR_AT_240 = 1.5

@@ -8,8 +8,8 @@ from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
 from treadline.perception.detection import StairDetection
-from treadline.perception.planes import Surface
 from treadline.perception.steps import NosingObservation
+from treadline.perception.surfaces import Surface
 from treadline.signals import PinholeCamera, RgbdFrame
 
 Picture = UInt8[np.ndarray, "h w 3"]

@@ -14,15 +14,15 @@ from jaxtyping import Float, Float32
 
 from treadline.angles import DEG
 from treadline.perception.detection import Parts, StairDetection, StairShape, refused
-from treadline.perception.direction import EdgeFit, fit_edges, off_gravity
+from treadline.perception.edge_fit import EdgeFit, fit_edges, off_gravity
 from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
 from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
-from treadline.perception.planes import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.stair_map import map_of
 from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 

@@ -14,8 +14,8 @@ from treadline.perception import kernels
 from treadline.perception.detection import StairShape
 from treadline.perception.form import Side
 from treadline.perception.geometry import first_crowd, normal_of, viewing_direction
-from treadline.perception.planes import PlanarBlocks
 from treadline.perception.steps import Axes, NosingObservation
+from treadline.perception.surfaces import PlanarBlocks
 from treadline.signals import RgbdFrame, StairMap
 
 SIDE_WALL = 15.0 * DEG

@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 
 from treadline.perception import kernels
 from treadline.perception.lines import Line, nosing_line
-from treadline.perception.planes import Ends, PlanarBlocks, Surface
 from treadline.perception.random_effects import posterior_weights
+from treadline.perception.surfaces import Ends, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
 
 TREAD_SIGMA_M, FRONT_SIGMA_M, CORNER_SIGMA_M = 0.007, 0.008, 0.010

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception.nuisance import kernels
-from treadline.perception.planes import DISPARITY_PX_M, Surface
+from treadline.perception.surfaces import DISPARITY_PX_M, Surface
 from treadline.signals import PinholeCamera
 
 ORDER = 3

@@ -7,7 +7,7 @@ image width.
 import numpy as np
 from jaxtyping import Float
 
-from treadline.perception.segments import slopes
+from treadline.perception.paper.segments import slopes
 
 SLOPE_PX = 2.0
 """Largest slope difference of merged segments, in rows per hundred columns."""

@@ -22,8 +22,8 @@ from treadline.angles import DEG
 from treadline.perception.nuisance.kernels import marginal_posterior, reject_outliers, variances
 from treadline.perception.nuisance.prior import Prior, prior
 from treadline.perception.nuisance.warp import TERMS, turns_of
-from treadline.perception.planes import Surface
 from treadline.perception.steps import NosingObservation
+from treadline.perception.surfaces import Surface
 from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
