@@ -18,6 +18,8 @@ TIMEOUT_S = 2.0
 """Longest wait for an image [s]: 60 frames at 30 Hz; a camera that resets itself on USB takes less than a second."""
 WINDOW_S = 1.0
 """Period over which the frame rate is measured [s]."""
+SETTLE_S = 2.0
+"""Time after the first frame before the rate is checked [s]: loading the compiled kernels takes a second."""
 COLLAPSED = 0.5
 """Share of the nominal rate below which the rate has collapsed: automatic exposure in the dark halves it at most."""
 SAME_FOCAL = 0.02
@@ -129,7 +131,7 @@ class LiveFrames:
                     continue
                 start_s = images.t_s if number == 0 else start_s
                 last_s = images.t_s
-                self._check_rate(images.t_s)
+                self._check_rate(images.t_s, images.t_s - start_s)
                 if images.force_C is not None:
                     gravity.step(images.t_s, images.force_C)
                 down = self._given_C if self._given_C is not None else gravity.gravity_C
@@ -156,11 +158,11 @@ class LiveFrames:
             )
         return replace(own, fx_px=device.fx_px, fy_px=device.fy_px, cx_px=device.cx_px, cy_px=device.cy_px)
 
-    def _check_rate(self, t_s: float) -> None:
-        """Warn once when the rate collapses, and again after it has recovered."""
+    def _check_rate(self, t_s: float, since_start_s: float) -> None:
+        """Warn once when the rate collapses, and again if it collapses after a recovery."""
         self.rate.add(t_s)
         rate_hz, nominal_hz = self.rate.rate_hz, self._camera.rate_hz
-        if rate_hz is None:
+        if rate_hz is None or since_start_s < SETTLE_S:
             return
         if rate_hz >= COLLAPSED * nominal_hz:
             self._collapsed = False

@@ -41,7 +41,12 @@ class V4lCamera:
     def open(self, *, colour: bool) -> None:
         """Open the device with the calibration's size, without conversion to colour."""
         del colour
-        video = cv2.VideoCapture(self._number, cv2.CAP_V4L2)
+        level = cv2.utils.logging.getLogLevel()
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # the error below says the same on one line
+        try:
+            video = cv2.VideoCapture(self._number, cv2.CAP_V4L2)
+        finally:
+            cv2.utils.logging.setLogLevel(level)
         if not video.isOpened():
             raise CameraError(
                 f"{self.name}: cannot be opened; is /dev/video{self._number} there, and is no other program using it?"
