@@ -201,8 +201,8 @@ def test_winders_yield_no_heading(turn_deg: float) -> None:
         assert not sight.accepted
 
 
-@pytest.mark.parametrize(("place_m", "alike"), [(1.4, False), (1.5, False), (1.6, True), (1.7, True), (1.8, True), (1.9, True)])
-def test_a_flight_is_refused_where_its_image_is_that_of_a_doorstep_before_a_wall(place_m: float, alike: bool) -> None:
+@pytest.mark.parametrize(("place_m", "alike"), [(1.2, False), (1.3, False), (1.6, True), (1.7, True), (1.8, True), (1.9, True)])
+def test_a_flight_is_unconfirmed_where_its_image_is_that_of_a_doorstep_before_a_wall(place_m: float, alike: bool) -> None:
     stair = build_staircase(Stair(slope_deg=30.0, steps=10, walls="none"), np.random.default_rng(1))
     first, second = stair.steps[:2]
     half = 0.5 * stair.width_m
@@ -212,8 +212,9 @@ def test_a_flight_is_refused_where_its_image_is_that_of_a_doorstep_before_a_wall
     of_flight, of_doorstep = (
         Camera(scene, CAMERA, rng=np.random.default_rng(2)).frame(0.0, CAMERA.R_BC, p_WC) for scene in (stair, (*doorstep, door))
     )
-    # Alike to the last bit, noise and all: no rule can take the one and refuse the other. A step nearer the second tread shows.
+    # Alike to the last bit, noise and all: no rule can take the one and refuse the other. Nearer, the second tread shows.
     assert np.array_equal(of_flight.depth_m, of_doorstep.depth_m, equal_nan=True) == alike
     down = CAMERA.R_BC.T @ np.array([0.0, 0.0, -1.0])
     assert ROBUST.look(of_flight, down).accepted != alike
-    assert_refused(ROBUST.look(of_doorstep, down))
+    assert not ROBUST.look(of_doorstep, down).accepted
+    assert StairDetector().see(of_doorstep, down).measurement is None

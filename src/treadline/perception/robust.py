@@ -84,7 +84,7 @@ def detect_stair(
         return refused(
             f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
             + ("nothing flat in range" if share > HALF else "too little of it")
-            + ", or noise beyond a Kinect's"
+            + ", or noise beyond three times that of a Kinect 1"
         )
     unit = blocks.unit
     watch.lap("blocks")

@@ -20,8 +20,9 @@ from treadline.signals import PinholeCamera
 
 CELL_AT_240 = 4
 """Edge of a cell at 240 rows [px]; a block is two cells wide."""
-NEAR_M, FAR_M = 0.4, 4.5
-"""Depth range in use [m]."""
+NEAR_M, FAR_M = 0.4, 6.0
+"""Depth range in use [m]: a Kinect 1 and a D455 measure up to 6 m. With 4.5 m, 2 of 11 frames of a Kinect 1 from 5 m before a
+flight were accepted; with 6 m or more, 6 of 11."""
 DISPARITY_PX_M = 575.0 * 0.075
 """Product f·B of the Kinect 1 [px m]: residuals are expressed in pixels of its disparity."""
 BLOCK_RESIDUAL = 0.16 / DISPARITY_PX_M
