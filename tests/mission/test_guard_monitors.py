@@ -13,12 +13,13 @@ from treadline.mission.config import MissionConfig, guard_config
 from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.guard.ahead import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
-from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
+from treadline.mission.guard.belts import BeltMonitor
 from treadline.mission.guard.frame_monitor import FrameMonitor
 from treadline.mission.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import limited, mean_limit
 from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.mission.guard.slip import SlipMonitor
 from treadline.mission.guard.stopping import CauseKind
 from treadline.mission.guard.timestamps import SilenceMonitor, Timestamps
 from treadline.signals import FrameQuality, HeadingEstimate, MotionPlan, StairMap, TrackCommand, TrackReading

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from treadline.nodes import channels as on
-from treadline.nodes.node_messages import Clock
+from treadline.nodes.node_signals import Clock
 from treadline.nodes.wire import WireTransport
 
 SCENARIO = """

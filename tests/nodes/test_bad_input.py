@@ -17,7 +17,7 @@ from treadline.nodes import channels as on
 from treadline.nodes import process, ros1
 from treadline.nodes.block_nodes import SeatNode
 from treadline.nodes.codec import encoded
-from treadline.nodes.node_messages import Clock
+from treadline.nodes.node_signals import Clock
 from treadline.nodes.plant import PlantNode
 from treadline.nodes.process import NodeRunner, run_plant
 from treadline.nodes.wire import Inbox, WireTransport

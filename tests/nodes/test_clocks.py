@@ -8,7 +8,7 @@ import pytest
 
 from treadline.nodes import channels as on
 from treadline.nodes.codec import encoded
-from treadline.nodes.node_messages import Clock
+from treadline.nodes.node_signals import Clock
 from treadline.nodes.process import NodeRunner
 from treadline.nodes.wire import WireTransport
 from treadline.signals import SeatReading

@@ -10,7 +10,7 @@ from treadline.errors import LogFormatError
 from treadline.estimation import HeadingHealth
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder, encoded
-from treadline.nodes.node_messages import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
+from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
 from treadline.signals import (
     Event,
     FlipperCommand,

@@ -11,7 +11,7 @@ from treadline.nodes import channels as on
 from treadline.nodes.block_nodes import GuardNode
 from treadline.nodes.inproc import InProcess
 from treadline.nodes.lockstep import LockStep
-from treadline.nodes.node_messages import GuardState, VelocityCommand
+from treadline.nodes.node_signals import GuardState, VelocityCommand
 from treadline.nodes.plant import LOST_S, PlantNode
 from treadline.ports import Truth
 from treadline.scenario import Scenario

@@ -13,7 +13,7 @@ from treadline.nodes import channels as on
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.codec import encoded
 from treadline.nodes.inproc import InProcess
-from treadline.nodes.node_messages import Mounts, Odometry
+from treadline.nodes.node_signals import Mounts, Odometry
 from treadline.nodes.odometry import DeadReckoning
 from treadline.signals import ImuSample, TrackReading
 

@@ -16,7 +16,7 @@ import pytest
 import treadline
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder
-from treadline.nodes.node_messages import GuardState
+from treadline.nodes.node_signals import GuardState
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "treadline_ros2"
 NAMES = ("guard", "camera", "heading", "seat", "driver", "plant")

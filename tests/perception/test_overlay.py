@@ -34,7 +34,7 @@ def test_a_stair_is_tinted_where_its_surfaces_are() -> None:
 
 
 def test_nosings_are_drawn_no_further_than_they_are_seen() -> None:
-    # Two nosings alone, whose first guess of a direction is five degrees off: lines along it ran a third of the image past the steps.
+    # Two nosings alone, whose first guess of a direction is five degrees off: lines along it ran far past the steps.
     view = draw_view(np.random.default_rng([0, 3]), ViewRecipe())
     sight = StairDetector().look(view.frame, view.gravity_C)
     assert sight.parts is not None

@@ -10,9 +10,9 @@ from typing import ClassVar, Literal
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
 from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
-from treadline.mission.grip import SkidMonitor
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import PlannerInput
+from treadline.mission.skid_monitor import SkidMonitor
 from treadline.mission.stair_tracker import StairTracker
 from treadline.mission.tip_over import TipOverFeedforward
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading

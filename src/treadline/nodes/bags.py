@@ -11,7 +11,7 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.messages import Message, messages_of
 from treadline.nodes import channels as on
 from treadline.nodes.codec import encoded
-from treadline.nodes.node_messages import Mounts, Odometry
+from treadline.nodes.node_signals import Mounts, Odometry
 
 
 @runtime_checkable

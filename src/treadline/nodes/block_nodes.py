@@ -12,7 +12,7 @@ from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.loop import Estimator
 from treadline.mission.planner import Planner
 from treadline.nodes import channels as on
-from treadline.nodes.node_messages import Beat, GuardState, Mounts, VelocityCommand
+from treadline.nodes.node_signals import Beat, GuardState, Mounts, VelocityCommand
 from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.warm_up import stair_frames
 from treadline.perception.quality import quality_of

@@ -31,7 +31,7 @@ from treadline.io.messages import Message, Writer, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.topics import Topics
 from treadline.nodes import channels as on
-from treadline.nodes.node_messages import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
+from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"

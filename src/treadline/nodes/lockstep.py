@@ -5,7 +5,7 @@ from treadline.mission.loop import Blocks
 from treadline.nodes import channels as on
 from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.nodes.inproc import InProcess
-from treadline.nodes.node_messages import Beat
+from treadline.nodes.node_signals import Beat
 from treadline.nodes.plant import PlantNode
 from treadline.ports import Plant, Transport
 from treadline.signals import TICK_S, PinholeCamera

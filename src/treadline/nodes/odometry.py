@@ -9,7 +9,7 @@ import numpy as np
 
 from treadline.angles import rotation_of
 from treadline.mission.stair_tracker import PITCHED_RAD
-from treadline.nodes.node_messages import Odometry
+from treadline.nodes.node_signals import Odometry
 from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from treadline.errors import TreadlineError
 from treadline.nodes import channels as on
 from treadline.nodes.block_nodes import GuardNode, Node
-from treadline.nodes.node_messages import Beat, Clock
+from treadline.nodes.node_signals import Beat, Clock
 from treadline.nodes.plant import PlantNode
 from treadline.nodes.wire import WireTransport
 from treadline.signals import TICK_S

@@ -14,7 +14,7 @@ from treadline.io.runs import LOG, clear_run
 from treadline.models import InputOutputRecord
 from treadline.nodes import channels as on
 from treadline.nodes.bags import Bag, open_bag
-from treadline.nodes.node_messages import Beat
+from treadline.nodes.node_signals import Beat
 from treadline.ports import Transport
 from treadline.signals import TICK_S, HeadingEstimate, TrackCommand
 

@@ -337,11 +337,12 @@ def _nosing(
         line = near if sign > 0.0 else far
         if line is not None:
             lines.append(line)
+    # A tread is wider in view at its far end than at its nosing.
+    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *riser_table[own, 6:8].ravel().tolist()]
     riser = max((risers[r] for r in own.tolist()), key=lambda r: r.surface.blocks.size, default=None)
     if riser is not None and riser.upper is not None:
         lines.append(riser.upper)
     ahead_m = float(riser_table[own, 0].mean()) if own.size else sign * float(tread_table[fronts, 2].mean())
-    spans = np.concatenate([tread_table[fronts, 6:8], riser_table[own, 6:8]])
     start = riser.surface.centre if riser is not None else lines[0].middle
     heights = [_height_at(scene.treads[t].surface, start, axes) for t in levels.tolist()]
     up_m = float(np.mean(heights)) if heights else z_m
@@ -350,7 +351,7 @@ def _nosing(
         step=k,
         ahead_m=ahead_m,
         point=point,
-        sides_m=(float(spans[:, 0].min()), float(spans[:, 1].max())),
+        sides_m=(min(asides), max(asides)),
         riser=None if riser is None else riser.surface,
         lines=tuple(line for line in lines if abs(float(line.normal @ axes.ahead)) > LEAST_LEVER),
     )

@@ -15,13 +15,14 @@ from treadline.estimation.health import HeadingHealth
 from treadline.mission.guard.admission import ReadingAdmission, is_finite_map
 from treadline.mission.guard.ahead import AheadMonitor
 from treadline.mission.guard.attitude_limits import SeatMonitor, TiltMonitor
-from treadline.mission.guard.belts import BeltMonitor, SlipMonitor
+from treadline.mission.guard.belts import BeltMonitor
 from treadline.mission.guard.config import GuardConfig
 from treadline.mission.guard.gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.mission.guard.latch import Button, Latch
 from treadline.mission.guard.limits import finite, limited, mean_limit, stands
 from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
 from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.mission.guard.slip import SlipMonitor
 from treadline.mission.guard.stopping import CauseKind
 from treadline.mission.guard.timestamps import SilenceMonitor
 from treadline.signals import (

@@ -3,7 +3,7 @@
 import pytest
 
 from treadline.angles import DEG
-from treadline.mission.grip import (
+from treadline.mission.skid_monitor import (
     APART_M_S,
     AWAY_RAD,
     GRIPS_M_S,
