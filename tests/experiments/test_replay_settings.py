@@ -109,7 +109,7 @@ def test_the_blocks_own_settings_are_keys() -> None:
 def test_a_key_means_what_the_field_it_sets_says() -> None:
     table = key_table(BASE)
     assert table["filter.gate"] == ("9.0", "Gate on χ² of one measurement: three sigma.")
-    assert table["camera.depth_unit_m"][1] == "One count of a depth image of 16 bits."
+    assert table["camera.depth_unit_m"][1] == "Depth per count of a 16-bit depth image [m]."
     assert "Algorithm 1" in table["vision"][1]  # as a scenario's
     assert table["filter.stuck.for_s"][1] == ""
 

@@ -206,7 +206,7 @@ def fit_edges(
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
         planes_against_lines_rad=_planes_against_lines(rows, solution),
-        turn_per_step_rad=_turn_per_step(np.array([nosing.step for nosing in nosings], dtype=float), angles, noise),
+        turn_per_step_rad=_turn_per_step(np.array([nosing.step for nosing in nosings], dtype=float), rows, solution),
     )
 
 
@@ -310,16 +310,29 @@ def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.
     return angle, 1.0 / total
 
 
-def _turn_per_step(
-    steps: Float[np.ndarray, " n"], angles: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]
-) -> tuple[float, float]:
-    """Return the slope of the angle over the step, with the scatter about it in its standard deviation [rad]."""
+def _turn_per_step(steps: Float[np.ndarray, " n"], rows: _Rows, solution: _Solution) -> tuple[float, float]:
+    """Return the slope of the nosings' angles over the step, and its standard deviation [rad].
+
+    Tilt and depth warp are removed, as they turn distant surfaces too, and their uncertainty and the scatter of the steps count.
+
+    Args:
+        steps: Step of each nosing.
+    """
+    of_nosing = rows.group >= 0
+    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])[of_nosing]
+    left = rows.value[of_nosing] - others @ solution.mean
+    variance = rows.noise[of_nosing] + np.einsum("ki,ij,kj->k", others, solution.likeliest, others)
+    by_angle = rows.by[of_nosing, 0]
+    weight = by_angle**2 / variance
+    total = np.bincount(rows.group[of_nosing], weight, len(steps))
+    seen = total > 0.0
+    angles = np.bincount(rows.group[of_nosing], weight * left / by_angle, len(steps))[seen] / total[seen]
+    steps, variances = steps[seen], 1.0 / total[seen]
     if len(steps) < 3 or np.ptp(steps) < 2.0:
         return 0.0, np.inf
-    # Steps scatter by more than their noise: the same weight for all, apart from the noisiest.
+    # Steps scatter by more than their noise: similar weights for all, apart from the noisiest.
     weights = 1.0 / (variances + np.median(variances))
-    middle = float(weights @ steps) / float(weights.sum())
-    by = steps - middle
+    by = steps - float(weights @ steps) / float(weights.sum())
     spread = float(weights @ by**2)
     turn = float(weights @ (by * angles)) / spread
     off = angles - float(weights @ angles) / float(weights.sum()) - turn * by
