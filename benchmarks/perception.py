@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases, wilson
+from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
 
 from treadline.angles import DEG, rotation_of
 from treadline.camera_file import CameraFile, read_camera

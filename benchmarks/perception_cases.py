@@ -1,9 +1,10 @@
-"""Rows of the tables ``sensors`` and ``conditions`` of ``perception.py``, and the intervals of its fractions."""
+"""Rows of the tables ``sensors`` and ``conditions`` of ``perception.py``, and the text of its fractions."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
+
+from treadline.experiments.heading_scores import wilson
 
 LEAST_SHARE = 0.15
 """Least share of the image that the stair covers in a frame that counts."""
@@ -20,7 +21,6 @@ LIFELIKE: dict[str, object] = {
 """Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
 ROLLING: dict[str, object] = {"readout_s": 0.03, "speed_m_s": (0.1, 0.3), "turn_rate_deg_s": 8.0}
 """Rolling shutter of a Kinect 1 on a chair that drives and rocks: at 1 Hz, an amplitude of 1.8° has rates of 8°/s RMS."""
-NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,16 +39,6 @@ class Case:
 def fixed(value: float) -> tuple[float, float]:
     """Return the range that holds one value."""
     return (value, value)
-
-
-def wilson(hits: int, count: int) -> tuple[float, float]:
-    """Return the 95 % interval of a fraction (Wilson, JASA 22, 1927)."""
-    if count == 0:
-        return (0.0, 1.0)
-    share, square = hits / count, NORMAL_95**2
-    middle = (share + 0.5 * square / count) / (1.0 + square / count)
-    half = NORMAL_95 / (1.0 + square / count) * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2)
-    return (max(middle - half, 0.0), min(middle + half, 1.0))
 
 
 def percent(hits: int, count: int) -> str:

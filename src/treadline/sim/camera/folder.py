@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,7 +60,7 @@ class NamedView(NamedTuple):
     view: View
 
 
-def write_views(recipe: ViewRecipe, folder: Path, *, count: int, seed: int, watch: Callable[[str], None]) -> None:
+def write_views(recipe: ViewRecipe, folder: Path, *, count: int, seed: int | Sequence[int], watch: Callable[[str], None]) -> None:
     """Render views and write them one by one, then the tables; ``watch`` is called with each name.
 
     Files are written atomically. Each view has its own seed, so that a larger count leaves the first views unchanged.
@@ -71,6 +71,7 @@ def write_views(recipe: ViewRecipe, folder: Path, *, count: int, seed: int, watc
     if recipe.pitch_deg is not None and recipe.pitch_deg[0] < recipe.pitch_deg[1]:
         low, high = recipe.pitch_deg
         raise SettingsError(f"pitch_deg runs from {low:g} to {high:g}; a folder has one camera.toml: give one value twice")
+    seeds = [seed] if isinstance(seed, int) else list(seed)
     names = [f"{number:05d}" for number in range(count)]
     others = {path.name for path in folder.glob("*_depth.png")} - {f"{name}_depth.png" for name in names}
     if others:
@@ -79,7 +80,7 @@ def write_views(recipe: ViewRecipe, folder: Path, *, count: int, seed: int, watc
     written: list[NamedView] = []
     try:
         for number, name in enumerate(names):
-            named = NamedView(name=name, view=draw_view(np.random.default_rng([seed, number]), recipe))
+            named = NamedView(name=name, view=draw_view(np.random.default_rng([*seeds, number]), recipe))
             if not written:
                 write_whole(folder / "camera.toml", _camera_toml(named.view.frame.camera))
             _write_images(named, folder)

@@ -1,0 +1,190 @@
+"""Scores of a stair detector's headings against ground truth: results table and truth table in, scores out."""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from treadline.errors import SettingsError
+
+LEAST_SHARE = 0.15
+"""Least share of the image covered by the stair for a rejection to count as a miss, as in docs/evidence/perception.md."""
+NORMAL_95 = 1.96
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+MOST_DEG = 360.0
+"""Largest magnitude of a heading in a results table [deg]: one turn; a larger value is in another unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameResult:
+    """Answer of a detector to one frame."""
+
+    heading_deg: float | None
+    """Heading; None if the frame was rejected."""
+    sigma_deg: float | None = None
+    """Declared standard deviation of the heading; None if not declared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueFrame:
+    """Ground truth of one frame."""
+
+    heading_deg: float | None
+    """Heading; None without a stair."""
+    share: float = 0.0
+    """Share of the image covered by the stair."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fraction:
+    """Number of frames with a property, of all that could have it."""
+
+    hits: int
+    count: int
+
+    @property
+    def share(self) -> float | None:
+        """Fraction; None of no frames."""
+        return self.hits / self.count if self.count else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the fraction (Wilson)."""
+        return wilson(self.hits, self.count)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingScores:
+    """Scores of a detector. Errors are of all accepted frames with a stair; None if there are none."""
+
+    accepted: Fraction
+    """Accepted frames, of those whose stair covers at least ``LEAST_SHARE`` of the image."""
+    rmse_deg: float | None
+    p95_deg: float | None
+    """95 % quantile of the error magnitude."""
+    worst_deg: float | None
+    inside_95: Fraction
+    """Errors inside the declared 95 % interval, of the frames with a declared standard deviation."""
+    false_accepts: Fraction
+    """Accepted frames, of those without a stair."""
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a fraction (Wilson, JASA 22, 1927)."""
+    if count == 0:
+        return (0.0, 1.0)
+    share, square = hits / count, NORMAL_95**2
+    middle = (share + 0.5 * square / count) / (1.0 + square / count)
+    half = NORMAL_95 / (1.0 + square / count) * math.sqrt(share * (1.0 - share) / count + 0.25 * square / count**2)
+    # Rounding leaves 1e-17 at the ends, where the interval is exact.
+    return (0.0 if hits == 0 else middle - half, 1.0 if hits == count else middle + half)
+
+
+def score(results: dict[str, FrameResult], truth: dict[str, TrueFrame]) -> HeadingScores:
+    """Return the scores of a detector; ``results`` has an entry for each frame of ``truth``."""
+    in_view = [name for name, true in truth.items() if true.heading_deg is not None and true.share >= LEAST_SHARE]
+    stairless = [name for name, true in truth.items() if true.heading_deg is None]
+    errors, inside = [], []
+    for name, true in truth.items():
+        answer = results[name]
+        if true.heading_deg is None or answer.heading_deg is None:
+            continue
+        error = abs((answer.heading_deg - true.heading_deg + 180.0) % 360.0 - 180.0)
+        errors.append(error)
+        if answer.sigma_deg is not None:
+            inside.append(error <= NORMAL_95 * answer.sigma_deg)
+    return HeadingScores(
+        accepted=_accepted(results, in_view),
+        rmse_deg=float(np.sqrt(np.mean(np.square(errors)))) if errors else None,
+        p95_deg=float(np.quantile(errors, 0.95)) if errors else None,
+        worst_deg=max(errors, default=None),
+        inside_95=Fraction(hits=sum(inside), count=len(inside)),
+        false_accepts=_accepted(results, stairless),
+    )
+
+
+def _accepted(results: dict[str, FrameResult], names: Sequence[str]) -> Fraction:
+    return Fraction(hits=sum(results[name].heading_deg is not None for name in names), count=len(names))
+
+
+def read_truth(path: Path) -> dict[str, TrueFrame]:
+    """Return the ground truth of a truth.csv of ``treadline frames``.
+
+    Raises:
+        SettingsError: If the table is invalid.
+    """
+    table = {}
+    for where, row in _rows(path, ("name", "heading_deg", "share")):
+        table[row["name"]] = TrueFrame(
+            heading_deg=_number(where, "heading_deg", row["heading_deg"]), share=_number(where, "share", row["share"]) or 0.0
+        )
+    return table
+
+
+def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, FrameResult]:
+    """Return the results of a detector, one for each frame of the ground truth.
+
+    Raises:
+        SettingsError: If the table is invalid, or its frames are not those of the ground truth.
+    """
+    table = {}
+    for where, row in _rows(path, ("name", "heading_deg")):
+        name = row["name"]
+        if name not in truth:
+            raise SettingsError(f"{where}: '{name}' is no frame of the truth; its names look like '{next(iter(truth), '')}'")
+        heading = _number(where, "heading_deg", row["heading_deg"])
+        sigma = _number(where, "sigma_deg", row.get("sigma_deg") or "")
+        if heading is not None and abs(heading) > MOST_DEG:
+            raise SettingsError(f"{where}: heading_deg is {heading:g}; it must be from -360 to 360 degrees")
+        if sigma is not None and sigma <= 0.0:
+            raise SettingsError(f"{where}: sigma_deg is {sigma:g}; it must be above 0, or empty if not known")
+        table[name] = FrameResult(heading_deg=heading, sigma_deg=sigma)
+    lacking = [name for name in truth if name not in table]
+    if lacking:
+        raise SettingsError(
+            f"{path}: {len(lacking)} of {len(truth)} frames are missing, first '{lacking[0]}'; "
+            "a rejected frame has a row with an empty heading_deg"
+        )
+    return table
+
+
+def _rows(path: Path, needed: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
+    """Return place and cells of each row of a CSV file with the needed columns; names are unique."""
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
+    reader = csv.DictReader(lines)
+    header = reader.fieldnames or ()
+    for column in needed:
+        if column not in header:
+            raise SettingsError(f"{path}: no column '{column}'; it has {', '.join(header) or 'none'}; needed: {', '.join(needed)}")
+    rows: dict[str, tuple[str, dict[str, str]]] = {}
+    for row in reader:
+        where = f"{path}:{reader.line_num}"
+        if None in row or None in row.values():
+            raise SettingsError(f"{where}: the number of cells differs from the header's {len(header)}")
+        if row["name"] in rows:
+            raise SettingsError(f"{where}: '{row['name']}' occurs twice; remove one")
+        rows[row["name"]] = (where, row)
+    if not rows:
+        raise SettingsError(f"{path}: no frames below the header; at least one is needed")
+    return list(rows.values())
+
+
+def _number(where: str, column: str, cell: str) -> float | None:
+    """Return the number of a cell; None if it is empty."""
+    if not cell.strip():
+        return None
+    try:
+        value = float(cell)
+    except ValueError:
+        raise SettingsError(f"{where}: {column} is '{cell}'; write a number, or leave it empty for a rejected frame") from None
+    if not math.isfinite(value):
+        raise SettingsError(f"{where}: {column} is {value}; leave it empty for a rejected frame")
+    return value
