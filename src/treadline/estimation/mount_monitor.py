@@ -56,12 +56,12 @@ class AngleEstimate:
         return max(pitch, roll) > REPORTED_RAD
 
     def replaces(self, declared: "AngleEstimate") -> bool:
-        """Whether this estimate lies outside the declared interval, or has half its width."""
+        """Whether this estimate lies outside the declared interval, or is half as wide in one angle."""
         moved = (
             abs(self.pitch_rad - declared.pitch_rad) > declared.pitch_half_rad
             or abs(self.roll_rad - declared.roll_rad) > declared.roll_half_rad
         )
-        return moved or self.roll_half_rad < 0.5 * declared.roll_half_rad
+        return moved or self.roll_half_rad < 0.5 * declared.roll_half_rad or self.pitch_half_rad < 0.5 * declared.pitch_half_rad
 
     def __str__(self) -> str:
         """Return the angles in degrees."""
@@ -154,6 +154,8 @@ class MountMonitor:
         self._unexplained: AngleEstimate | None = None
         self._mount: AngleEstimate | None = None
         self._axes_reported = False
+        self._suspected: set[str] = set()
+        """Explanations of an unexplained tilt that have been reported."""
         self._frame_roll_rad = 0.0
         """Possible roll of the mount by the last frame alone [rad]; zero within ``REPORTED_RAD`` at 95 %."""
         # The normal of a level surface is seen under the mount's pitch; an angle across it counts as more roll.
@@ -252,12 +254,10 @@ class MountMonitor:
         events = []
         gravity_rad = self._gravity_sigma_rad
         belts_rad = config.belts_sigma_rad
-        found = self._riding.estimate(belts_rad, self._roll_per_angle * belts_rad)
-        source = "by the nosing plane"
-        floor = self._on_floor.estimate(gravity_rad, self._roll_per_angle * gravity_rad)
-        if floor is not None and (found is None or floor.roll_half_rad < found.roll_half_rad):
-            found, source = floor, "by treads and gravity on the floor"
-        self._mount = found
+        found = self._mount = _more_accurate(
+            self._riding.estimate(belts_rad, self._roll_per_angle * belts_rad),
+            self._on_floor.estimate(gravity_rad, self._roll_per_angle * gravity_rad),
+        )
         if found is not None and (found.exceeds if self._declared is None else found.replaces(self._declared)):
             self._declared = found
             self._corrected = replace(
@@ -265,24 +265,31 @@ class MountMonitor:
                 mount_pitch_rad=config.camera.mount_pitch_rad + found.pitch_rad,
                 mount_roll_rad=config.camera.mount_roll_rad + found.roll_rad,
             )
-            cause = f"camera mount is {found} (95 %, {source}) off its calibration; headings are corrected"
+            cause = f"camera mount is {found} (95 %) off its calibration; headings are corrected"
             events.append(Event(t_s=t_s, name="camera_mount", cause=cause))
         rest = self._elsewhere.estimate(gravity_rad, self._roll_per_angle * gravity_rad)
         if rest is None:
             return events
+        suspects = "IMU or camera mount tilted?"
         if found is not None:
             rest = _difference(rest, found)
-        reported = self._unexplained is not None
+            suspects = "beyond the camera mount's pitch and roll: IMU tilted, or camera yawed?"
         self._unexplained = rest if rest.exceeds else None
-        if rest.exceeds and not reported and (found is not None or self._declared is None):
-            explained = (
-                "IMU or camera mount tilted?"
-                if found is None
-                else "beyond the camera mount's pitch and roll: IMU tilted or camera yawed?"
-            )
-            cause = f"treads are {rest} (95 %) off gravity, {explained}"
-            events.append(Event(t_s=t_s, name="imu_tilt", cause=cause))
+        if rest.exceeds and suspects not in self._suspected:
+            self._suspected.add(suspects)
+            events.append(Event(t_s=t_s, name="imu_tilt", cause=f"treads are {rest} (95 %) off gravity, {suspects}"))
         return events
+
+
+def _more_accurate(one: AngleEstimate | None, other: AngleEstimate | None) -> AngleEstimate | None:
+    """Return each angle from the estimate with the smaller interval."""
+    if one is None or other is None:
+        return one or other
+    pitch = one if one.pitch_half_rad <= other.pitch_half_rad else other
+    roll = one if one.roll_half_rad <= other.roll_half_rad else other
+    return AngleEstimate(
+        pitch_rad=pitch.pitch_rad, roll_rad=roll.roll_rad, pitch_half_rad=pitch.pitch_half_rad, roll_half_rad=roll.roll_half_rad
+    )
 
 
 def _difference(one: AngleEstimate, other: AngleEstimate) -> AngleEstimate:

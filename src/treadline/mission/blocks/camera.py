@@ -84,17 +84,19 @@ class CameraBlock:
         Events report errors of the camera's mount and of the IMU's axes. A frame whose treads contradict gravity has no heading.
         """
         nominal = frame.camera
-        camera = self._mount.corrected(nominal)
-        if camera is not nominal:
-            frame = replace(frame, camera=camera)
+        frame = self._corrected(frame, nominal)
         exposed = self._gravity.exposed(frame.t_s)
-        gravity_C = None if exposed is None else gravity_in(exposed, camera)
+        gravity_C = None if exposed is None else gravity_in(exposed, frame.camera)
         quality = quality_of(frame, gravity_C, self._swept_half_m)
         yield quality
         if not admit(quality):
             return
         detection = self._detector.see(frame, gravity_C)
         agrees, events = self._check_mount(frame, nominal, exposed, detection)
+        corrected = self._corrected(frame, nominal)
+        if exposed is not None and corrected is not frame:
+            # The mount error was declared, or declared anew, by this frame.
+            detection = self._detector.see(corrected, gravity_in(exposed, corrected.camera))
         if agrees:
             measurement = detection.measurement
             if measurement is not None:
@@ -103,6 +105,11 @@ class CameraBlock:
             if stair_map is not None:
                 yield stair_map
         yield from events
+
+    def _corrected(self, frame: RgbdFrame, nominal: PinholeCamera) -> RgbdFrame:
+        """Return the frame with the corrected mount, the same object where nothing changes."""
+        camera = self._mount.corrected(nominal)
+        return frame if camera is frame.camera else replace(frame, camera=camera)
 
     def _with_mount(self, measurement: HeadingMeasurement) -> HeadingMeasurement:
         """Return a heading with the mount's uncertainty included, unchanged for a mount without a known error."""
