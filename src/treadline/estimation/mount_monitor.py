@@ -73,7 +73,6 @@ class MountMonitor:
         # The normal of a level surface is seen under the mount's pitch; an angle across it counts as more roll.
         self._roll_per_angle = 1.0 / max(abs(math.cos(camera.mount_pitch_rad)), math.sin(REPORTED_RAD))
         self._gravity_sigma_rad = math.hypot(config.tilt_sigma_rad, config.treads_sigma_rad)
-        self._gravity_roll_half_rad = NORMAL_95 * self._roll_per_angle * self._gravity_sigma_rad
 
     def update(self, reading: TrackReading) -> None:
         """Record whether the chair moves: a standing chair shows the same nosings in each frame."""
@@ -119,23 +118,33 @@ class MountMonitor:
         off_rad = math.acos(min(max(-float(axes.down_C @ (camera.R_BC.T @ np.array(up_B))), -1.0), 1.0))
         if off_rad > self._config.mount_gate_rad:
             return False, self._report_axes(axes.t_s, off_rad)
-        if not axes.down_sigma_rad <= TREADS_SIGMA_RAD:
+        by_gravity = mount_angles(-axes.down_C, up_B, camera.mount_yaw_rad)
+        if by_gravity is None:
             return True, []
-        complete = self._add(axes, up_B, sample.angular_velocity_rad_s)
+        found = (by_gravity[0] - camera.mount_pitch_rad, by_gravity[1] - camera.mount_roll_rad)
+        has_treads = axes.down_sigma_rad <= TREADS_SIGMA_RAD
+        self._bound_roll(found[1], axes.down_sigma_rad, has_treads=has_treads)
+        if not has_treads:
+            return True, []
+        complete = self._add(axes, found, up_B, sample.angular_velocity_rad_s)
         return True, self._report(axes.t_s) if complete else []
 
-    def _add(self, axes: StairAxes, up_B: tuple[float, float, float], rate_B: Float[np.ndarray, " 3"]) -> bool:
+    def _bound_roll(self, roll_rad: float, down_sigma_rad: float, *, has_treads: bool) -> None:
+        """Update the possible roll of the mount from one frame; a frame with hardly a tread can raise it only."""
+        half_rad = NORMAL_95 * self._roll_per_angle * math.hypot(self._gravity_sigma_rad, down_sigma_rad)
+        if abs(roll_rad) - half_rad > REPORTED_RAD:
+            self._frame_roll_rad = abs(roll_rad) + half_rad
+        elif has_treads:
+            self._frame_roll_rad = 0.0
+
+    def _add(
+        self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Float[np.ndarray, " 3"]
+    ) -> bool:
+        """Add a frame to the comparisons that it belongs to; return whether a block is complete."""
         config, camera = self._config, self._config.camera
-        complete = False
-        pair = mount_angles(-axes.down_C, up_B, camera.mount_yaw_rad)
         tilt_rad = math.acos(min(max(up_B[2], -1.0), 1.0))
-        if pair is not None:
-            means = self._on_floor if tilt_rad <= LEVEL_RAD else self._elsewhere
-            roll_rad = pair[1] - camera.mount_roll_rad
-            complete = means.add(axes.t_s, pair[0] - camera.mount_pitch_rad, roll_rad)
-            self._frame_roll_rad = abs(roll_rad) + self._gravity_roll_half_rad
-            if abs(roll_rad) - self._gravity_roll_half_rad <= REPORTED_RAD:
-                self._frame_roll_rad = 0.0
+        means = self._on_floor if tilt_rad <= LEVEL_RAD else self._elsewhere
+        complete = means.add(axes.t_s, *by_gravity)
         seen_rad = math.acos(min(max(-float(axes.normal_C @ axes.down_C), -1.0), 1.0))
         if (
             self._standing
