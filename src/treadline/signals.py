@@ -339,7 +339,8 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, or the phase entered; ``dropped`` and ``ended`` in a recording. Other publishers on the topic use other names."""
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, or the phase entered; ``dropped`` and ``ended`` in a recording. Other
+    publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
 

@@ -3,6 +3,7 @@
 from treadline.estimation.filter import FilterConfig, HeadingFilter
 from treadline.estimation.health import HeadingHealth
 from treadline.estimation.mount import MountCalibrator, MountConfig, MountEstimate, calibrated
+from treadline.estimation.mount_monitor import MountMonitor
 from treadline.estimation.offset import OffsetEstimator
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "MountCalibrator",
     "MountConfig",
     "MountEstimate",
+    "MountMonitor",
     "OffsetEstimator",
     "calibrated",
 ]

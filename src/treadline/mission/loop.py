@@ -175,6 +175,7 @@ class Mission:
                 self._driver.update(signal)
             case TrackReading():
                 self._estimate = self._estimator.step(signal)
+                self._camera.update(signal)
                 self._driver.update(signal)
             case FlipperReading():
                 self._driver.update(signal)
@@ -183,7 +184,8 @@ class Mission:
             case RgbdFrame():
                 for detected in self._camera.step(signal, self._guard.admit):
                     self._record(detected)
-                    self._take(detected)
+                    if not isinstance(detected, Event):
+                        self._take(detected)
             case HeadingMeasurement():
                 self._guard.on_message(signal)
                 self._estimate = self._estimator.step(signal)

@@ -19,6 +19,7 @@ from treadline.perception.quality import quality_of
 from treadline.ports import Transport
 from treadline.signals import (
     TICK_S,
+    Event,
     FlipperCommand,
     FlipperReading,
     FrameQuality,
@@ -71,7 +72,7 @@ class Node(Protocol):
 
 
 class CameraNode:
-    """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap``; the paper's ``/depth``.
+    """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``; the paper's ``/depth``.
 
     A camera that measures by itself publishes no frames; its measurements are passed on if they are admitted.
     """
@@ -90,7 +91,7 @@ class CameraNode:
         """Subscribe to frames or measurements, and to the readings of gravity and travel."""
         self._publish = transport.publish
         transport.subscribe(on.IMU, self._take_imu)
-        transport.subscribe(on.TRACKS, self._admission.admit)
+        transport.subscribe(on.TRACKS, self._take_tracks)
         transport.subscribe(on.CAMERA, self._take_frame)
         transport.subscribe(on.CAMERA_QUALITY, self._take_quality)
         transport.subscribe(on.CAMERA_HEADING, self._pass)
@@ -120,6 +121,10 @@ class CameraNode:
         if self._admission.admit(sample):
             self._block.update(sample)
 
+    def _take_tracks(self, reading: TrackReading) -> None:
+        if self._admission.admit(reading):
+            self._block.update(reading)
+
     def _take_frame(self, frame: RgbdFrame) -> None:
         def admit(quality: FrameQuality) -> bool:
             return self._admission.admit(frame) and self._admission.admit(quality)
@@ -136,7 +141,7 @@ class CameraNode:
             self._publish(DETECTED[type(measured)], measured)
 
 
-DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.MEASURED, StairMap: on.MAP}
+DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.MEASURED, StairMap: on.MAP, Event: on.DIAGNOSTICS}
 """Channel of each output of the camera block."""
 
 

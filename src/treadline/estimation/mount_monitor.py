@@ -1,0 +1,202 @@
+"""Mount monitor: errors of camera mount and IMU axes, detected and corrected while the chair drives.
+
+``StairAxes, ImuSample, TrackReading -> Event``, and the corrected ``PinholeCamera``. Three comparisons accumulate over frames:
+
+* nosing plane against the chair's z axis, while the chair rides the flight: mount pitch and roll, independent of the IMU;
+* treads against gravity while the IMU reads horizontal: mount pitch and roll on the floor, less accurate by the IMU's tilt;
+* treads against gravity elsewhere: a remainder that the mount does not explain is an IMU tilt or a mount yaw, reported only.
+
+The directions of the stair are fixed in C, so a correction already applied does not change the estimate. ``MountCalibrator``
+estimates the yaw as well, from a recording; its solution takes too long for the loop.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_of
+from treadline.estimation.block_means import NORMAL_95, REPORTED_RAD, AngleEstimate, BlockMeans, difference, more_accurate
+from treadline.estimation.mount import STANDING_M_S, MountConfig
+from treadline.signals import Event, ImuSample, PinholeCamera, StairAxes, TrackReading
+
+FRAME_BLOCK_S = 0.5
+"""Block length of a comparison between treads and gravity [s]: depth noise of frames is independent, rocking moves both."""
+LEVEL_RAD = 1.5 * DEG
+"""Largest IMU tilt of a chair on the floor [rad]: drainage slope of 2 % (1.1°), and three sigma of the IMU's tilt (1.05°), added as
+squares."""
+TREADS_SIGMA_RAD = 0.25 * DEG
+"""Largest sigma of the treads' direction [rad]: half the sigma of gravity in the detector, so that treads have three quarters of
+the weight in the direction."""
+
+
+def mount_angles(
+    seen_C: Float[np.ndarray, " 3"], known_B: tuple[float, float, float], yaw_rad: float
+) -> tuple[float, float] | None:
+    """Return mount pitch and roll that rotate a direction seen in C into its known direction in B; None if none do."""
+    x, y, z = seen_C.tolist()
+    x, y, z = z, -x, -y  # CAMERA_AXES_IN_CHAIR
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    to_x, to_y, to_z = cos * known_B[0] + sin * known_B[1], cos * known_B[1] - sin * known_B[0], known_B[2]
+    across = math.hypot(y, z)
+    if not across > abs(to_y):
+        return None
+    roll = math.atan2(y, z) - math.asin(to_y / across)
+    pitch = math.atan2(to_x, to_z) - math.atan2(x, math.sqrt(across**2 - to_y**2))
+    return math.remainder(pitch, math.tau), math.remainder(roll, math.tau)
+
+
+class MountMonitor:
+    """Errors of the mount and of the IMU's axes, accumulated over accepted frames."""
+
+    def __init__(self) -> None:
+        self._standing = False
+        self._camera: PinholeCamera | None = None
+        self._declared: AngleEstimate | None = None
+
+    def _restart(self, camera: PinholeCamera) -> None:
+        self._camera, self._corrected = camera, camera
+        self._config = config = MountConfig(camera=camera)
+        self._riding = BlockMeans(config.block_s)
+        self._on_floor = BlockMeans(FRAME_BLOCK_S)
+        self._elsewhere = BlockMeans(FRAME_BLOCK_S)
+        self._far_off = BlockMeans(FRAME_BLOCK_S)
+        self._declared = None
+        self._unexplained: AngleEstimate | None = None
+        self._mount: AngleEstimate | None = None
+        self._axes_reported = False
+        self._suspected: set[str] = set()
+        """Explanations of an unexplained tilt that have been reported."""
+        self._frame_roll_rad = 0.0
+        """Possible roll of the mount by the last frame alone [rad]; zero within ``REPORTED_RAD`` at 95 %."""
+        # The normal of a level surface is seen under the mount's pitch; an angle across it counts as more roll.
+        self._roll_per_angle = 1.0 / max(abs(math.cos(camera.mount_pitch_rad)), math.sin(REPORTED_RAD))
+        self._gravity_sigma_rad = math.hypot(config.tilt_sigma_rad, config.treads_sigma_rad)
+
+    def update(self, reading: TrackReading) -> None:
+        """Record whether the chair moves: a standing chair shows the same nosings in each frame."""
+        self._standing = max(abs(reading.left_m_s), abs(reading.right_m_s)) < STANDING_M_S
+
+    def corrected(self, camera: PinholeCamera) -> PinholeCamera:
+        """Return the camera with the declared mount error removed; the same object without one."""
+        return self._corrected if self._declared is not None and camera == self._camera else camera
+
+    @property
+    def heading_sigma_rad(self) -> float:
+        """Sigma of the heading from the mount [rad]; zero until an error is declared.
+
+        A rotation about the optical axis turns an edge in the chair's xy plane by its component about z_B, the sine of the mount's
+        pitch; a rotation about the pitch axis does not. An error that may be the mount's or the IMU's is not corrected and counts
+        in full.
+        """
+        if self._camera is None:
+            return 0.0
+        roll_rad = 0.0
+        if self._declared is not None:
+            roll_rad = self._declared.roll_half_rad
+        elif self._mount is None:
+            roll_rad = self._frame_roll_rad
+            if self._unexplained is not None:
+                roll_rad = max(abs(self._unexplained.roll_rad) + self._unexplained.roll_half_rad, roll_rad)
+        return abs(math.sin(self._camera.mount_pitch_rad)) * roll_rad / NORMAL_95
+
+    def step(self, axes: StairAxes, sample: ImuSample, camera: PinholeCamera) -> tuple[bool, list[Event]]:
+        """Compare one frame; return whether its treads agree with gravity, and events.
+
+        Args:
+            axes: Directions of the stair.
+            sample: IMU sample at the exposure of the frame.
+            camera: Camera with its nominal mount.
+        """
+        if self._camera is None or camera != self._camera:
+            self._restart(camera)
+        x, y, z = rotation_of(sample.orientation)[2].tolist()
+        up_B = (x, y, z)
+        if not (math.isfinite(axes.t_s) and math.isfinite(x + y + z)):
+            return True, []
+        off_rad = math.acos(min(max(-float(axes.down_C @ (camera.R_BC.T @ np.array(up_B))), -1.0), 1.0))
+        if off_rad > self._config.mount_gate_rad:
+            return False, self._report_axes(axes.t_s, off_rad)
+        by_gravity = mount_angles(-axes.down_C, up_B, camera.mount_yaw_rad)
+        if by_gravity is None:
+            return True, []
+        found = (by_gravity[0] - camera.mount_pitch_rad, by_gravity[1] - camera.mount_roll_rad)
+        has_treads = axes.down_sigma_rad <= TREADS_SIGMA_RAD
+        self._bound_roll(found[1], axes.down_sigma_rad, has_treads=has_treads)
+        if not has_treads:
+            return True, []
+        complete = self._add(axes, found, up_B, sample.angular_velocity_rad_s)
+        return True, self._report(axes.t_s) if complete else []
+
+    def _bound_roll(self, roll_rad: float, down_sigma_rad: float, *, has_treads: bool) -> None:
+        """Update the possible roll of the mount from one frame; a frame with hardly a tread can raise it only."""
+        half_rad = NORMAL_95 * self._roll_per_angle * math.hypot(self._gravity_sigma_rad, down_sigma_rad)
+        if abs(roll_rad) - half_rad > REPORTED_RAD:
+            self._frame_roll_rad = abs(roll_rad) + half_rad
+        elif has_treads:
+            self._frame_roll_rad = 0.0
+
+    def _add(
+        self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Float[np.ndarray, " 3"]
+    ) -> bool:
+        """Add a frame to the comparisons that it belongs to; return whether a block is complete."""
+        config, camera = self._config, self._config.camera
+        tilt_rad = math.acos(min(max(up_B[2], -1.0), 1.0))
+        means = self._on_floor if tilt_rad <= LEVEL_RAD else self._elsewhere
+        complete = means.add(axes.t_s, *by_gravity)
+        seen_rad = math.acos(min(max(-float(axes.normal_C @ axes.down_C), -1.0), 1.0))
+        if (
+            self._standing
+            or seen_rad < config.least_slope_rad
+            or abs(seen_rad - tilt_rad) > config.slope_gate_rad
+            or math.hypot(rate_B[0], rate_B[1]) > config.rocking_rad_s
+        ):
+            return complete
+        pair = mount_angles(axes.normal_C, (0.0, 0.0, 1.0), camera.mount_yaw_rad)
+        if pair is None:
+            return complete
+        pitch_rad, roll_rad = pair[0] - camera.mount_pitch_rad, pair[1] - camera.mount_roll_rad
+        if math.hypot(pitch_rad, roll_rad) > config.mount_gate_rad:
+            return complete
+        return self._riding.add(axes.t_s, pitch_rad, roll_rad) or complete
+
+    def _report_axes(self, t_s: float, off_rad: float) -> list[Event]:
+        self._far_off.add(t_s, off_rad, 0.0)
+        found = self._far_off.estimate(0.0, 0.0)
+        if self._axes_reported or found is None or found.pitch_rad - found.pitch_half_rad <= self._config.mount_gate_rad:
+            return []
+        self._axes_reported = True
+        cause = f"treads are {found.pitch_rad / DEG:.0f}° ± {found.pitch_half_rad / DEG:.0f}° off gravity: IMU axes?"
+        return [Event(t_s=t_s, name="imu_axes", cause=cause)]
+
+    def _report(self, t_s: float) -> list[Event]:
+        config = self._config
+        events = []
+        gravity_rad = self._gravity_sigma_rad
+        belts_rad = config.belts_sigma_rad
+        found = self._mount = more_accurate(
+            self._riding.estimate(belts_rad, self._roll_per_angle * belts_rad),
+            self._on_floor.estimate(gravity_rad, self._roll_per_angle * gravity_rad),
+        )
+        if found is not None and (found.exceeds if self._declared is None else found.replaces(self._declared)):
+            self._declared = found
+            self._corrected = replace(
+                config.camera,
+                mount_pitch_rad=config.camera.mount_pitch_rad + found.pitch_rad,
+                mount_roll_rad=config.camera.mount_roll_rad + found.roll_rad,
+            )
+            cause = f"camera mount is {found} (95 %) off its calibration; headings are corrected"
+            events.append(Event(t_s=t_s, name="camera_mount", cause=cause))
+        rest = self._elsewhere.estimate(gravity_rad, self._roll_per_angle * gravity_rad)
+        if rest is None:
+            return events
+        suspects = "IMU or camera mount tilted?"
+        if found is not None:
+            rest = difference(rest, found)
+            suspects = "beyond the camera mount's pitch and roll: IMU tilted, or camera yawed?"
+        self._unexplained = rest if rest.exceeds else None
+        if rest.exceeds and suspects not in self._suspected:
+            self._suspected.add(suspects)
+            events.append(Event(t_s=t_s, name="imu_tilt", cause=f"treads are {rest} (95 %) off gravity, {suspects}"))
+        return events
