@@ -14,7 +14,8 @@ from typing import Literal
 from perception_cases import percent
 
 from treadline.experiments.heading_scores import LEAST_SHARE, FrameResult, HeadingScores, read_results, read_truth, score
-from treadline.perception.frames import FolderOfFrames, see_frames
+from treadline.frames.evaluation import see_frames
+from treadline.frames.folders import FolderOfFrames
 from treadline.sim.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
 REJECTED = FrameResult(heading_deg=None)

@@ -167,15 +167,11 @@ class Mission:
     def _take(self, signal: Reading) -> None:
         """Pass an admitted reading, or a detection in a frame, to the blocks that use it."""
         match signal:
-            case ImuSample():
+            case ImuSample() | TrackReading():
                 self._estimate = self._estimator.step(signal)
                 self._camera.update(signal)
-                if self._leveller is not None:
+                if isinstance(signal, ImuSample) and self._leveller is not None:
                     self._leveller.update(signal)
-                self._driver.update(signal)
-            case TrackReading():
-                self._estimate = self._estimator.step(signal)
-                self._camera.update(signal)
                 self._driver.update(signal)
             case FlipperReading():
                 self._driver.update(signal)
