@@ -13,33 +13,33 @@ from typing import Literal
 
 from perception_cases import percent
 
-from treadline.experiments.heading_scores import LEAST_SHARE, FrameResult, HeadingScores, read_results, read_truth, score
+from treadline.experiments.heading_scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 from treadline.perception.frames import FolderOfFrames, see_frames
 from treadline.sim.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
-REJECTED = FrameResult(heading_deg=None)
+REJECTED = HeadingResult(heading_deg=None)
 LABELS = ("treadline", "Algorithm 1 as printed", "Algorithm 1 less 90°")
 """Own rows of the table. Eq. (2) as printed gives 90° for a chair square to the stair; less 90° the formula is an arcsine."""
 REFUSABLE = ("kinect1_bowed", "kinect1_narrow")
 """Conditions that a detector may reject on purpose: a bowed flight has an uncertain heading, a narrow one no room for a chair."""
 
 
-def run_method(folder: Path, method: Literal["robust", "paper"]) -> dict[str, FrameResult]:
+def run_method(folder: Path, method: Literal["robust", "paper"]) -> dict[str, HeadingResult]:
     """Return the results of one of our methods. Algorithm 1 declares no standard deviation."""
     results = {}
     for condition in CONDITIONS:
         for item in see_frames(FolderOfFrames(folder / condition), method=method, out=None):
             sigma = item["sigma_deg"] if method == "robust" else None
-            answer = FrameResult(heading_deg=item["heading_deg"], sigma_deg=sigma) if item["accepted"] else REJECTED
+            answer = HeadingResult(heading_deg=item["heading_deg"], sigma_deg=sigma) if item["accepted"] else REJECTED
             results[f"{condition}/{item['name']}"] = answer
     return results
 
 
-def own_results(folder: Path) -> dict[str, dict[str, FrameResult]]:
+def own_results(folder: Path) -> dict[str, dict[str, HeadingResult]]:
     """Return the results of our methods by label."""
     printed = run_method(folder, "paper")
     turned = {
-        name: answer if answer.heading_deg is None else FrameResult(heading_deg=answer.heading_deg - 90.0)
+        name: answer if answer.heading_deg is None else HeadingResult(heading_deg=answer.heading_deg - 90.0)
         for name, answer in printed.items()
     }
     return dict(zip(LABELS, (run_method(folder, "robust"), printed, turned), strict=True))
