@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.experiments.heading_scores import FrameResult, TrueFrame, score, wilson
+from treadline.experiments.heading_scores import HeadingResult, TrueFrame, score, wilson
 from treadline.sim.camera.benchmark import CONDITIONS
 
 TRUTH = "name,scene,heading_deg,share\na/0,up,10.0,0.5\na/1,up,-5.0,0.4\na/2,foot,3.0,0.05\nb/0,shelf,,\nb/1,floor,,\n"
@@ -62,7 +62,7 @@ def test_scores_count_misses_errors_intervals_and_false_accepts(run, truth: Path
 
 
 def test_an_error_is_taken_around_the_circle() -> None:
-    scores = score({"a": FrameResult(heading_deg=-179.0)}, {"a": TrueFrame(heading_deg=179.0, share=1.0)})
+    scores = score({"a": HeadingResult(heading_deg=-179.0)}, {"a": TrueFrame(heading_deg=179.0, share=1.0)})
     assert scores.worst_deg == pytest.approx(2.0)
 
 

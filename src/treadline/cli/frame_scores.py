@@ -8,7 +8,7 @@ from treadline.cli.answer import Answer
 from treadline.experiments.heading_scores import (
     LEAST_SHARE,
     Fraction,
-    FrameResult,
+    HeadingResult,
     HeadingScores,
     TrueFrame,
     read_results,
@@ -27,7 +27,7 @@ def scores_answer(results: Path, truth: Path) -> Answer:
     return Answer(values=values, summary=[*_summary(scores), *(f"  {name}: {_short(part)}" for name, part in conditions.items())])
 
 
-def _by_condition(answers: dict[str, FrameResult], true: dict[str, TrueFrame]) -> dict[str, HeadingScores]:
+def _by_condition(answers: dict[str, HeadingResult], true: dict[str, TrueFrame]) -> dict[str, HeadingScores]:
     """Return the scores of each folder in the frames' names; nothing for names without a folder."""
     folders = dict.fromkeys(name.rpartition("/")[0] for name in true if "/" in name)
     return {

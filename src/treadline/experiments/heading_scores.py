@@ -19,7 +19,7 @@ MOST_DEG = 360.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrameResult:
+class HeadingResult:
     """Answer of a detector to one frame."""
 
     heading_deg: float | None
@@ -83,7 +83,7 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     return (0.0 if hits == 0 else middle - half, 1.0 if hits == count else middle + half)
 
 
-def score(results: dict[str, FrameResult], truth: dict[str, TrueFrame]) -> HeadingScores:
+def score(results: dict[str, HeadingResult], truth: dict[str, TrueFrame]) -> HeadingScores:
     """Return the scores of a detector; ``results`` has an entry for each frame of ``truth``."""
     in_view = [name for name, true in truth.items() if true.heading_deg is not None and true.share >= LEAST_SHARE]
     stairless = [name for name, true in truth.items() if true.heading_deg is None]
@@ -106,7 +106,7 @@ def score(results: dict[str, FrameResult], truth: dict[str, TrueFrame]) -> Headi
     )
 
 
-def _accepted(results: dict[str, FrameResult], names: Sequence[str]) -> Fraction:
+def _accepted(results: dict[str, HeadingResult], names: Sequence[str]) -> Fraction:
     return Fraction(hits=sum(results[name].heading_deg is not None for name in names), count=len(names))
 
 
@@ -124,7 +124,7 @@ def read_truth(path: Path) -> dict[str, TrueFrame]:
     return table
 
 
-def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, FrameResult]:
+def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, HeadingResult]:
     """Return the results of a detector, one for each frame of the ground truth.
 
     Raises:
@@ -141,7 +141,7 @@ def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, FrameResu
             raise SettingsError(f"{where}: heading_deg is {heading:g}; it must be from -360 to 360 degrees")
         if sigma is not None and sigma <= 0.0:
             raise SettingsError(f"{where}: sigma_deg is {sigma:g}; it must be above 0, or empty if not known")
-        table[name] = FrameResult(heading_deg=heading, sigma_deg=sigma)
+        table[name] = HeadingResult(heading_deg=heading, sigma_deg=sigma)
     lacking = [name for name in truth if name not in table]
     if lacking:
         raise SettingsError(
