@@ -63,13 +63,12 @@ class MountMonitor:
         self._elsewhere = BlockMeans(FRAME_BLOCK_S)
         self._far_off = BlockMeans(FRAME_BLOCK_S)
         self._declared = None
-        self._unexplained: AngleEstimate | None = None
         self._mount: AngleEstimate | None = None
         self._axes_reported = False
         self._suspected: set[str] = set()
         """Explanations of an unexplained tilt that have been reported."""
-        self._frame_roll_rad = 0.0
-        """Possible roll of the mount by the last frame alone [rad]; zero within ``REPORTED_RAD`` at 95 %."""
+        self._possible_roll_rad = 0.0
+        """Largest possible roll of the mount by single frames [rad]; zero while none exceeds ``REPORTED_RAD`` at 95 %."""
         # The normal of a level surface is seen under the mount's pitch; an angle across it counts as more roll.
         self._roll_per_angle = 1.0 / max(abs(math.cos(camera.mount_pitch_rad)), math.sin(REPORTED_RAD))
         self._gravity_sigma_rad = math.hypot(config.tilt_sigma_rad, config.treads_sigma_rad)
@@ -96,9 +95,7 @@ class MountMonitor:
         if self._declared is not None:
             roll_rad = self._declared.roll_half_rad
         elif self._mount is None:
-            roll_rad = self._frame_roll_rad
-            if self._unexplained is not None:
-                roll_rad = max(abs(self._unexplained.roll_rad) + self._unexplained.roll_half_rad, roll_rad)
+            roll_rad = self._possible_roll_rad
         return abs(math.sin(self._camera.mount_pitch_rad)) * roll_rad / NORMAL_95
 
     def step(self, axes: StairAxes, sample: ImuSample, camera: PinholeCamera) -> tuple[bool, list[Event]]:
@@ -122,20 +119,18 @@ class MountMonitor:
         if by_gravity is None:
             return True, []
         found = (by_gravity[0] - camera.mount_pitch_rad, by_gravity[1] - camera.mount_roll_rad)
-        has_treads = axes.down_sigma_rad <= TREADS_SIGMA_RAD
-        self._bound_roll(found[1], axes.down_sigma_rad, has_treads=has_treads)
-        if not has_treads:
+        self._bound_roll(found[1], axes.down_sigma_rad)
+        if not axes.down_sigma_rad <= TREADS_SIGMA_RAD:
             return True, []
         complete = self._add(axes, found, up_B, sample.angular_velocity_rad_s)
         return True, self._report(axes.t_s) if complete else []
 
-    def _bound_roll(self, roll_rad: float, down_sigma_rad: float, *, has_treads: bool) -> None:
-        """Update the possible roll of the mount from one frame; a frame with hardly a tread can raise it only."""
+    def _bound_roll(self, roll_rad: float, down_sigma_rad: float) -> None:
+        """Update the possible roll of the mount from one frame; the mean of several frames clears it."""
         half_rad = NORMAL_95 * self._roll_per_angle * math.hypot(self._gravity_sigma_rad, down_sigma_rad)
         if abs(roll_rad) - half_rad > REPORTED_RAD:
-            self._frame_roll_rad = abs(roll_rad) + half_rad
-        elif has_treads:
-            self._frame_roll_rad = 0.0
+            # A sigma that varied between frames would look like independent errors to the heading filter.
+            self._possible_roll_rad = max(self._possible_roll_rad, abs(roll_rad) + half_rad)
 
     def _add(
         self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Float[np.ndarray, " 3"]
@@ -195,7 +190,8 @@ class MountMonitor:
         if found is not None:
             rest = difference(rest, found)
             suspects = "beyond the camera mount's pitch and roll: IMU tilted, or camera yawed?"
-        self._unexplained = rest if rest.exceeds else None
+        if not rest.exceeds:
+            self._possible_roll_rad = 0.0
         if rest.exceeds and suspects not in self._suspected:
             self._suspected.add(suspects)
             events.append(Event(t_s=t_s, name="imu_tilt", cause=f"treads are {rest} (95 %) off gravity, {suspects}"))
