@@ -15,7 +15,7 @@ from perception_cases import percent
 
 from treadline.experiments.heading_scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 from treadline.frames.evaluation import see_frames
-from treadline.frames.folders import FolderOfFrames
+from treadline.frames.sources import read_frames
 from treadline.sim.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
 REJECTED = HeadingResult(heading_deg=None)
@@ -29,7 +29,7 @@ def run_method(folder: Path, method: Literal["robust", "paper"]) -> dict[str, He
     """Return the results of one of our methods. Algorithm 1 declares no standard deviation."""
     results = {}
     for condition in CONDITIONS:
-        for item in see_frames(FolderOfFrames(folder / condition), method=method, out=None):
+        for item in see_frames(read_frames(folder / condition), method=method, out=None):
             sigma = item["sigma_deg"] if method == "robust" else None
             answer = HeadingResult(heading_deg=item["heading_deg"], sigma_deg=sigma) if item["accepted"] else REJECTED
             results[f"{condition}/{item['name']}"] = answer
