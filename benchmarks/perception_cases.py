@@ -4,10 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from treadline.experiments.heading_scores import wilson
+from treadline.experiments.heading_scores import LEAST_SHARE, wilson
 
-LEAST_SHARE = 0.15
-"""Least share of the image that the stair covers in a frame that counts."""
 LIFELIKE: dict[str, object] = {
     "grain_px": 1.2,
     "warp_px": 0.03,

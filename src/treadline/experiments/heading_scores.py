@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from treadline.errors import SettingsError
+from treadline.estimation.block_means import NORMAL_95
 
 LEAST_SHARE = 0.15
 """Least share of the image covered by the stair for a rejection to count as a miss, as in docs/evidence/perception.md."""
-NORMAL_95 = 1.96
-"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
 MOST_DEG = 360.0
 """Largest magnitude of a heading in a results table [deg]: one turn; a larger value is in another unit."""
 

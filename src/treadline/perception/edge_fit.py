@@ -310,6 +310,13 @@ def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.
     return angle, 1.0 / total
 
 
+def _without_tilt_and_warp(rows: _Rows, solution: _Solution) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return what estimated tilt and warp leave of the equations' values, and its variance without that of single tilts [rad²]."""
+    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])
+    left = rows.value - others @ solution.mean
+    return left, rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others)
+
+
 def _turn_per_step(steps: Float[np.ndarray, " n"], rows: _Rows, solution: _Solution) -> tuple[float, float]:
     """Return the slope of the nosings' angles over the step, and its standard deviation [rad].
 
@@ -319,9 +326,7 @@ def _turn_per_step(steps: Float[np.ndarray, " n"], rows: _Rows, solution: _Solut
         steps: Step of each nosing.
     """
     of_nosing = rows.group >= 0
-    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])[of_nosing]
-    left = rows.value[of_nosing] - others @ solution.mean
-    variance = rows.noise[of_nosing] + np.einsum("ki,ij,kj->k", others, solution.likeliest, others)
+    left, variance = (values[of_nosing] for values in _without_tilt_and_warp(rows, solution))
     by_angle = rows.by[of_nosing, 0]
     weight = by_angle**2 / variance
     total = np.bincount(rows.group[of_nosing], weight, len(steps))
@@ -395,10 +400,8 @@ def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, floa
     of_riser = (rows.group >= 0) & ~rows.tilts
     if not of_line.any() or not of_riser.any():
         return None
-    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])
-    left = rows.value - others @ solution.mean
-    tilting = np.where(rows.tilts, rows.by[:, 1] * ASSUMED_TILT, 0.0)
-    variance = rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others) + tilting**2
+    left, variance = _without_tilt_and_warp(rows, solution)
+    variance = variance + np.where(rows.tilts, rows.by[:, 1] * ASSUMED_TILT, 0.0) ** 2
     means, variances = [], []
     for chosen in (of_riser, of_line):
         by = rows.by[chosen, 0]

@@ -249,7 +249,7 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     )
     if not math.isfinite(found[0]):
         return None
-    evidence, rise, run, _, z0, _, _, first, last, levels, _ = found.tolist()
+    evidence, rise, run, z0, first, last, levels = found.tolist()
     inside = (of_tread >= first) & (of_tread <= last)
     standing = (of_riser >= first) & (of_riser <= last)
     nosings = [

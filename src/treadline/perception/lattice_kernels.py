@@ -52,9 +52,6 @@ BELOW_EYE_M = 0.10
 """Least height of the camera above a tread whose absence can be seen [m]."""
 KEPT = 6
 """Number of hypotheses that are refined."""
-FOUND = 11
-"""Number of results: evidence, rise, run, x0, z0, variances of rise and run, first and last step, and counts of heights and
-places."""
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(2.0 * math.pi)
@@ -223,7 +220,7 @@ def _line_evidence(values, variances, mean, sigma, gap, solution):
     """Return the log-evidence of evenly spaced values against independent ones within a gap of each other.
 
     The first value has a flat prior, the spacing a normal one; both are integrated out. ``solution`` is filled with first value,
-    spacing, variance of the spacing, and number of values.
+    spacing, and number of values.
     """
     a11, a12, a22 = 0.0, 0.0, 1.0 / sigma**2
     b1, b2, square, logs, n = 0.0, mean / sigma**2, mean * mean / sigma**2, 0.0, 0
@@ -238,13 +235,12 @@ def _line_evidence(values, variances, mean, sigma, gap, solution):
             square += w * y * y
             logs += math.log(2.0 * math.pi * variances[index])
             n += 1
-    solution[3] = n
+    solution[2] = n
     if n == 0:
         return 0.0
     det = a11 * a22 - a12 * a12
     solution[0] = (a22 * b1 - a12 * b2) / det
     solution[1] = (a11 * b2 - a12 * b1) / det
-    solution[2] = a11 / det
     chi = square - solution[0] * b1 - solution[1] * b2
     prior = math.log(sigma * math.sqrt(2.0 * math.pi))
     return -0.5 * logs - 0.5 * chi - prior + LOG_2PI - 0.5 * math.log(det) + (n - 1) * math.log(gap)
@@ -287,15 +283,14 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         of_tread, front_on, of_riser: Filled with the assignment of the parts, as in ``_assign``.
 
     Returns:
-        Evidence, rise, run, x0, z0, variances of rise and run, first and last step, numbers of steps with a height and with a
-        place.
+        Evidence, rise, run, z0, first and last step, and number of steps with a height.
     """
     size = 2 * LAST + 1
     levels, fronts, best = np.empty(size), np.empty(size), np.empty((KEPT, 5))
     _seeds(points, treads, risers, best, levels, fronts)
     heights, places, spans = np.empty((size, 2, 2)), np.empty((size, 2, 2)), np.empty((size, 2))
     values, variances, bounds = np.empty(size), np.empty(size), np.empty(2, dtype=np.int64)
-    along, up, found = np.empty(4), np.empty(4), np.full(FOUND, np.nan)
+    along, up, found = np.empty(3), np.empty(3), np.full(7, np.nan)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
     for s in range(KEPT):
         if best[s, 0] == -np.inf:
@@ -309,7 +304,7 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
             evidence = _line_evidence(values, variances, RISE_MEAN_M, RISE_SIGMA_M, RISE_GAP_M, up)
             _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
             evidence += _line_evidence(values, variances, RUN_MEAN_M, RUN_SIGMA_M, RUN_GAP_M, along)
-            if up[3] < 2 or along[3] < 2:
+            if up[2] < 2 or along[2] < 2:
                 evidence = -np.inf
                 break
             z0, rise, x0, run = up[0], up[1], along[0], along[1]
@@ -318,8 +313,8 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         evidence += _foreign_levels(treads, rise, run, x0, z0, mine, bounds, spans)
         evidence += _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
         if evidence > -np.inf and not evidence <= found[0]:
-            found[0], found[1], found[2], found[3], found[4] = evidence, rise, run, x0, z0
-            found[5], found[6], found[7], found[8], found[9], found[10] = up[2], along[2], bounds[0], bounds[1], up[3], along[3]
+            found[0], found[1], found[2], found[3] = evidence, rise, run, z0
+            found[4], found[5], found[6] = bounds[0], bounds[1], up[2]
             of_tread[:] = mine
             front_on[:] = mine_on
             of_riser[:] = my_risers

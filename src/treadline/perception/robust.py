@@ -170,7 +170,6 @@ def _answer(
     bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
     turn, turn_sigma = turn_by(bow, sides)
     curved = _curved(fit, seen)
-    turn_sigma = float(np.hypot(turn_sigma, curved))
     chord = fit.edge + turn * fit.ahead
     chord /= np.linalg.norm(chord)
     # The chair's right is the image's left for a rear camera.
@@ -180,11 +179,11 @@ def _answer(
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
-    sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
+    sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, curved)))
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = _shape_of(seen, blocks, frame.camera, axes)
-    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow, curved) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
@@ -230,9 +229,20 @@ def _drawn_map(
 
 
 def _rejection_reason(
-    heading_rad: float, sigma_rad: float, fit: EdgeFit, shape: StairShape, seen: Flight, down: _Down, bow: Bow
+    heading_rad: float,
+    sigma_rad: float,
+    fit: EdgeFit,
+    shape: StairShape,
+    seen: Flight,
+    down: _Down,
+    bow: Bow,
+    curved_rad: float,
 ) -> str | None:
-    """Return the reason for rejection as a stair, or None."""
+    """Return the reason for rejection as a stair, or None.
+
+    Args:
+        curved_rad: Angle between the edges in view and those at the chair, from ``_curved``.
+    """
     if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
     if seen.levels < down.least_levels:
@@ -249,7 +259,7 @@ def _rejection_reason(
             f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
             f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
         )
-    if not sigma_rad <= SIGMA_LIMIT and _curved(fit, seen) > 0.0:
+    if not sigma_rad <= SIGMA_LIMIT and curved_rad > 0.0:
         return f"edges turn by {fit.turn_per_step_rad[0] / DEG:+.1f}° at each step: no straight flight"
     if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"

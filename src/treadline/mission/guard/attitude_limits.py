@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 from treadline.angles import DEG, tilt_of
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.timestamps import ROUNDING_S
 
 LASTING_S = 0.05
 """Duration beyond a limit after which it is a fault [s]: longer than a shock, shorter than a fall."""
 BETTER_RAD = 2.0 * DEG
 """Change of the seat's error that is judged within its time [rad]. A decrease by this much starts the time again, as the seat is
 being levelled. An increase holds at once: the seat moves with the chassis, 11° in a second over a crest."""
-ROUNDING_S = 1e-6
 
 
 class TiltMonitor:

@@ -4,11 +4,11 @@ import math
 
 from treadline.mission.guard.belt_travel import BeltTravel
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.timestamps import ROUNDING_S
 from treadline.signals import TrackCommand, TrackReading
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt by the brake [m/s²]; a parameter of the guard, independent of the plant."""
-ROUNDING_S = 1e-6
 
 
 class BeltMonitor:

@@ -24,7 +24,7 @@ from treadline.mission.guard.phases import ENDS, FLIGHT, STEADY
 from treadline.mission.guard.sensor_timeouts import SensorTimeouts, estimate_fault
 from treadline.mission.guard.slip import SlipMonitor
 from treadline.mission.guard.stopping import CauseKind
-from treadline.mission.guard.timestamps import SilenceMonitor
+from treadline.mission.guard.timestamps import ROUNDING_S, SilenceMonitor
 from treadline.signals import (
     Event,
     FlipperCommand,
@@ -42,8 +42,6 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
-
-ROUNDING_S = 1e-6
 
 
 class Guard:

@@ -5,9 +5,8 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.mission.guard.config import GuardConfig
+from treadline.mission.guard.timestamps import ROUNDING_S
 
-ROUNDING_S = 1e-6
-"""Tolerance of time differences: rounding of stamps [s]."""
 MATCH_M = 0.14
 """Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""
 MATCH_S = 0.35

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 
 ROUNDING_S = 1e-6
+"""Tolerance of time differences: rounding of stamps [s]."""
 
 
 class Timestamps:
