@@ -26,7 +26,7 @@ def test_imports_follow_the_contracts() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_mission_is_never_told_the_truth() -> None:
+def test_the_mission_never_gets_the_ground_truth() -> None:
     """``Truth`` lives beside ``Plant`` in ports, where import contracts do not tell them apart."""
     for path in SOURCES:
         if path.is_relative_to(Path(treadline.__file__).parent / "mission"):
@@ -53,7 +53,7 @@ def test_all_that_is_public_says_what_it_is(path: Path) -> None:
                 assert ast.get_docstring(node), f"{path.name}:{node.lineno}: {node.name} has no docstring"
 
 
-def test_no_tracked_file_knows_a_machine() -> None:
+def test_no_tracked_file_names_a_machine() -> None:
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
     if listed.returncode != 0:
         pytest.skip("not a git checkout")

@@ -236,7 +236,7 @@ def test_a_file_that_is_no_model_is_refused(run, tmp_path: Path, text: str, word
     assert_refused(run("tune", path, "--out", tmp_path / "controller.json"), "model.json", word)
 
 
-def test_a_gain_that_nobody_would_feel_is_told(run, tmp_path: Path, model_path: Path) -> None:
+def test_a_gain_without_effect_is_reported(run, tmp_path: Path, model_path: Path) -> None:
     slow = run("tune", model_path, "--period", "100", "--out", tmp_path / "slow.json")
     assert slow.code == 0
     assert "warning: a heading of 30° is answered with" in slow.out
@@ -244,7 +244,7 @@ def test_a_gain_that_nobody_would_feel_is_told(run, tmp_path: Path, model_path: 
     assert "warning" not in usual.out
 
 
-def test_a_gain_that_leaves_the_chair_askew_is_told(run, tmp_path: Path) -> None:
+def test_a_gain_that_leaves_a_heading_error_is_reported(run, tmp_path: Path) -> None:
     model = tmp_path / "model.json"
     # What identify made of 1000 samples on paper-28 by its best method: in this basis a mean of both belts is cheap.
     A, B = [[0.16771, -0.2971], [-0.08549, 0.95563]], [[8.6903, -8.68665], [4.65157, -5.26269]]

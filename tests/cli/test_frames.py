@@ -49,7 +49,7 @@ def test_a_full_disk_is_one_line_that_names_the_file(run, no_room_for, tmp_path:
     assert not {path.name for path in tmp_path.iterdir()} & {name, f"{name}.part"}
 
 
-def test_gravity_is_told_with_its_error_and_the_truth_without(run, tmp_path: Path) -> None:
+def test_gravity_is_given_with_its_error_and_the_truth_without(run, tmp_path: Path) -> None:
     run("frames", "--out", tmp_path, "--count", 4)
     told, truth = table(tmp_path / "gravity.csv"), table(tmp_path / "truth.csv")
     for name, row in told.items():

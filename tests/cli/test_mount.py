@@ -96,7 +96,7 @@ def test_pitch_and_roll_are_found_within_their_interval(run, driven: Path, tmp_p
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.toml"]
 
 
-def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: Path, tmp_path: Path) -> None:
+def test_a_wrong_calibration_is_corrected_and_keeps_the_rest(run, driven: Path, tmp_path: Path) -> None:
     told = tmp_path / "told.toml"
     told.write_text(
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
@@ -118,7 +118,7 @@ def test_a_calibration_told_wrong_is_put_right_and_keeps_the_rest(run, driven: P
     assert max(abs(again["change_deg"][name]) for name in ("pitch", "roll")) < 0.05
 
 
-def test_yaw_is_not_told_by_a_chair_that_hardly_turns(run, tmp_path: Path) -> None:
+def test_yaw_is_not_reported_for_a_chair_that_hardly_turns(run, tmp_path: Path) -> None:
     straight = drive(tmp_path / "straight.mcap", lambda t_s: 10.0 * DEG * math.exp(-t_s / 2.0))
     outcome = run("mount", straight, "--out", tmp_path / "straight.toml", "--json")
     assert outcome.values["yaw_deg"] is outcome.values["yaw_sigma_deg"] is outcome.values["change_deg"]["yaw"] is None
@@ -141,7 +141,7 @@ def test_anybodys_bag_will_do_with_an_imu_that_gives_no_attitude(run, recording,
     assert values["change_deg"]["roll"] == pytest.approx(ROLL_OFF_DEG, abs=0.3)
 
 
-def test_frames_that_do_not_count_are_told_by_reason(run, driven: Path, tmp_path: Path) -> None:
+def test_rejected_frames_are_counted_by_reason(run, driven: Path, tmp_path: Path) -> None:
     def stands(signal: Any) -> Any:
         return replace(signal, left_m_s=0.0, right_m_s=0.0) if isinstance(signal, TrackReading) else signal
 

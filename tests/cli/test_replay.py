@@ -237,7 +237,7 @@ def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path:
     assert run("replay", path, "--set", "vision=paper", "--out", tmp_path / "paper").code == 2
 
 
-def test_a_clock_that_goes_back_is_told_and_a_leap_holds(run, blind: Path, tmp_path: Path) -> None:
+def test_a_clock_that_goes_back_is_reported_and_a_leap_holds(run, blind: Path, tmp_path: Path) -> None:
     def back_by(seconds: float) -> Callable[[Any], Any]:
         return lambda signal: replace(signal, t_s=signal.t_s + 10.0 - (seconds if signal.t_s > 0.6 else 0.0))
 

@@ -288,7 +288,7 @@ def test_a_whole_jpeg_is_colour_enough(run, folder: Path) -> None:
     assert run("see", *pair(folder)).code == 0
 
 
-def test_a_pair_that_cannot_be_read_is_told_of_and_the_others_are_seen(run, folder: Path) -> None:
+def test_an_unreadable_pair_is_reported_and_the_others_are_evaluated(run, folder: Path) -> None:
     for kind in ("rgb", "depth"):
         (folder / f"b_{kind}.png").write_bytes((folder / f"a_{kind}.png").read_bytes())
     (folder / "a_depth.png").write_bytes(b"no image")

@@ -118,7 +118,7 @@ def test_without_dask_a_cluster_says_how_to_get_it(
     )
 
 
-def test_a_real_traversal_can_be_flown_again_by_the_command_it_names(run: Callable, spec: Path, tmp_path: Path) -> None:
+def test_a_traversal_can_be_repeated_by_the_command_that_it_names(run: Callable, spec: Path, tmp_path: Path) -> None:
     spec.write_text(SPEC.replace("duration_s = 100", 'duration_s = 2\n[start]\nplace = "flight"'))
     done = run("sweep", spec, "--runs", 1, "--workers", 1, "--out", tmp_path / "out", "--json")
     row = json.loads((tmp_path / "out" / "journal.jsonl").read_text().splitlines()[-1])

@@ -113,7 +113,7 @@ def test_a_seat_that_must_be_shifted_is_shifted_as_in_a_campaign(run, tmp_path: 
     assert 0.0 < settings["chair"]["seat_shift_m"] <= 0.10
 
 
-def test_what_check_refuses_is_flown_only_where_the_scenario_says_so(run, tmp_path: Path) -> None:
+def test_a_scenario_that_check_refuses_runs_only_with_check_off(run, tmp_path: Path) -> None:
     steep = tmp_path / "steep.toml"
     steep.write_text(WHOLE.format(slope=35, back=0.0, check="true"))
     refused = run("climb", steep, "--out", tmp_path / "run", "--json")

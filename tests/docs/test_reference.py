@@ -27,7 +27,7 @@ def test_the_committed_schema_is_the_one_of_the_settings_classes() -> None:
     assert committed == json.loads(json.dumps(_tool("scenario_schema").schema())), "write it again: make schema"
 
 
-def test_the_schema_knows_every_key_of_the_shipped_scenarios() -> None:
+def test_the_schema_has_every_key_of_the_shipped_scenarios() -> None:
     schema = json.loads((DOCS / "reference" / "scenario.schema.json").read_text(encoding="utf-8"))
     for path in shipped_scenarios().values():
         for name, table in tomllib.loads(Path(path).read_text(encoding="utf-8")).items():

@@ -146,7 +146,7 @@ def test_wrong_imu_axes_are_reported_once_with_the_angle_and_no_frame_agrees(tur
     assert not any(drive.agrees)
 
 
-def test_an_imu_tilt_is_told_from_a_mount_error_by_the_nosing_plane() -> None:
+def test_the_nosing_plane_separates_an_imu_tilt_from_a_mount_error() -> None:
     drive = Drive(3, imu=rotation_x(5.0 * DEG)).run(40.0)
     assert drive.named("camera_mount") == []
     assert [event.cause.split("gravity, ")[1][:10] for event in drive.named("imu_tilt")] == ["IMU or cam", "beyond the"]

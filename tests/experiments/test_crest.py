@@ -72,7 +72,7 @@ def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> 
     ],
     ids=["early", "early, empty", "askew, slipping on to a third try", "weight behind", "empty", "heavy, late and askew"],
 )
-def test_the_crest_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
+def test_the_crest_tolerates_errors_of_the_assumed_chair(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)
     assert crossing.is_across, crossing
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
@@ -95,7 +95,7 @@ def test_the_crest_bears_what_the_chair_believes_wrongly(ride: Ride, case: Crest
         "heavy, weight ahead, askew, believed lighter",
     ],
 )
-def test_the_edge_bears_what_the_chair_believes_wrongly(ride: Ride, case: CrestCase) -> None:
+def test_the_top_entry_tolerates_errors_of_the_assumed_chair(ride: Ride, case: CrestCase) -> None:
     crossing = ride(case)
     assert crossing.is_across, crossing
     assert_gentle(crossing, WITH_ERRORS_DEG_S)
@@ -172,7 +172,7 @@ def test_belts_that_do_not_wait_are_borne_by_the_whole_flipper(ride: Ride) -> No
     assert ride(CrestCase(direction="down", keep_m=-1.0)).pitch_rate_deg_s <= NOMINAL_DEG_S
 
 
-def test_a_flipper_too_short_in_range_stays_before_the_crest_when_it_knows_where_its_weight_is(ride: Ride) -> None:
+def test_a_flipper_too_short_in_range_stays_before_the_crest_with_a_known_centre_of_mass(ride: Ride) -> None:
     crossing = ride(CrestCase(range_deg=(-45.0, 60.0), duration_s=16.0))
     assert not crossing.is_across
     assert last_stage(crossing) == "carry"

@@ -31,7 +31,7 @@ class Square:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_come_in_the_order_of_the_jobs_and_every_end_is_told(workers: int) -> None:
+def test_results_come_in_the_order_of_the_jobs_and_every_end_is_reported(workers: int) -> None:
     told: list[str] = []
     with JobPool(workers, told.append) as pool:
         first, second = pool.begin([Square(3), Square(2)]), pool.begin([Square(1)])
@@ -47,7 +47,7 @@ def test_one_job_needs_no_worker() -> None:
     assert run_jobs([], workers=8, done=told.append) == []
 
 
-def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_told() -> None:
+def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_reported() -> None:
     told: list[str] = []
     with pytest.raises(ArithmeticError, match="-1 has no root"), JobPool(2, told.append) as pool:
         pool.begin([Square(-1)])()

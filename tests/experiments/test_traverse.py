@@ -177,7 +177,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
     assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
 
 
-def test_a_seat_that_cannot_be_level_at_the_start_is_told_with_what_to_set() -> None:
+def test_a_seat_that_cannot_be_level_at_the_start_is_reported_with_the_setting() -> None:
     start, drive = Start(place="flight"), DriveSettings(check=False)
     scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
     with pytest.raises(SettingsError, match=r"start\.seat = 'level' is impossible: .*45\.0° .*; give start\.seat = 'chassis'"):
@@ -194,7 +194,7 @@ def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
         assert refused is None or told.chair.seat_shift_m == 0.0
 
 
-def test_the_mission_knows_that_its_seat_was_shifted() -> None:
+def test_the_mission_uses_the_shifted_seat() -> None:
     scenario = Trip(chair={"seat_shift_m": 0.05}).scenario()
     chair = mission_config(scenario, shipped_controller("wheelchair")).chair
     assert chair == with_seat_shifted(read_chair("wheelchair"), 0.05)

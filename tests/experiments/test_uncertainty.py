@@ -41,7 +41,7 @@ def test_each_variation_changes_one_thing() -> None:
         assert sum(a != b for a, b in zip(parts, same, strict=True)) == (0 if item is nominal else 1)
 
 
-def test_the_plant_varies_and_the_operator_knows_nothing_of_it() -> None:
+def test_the_plant_varies_and_the_mission_configuration_does_not() -> None:
     nominal = Scenario(chair=Chair(payload_kg=50.0))
     heavy = named("passenger +10 %").scenario(nominal)
     assert (heavy.chair.payload_kg, heavy.chair.entered.payload_kg) == (pytest.approx(55.0), 50.0)

@@ -109,7 +109,7 @@ def test_a_port_that_is_taken_is_named() -> None:
             plant.start()
 
 
-def test_a_plugin_for_another_gazebo_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plugin_for_another_gazebo_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     # The loader's word for a plugin that it cannot link against this Gazebo.
     monkeypatch.setattr("treadline.gazebo.plant.PLUGIN", "lib/x86_64-linux-gnu/libnothing.so")
     plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment())

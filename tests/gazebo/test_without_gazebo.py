@@ -108,7 +108,7 @@ def test_a_server_that_does_not_come_up_says_why_in_a_line(
     assert not list((tmp_path / "tmp").iterdir())
 
 
-def test_a_server_that_dies_on_the_way_is_told_from_an_answer(launched: Callable[..., server.GazeboServer]) -> None:
+def test_a_server_that_dies_is_distinguished_from_an_answer(launched: Callable[..., server.GazeboServer]) -> None:
     gazebo = launched(GREETING.format(protocol=1, major=11) + "client.recv(64); raise SystemExit('[Err] a joint broke')")
     with pytest.raises(GazeboError, match=r"gzserver died \(exit code 1\): .*a joint broke; run it again"):
         gazebo.step(np.zeros(8))
@@ -161,7 +161,7 @@ def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are
     assert done.stderr.splitlines()[-1] == f"treadline: {told}"  # a busy machine writes before that the command runs
 
 
-def test_a_graph_on_gazebo_without_gazebo_is_told_in_one_line(
+def test_a_graph_on_gazebo_without_gazebo_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))

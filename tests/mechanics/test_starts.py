@@ -86,7 +86,7 @@ def test_the_depth_of_an_overlap_is_the_way_out(x_m: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_depth_of_an_overlap_knows_no_world_axes(seed: int) -> None:
+def test_the_depth_of_an_overlap_is_independent_of_world_axes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     yaw = float(rng.uniform(-3.0, 3.0))
     R = rotation_z(yaw)

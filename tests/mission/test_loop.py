@@ -228,7 +228,7 @@ def test_the_plans_flipper_passes_the_guard_and_no_flipper_stays_none() -> None:
     assert plant.flippers[-1] is None
 
 
-def test_where_the_plan_knows_no_further_the_guard_holds_with_its_cause() -> None:
+def test_the_guard_holds_with_the_cause_of_a_plan_that_ends() -> None:
     lost = MotionPlan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
     plant, recorded = RecordedPlant(stream(0.3)), []
     go = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)

@@ -57,7 +57,7 @@ def test_the_plans_own_turn_is_asked_at_each_tick_and_the_driver_forgets() -> No
     assert driver.knew == [None]
 
 
-def test_the_driver_of_a_held_chair_knows_no_heading() -> None:
+def test_the_driver_of_a_held_chair_gets_no_heading() -> None:
     """Test: the guard holds the chair, then a person lets it go. Expected result: the driver is asked without a heading, and
     then with it."""
     driver = Steering()

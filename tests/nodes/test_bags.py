@@ -116,7 +116,7 @@ def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
     ("out", "told"),
     [("x.csv", "'.csv' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)"), ("there.bag", "is there already")],
 )
-def test_what_cannot_be_written_is_told_in_one_line(run: Path, tmp_path: Path, capsys: Any, out: str, told: str) -> None:
+def test_a_file_that_cannot_be_written_is_reported_in_one_line(run: Path, tmp_path: Path, capsys: Any, out: str, told: str) -> None:
     (tmp_path / "there.bag").touch()
     capsys.readouterr()
     assert main(["record", str(run), "--out", str(tmp_path / out)]) == 2

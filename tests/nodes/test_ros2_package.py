@@ -168,7 +168,7 @@ def wait(done: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def test_bad_settings_leave_a_node_unconfigured_and_are_told(bus: Bus) -> None:
+def test_bad_settings_leave_a_node_unconfigured_and_are_reported(bus: Bus) -> None:
     from treadline_ros2.node import TreadlineNode
 
     bus.parameters |= {"__node": "guard", "scenario": "nowhere"}

@@ -57,7 +57,7 @@ def test_the_wire_is_rmw_zenohs() -> None:
     assert "/MP/%/%/guard/%tracks%cmd/sensor_msgs::msg::dds_::JointState_/RIHS01_" in publisher[0]
 
 
-def test_another_type_on_a_topic_is_told() -> None:
+def test_another_type_on_a_topic_is_reported() -> None:
     ours = ZenohTransport("seat", endpoint=f"tcp/127.0.0.1:{PORT + 3}", listen=True)
     other = ZenohTransport("stranger", endpoint=f"tcp/127.0.0.1:{PORT + 3}")
     ours.subscribe(on.SEAT, lambda _: None)

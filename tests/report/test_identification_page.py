@@ -255,7 +255,7 @@ def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -
     assert "no discs are" in page
 
 
-def test_what_a_later_report_knows_is_shown(tmp_path: Path, small: Found) -> None:
+def test_values_of_a_later_report_are_shown(tmp_path: Path, small: Found) -> None:
     text = outline_of(page_of(tmp_path, found_with(small.model, LaterReport))).text
     assert "order the inputs excite12" in text.replace("\n", "")
     assert "delays [samples]0, 2" in text.replace("\n", "")

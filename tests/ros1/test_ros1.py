@@ -130,18 +130,18 @@ def line_of(command: list[str], env: dict[str, str]) -> str:
     return lines[0]
 
 
-def test_a_dead_roscore_is_told_in_one_line(environment: dict[str, str]) -> None:
+def test_a_dead_roscore_is_reported_in_one_line(environment: dict[str, str]) -> None:
     env = environment | {"ROS_MASTER_URI": "http://127.0.0.1:9"}
     line = line_of(["node", "guard", "--transport", "ros1"], env)
     assert line == "treadline: no roscore answers at http://127.0.0.1:9: start one (roscore), or set ROS_MASTER_URI"
 
 
-def test_a_missing_topic_is_told_in_one_line(roscore: dict[str, str]) -> None:
+def test_a_missing_topic_is_reported_in_one_line(roscore: dict[str, str]) -> None:
     line = line_of(["node", "seat", "--transport", "ros1", "--patience", "2"], roscore)
     assert line == "treadline: seat: nothing on /seat/state after 2 s: nobody publishes /seat/state"
 
 
-def test_a_wrong_type_is_told_in_one_line(roscore: dict[str, str]) -> None:
+def test_a_wrong_type_is_reported_in_one_line(roscore: dict[str, str]) -> None:
     other = subprocess.Popen(["rostopic", "pub", "-r", "10", "/seat/state", "sensor_msgs/Imu", "{}"], env=roscore)
     try:
         line = line_of(["node", "seat", "--transport", "ros1", "--patience", "3"], roscore)
@@ -151,7 +151,7 @@ def test_a_wrong_type_is_told_in_one_line(roscore: dict[str, str]) -> None:
     assert "/seat/state is published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read" in line
 
 
-def test_stamps_of_another_clock_are_told_in_one_line(roscore: dict[str, str]) -> None:
+def test_stamps_of_another_clock_are_reported_in_one_line(roscore: dict[str, str]) -> None:
     stamped = "{header: {stamp: {secs: 5, nsecs: 0}}, position: [0.1, 0.0]}"
     other = subprocess.Popen(["rostopic", "pub", "-r", "10", "/seat/state", "sensor_msgs/JointState", stamped], env=roscore)
     try:

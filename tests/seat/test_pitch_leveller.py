@@ -139,7 +139,7 @@ def test_an_imu_sample_that_is_not_of_now_leads_nothing(late_s: float) -> None:
     stroke=st.floats(-1.0, 1.0),
     rates=st.lists(st.floats(-35.0, 35.0), min_size=1, max_size=5),
 )
-def test_the_rate_keeps_its_limit_whatever_is_felt(pitch: float, stroke: float, rates: list[float]) -> None:
+def test_the_rate_keeps_its_limit_for_any_reading(pitch: float, stroke: float, rates: list[float]) -> None:
     leveller = PitchLeveller(CONFIG)
     for k, rate in enumerate(rates):
         reading = SeatReading(t_s=k * TICK_S, pitch_rad=pitch, stroke_m=stroke)
