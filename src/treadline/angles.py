@@ -58,6 +58,36 @@ def tilt_of(quaternion: Sequence[float]) -> tuple[float, float]:
     return math.asin(min(max(pitch, -1.0), 1.0)), math.asin(min(max(roll, -1.0), 1.0))
 
 
+def attitude_of(
+    yaw_rad: Float[np.ndarray, "*T"], pitch_rad: Float[np.ndarray, "*T"], roll_rad: Float[np.ndarray, "*T"]
+) -> Float[np.ndarray, "*T 4"]:
+    """Return the unit quaternions (w, x, y, z) of B in W from yaw and the elevations of B's x axis (pitch) and y axis (roll).
+
+    Rotation order: roll about B's x, then pitch, then yaw about the vertical, ``R_WB = Rz(yaw) Ry(-pitch) Rx(bank)`` with
+    ``sin(bank) = sin(roll) / cos(pitch)``, because the y axis of a pitched chassis rises less than the chassis banks. Valid
+    below a bank of 90°; rounding beyond it gives 90°.
+
+    Args:
+        yaw_rad: Direction of B's x axis about the vertical.
+        pitch_rad: Elevation of B's x axis, front up positive.
+        roll_rad: Elevation of B's y axis, left side up positive.
+    """
+    steepness = np.maximum(np.cos(pitch_rad), np.finfo(float).tiny)
+    bank_rad = np.arcsin(np.clip(np.sin(roll_rad) / steepness, -1.0, 1.0))
+    (cz, sz), (cy, sy), (cx, sx) = (
+        (np.cos(0.5 * angle), np.sin(0.5 * angle)) for angle in (np.asarray(yaw_rad), -np.asarray(pitch_rad), bank_rad)
+    )
+    return np.stack(
+        (
+            cz * cy * cx + sz * sy * sx,
+            cz * cy * sx - sz * sy * cx,
+            cz * sy * cx + sz * cy * sx,
+            sz * cy * cx - cz * sy * sx,
+        ),
+        axis=-1,
+    )
+
+
 def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
     """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()

@@ -40,13 +40,13 @@ class Truth:
     heading_rad: float
     """Heading in the nosing plane [rad], positive anticlockwise seen from above."""
     yaw_rad: float
-    """Rotation about the vertical [rad]."""
+    """Rotation of the chassis about the vertical [rad]. With pitch and roll it gives the attitude, see ``angles.attitude_of``."""
     heading_rate_rad_s: float
     """Angular velocity about the normal of the nosing plane [rad/s]."""
     pitch_rad: float
-    """Pitch of the chassis from horizontal [rad], front up positive."""
+    """Elevation of the chassis's x axis above horizontal [rad], front up positive."""
     roll_rad: float
-    """Roll of the chassis from horizontal [rad], left side up positive."""
+    """Elevation of the chassis's y axis above horizontal [rad], left side up positive."""
     pitch_rate_rad_s: float
     x_m: float
     """Position of B along the stair frame S [m], up the flight. With turning flights, S belongs to the flight under the chair."""
@@ -81,6 +81,12 @@ class Truth:
     """Traction of the right belt [N], forward positive, mean over the last tick."""
     power_w: float = 0.0
     """Electric power drawn from the battery [W], internal battery loss included."""
+    chassis_x_m: float = math.nan
+    """Position of B in W [m], up the flight; NaN in logs that were written before the pose was kept."""
+    chassis_y_m: float = math.nan
+    """Position of B in W [m], left; NaN if unknown."""
+    chassis_z_m: float = math.nan
+    """Position of B in W [m], height; NaN if unknown."""
 
 
 @runtime_checkable

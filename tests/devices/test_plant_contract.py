@@ -11,9 +11,10 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
+from treadline.angles import DEG, attitude_of, rotation_of
 from treadline.errors import SimulationDiverged
 from treadline.gazebo import open_gazebo
+from treadline.mechanics.staircase import as_designed
 from treadline.ports import TruthPlant
 from treadline.realism import Realism
 from treadline.scenario import Chair, Control, Scenario, Stair, Start
@@ -97,6 +98,22 @@ def test_a_second_start_repeats_the_physics_of_the_first(started: Opened) -> Non
     plant.start()
     climb(plant, 1.0)
     assert list(plant.truth()) == first
+
+
+def test_the_pose_of_the_chassis_agrees_with_the_place_and_heading_on_the_stair(started: Opened) -> None:
+    """Test: position, yaw, pitch and roll of the ground truth. Expected: the same x, y and heading in S, derived separately."""
+    plant = started()
+    climb(plant, 1.0)
+    stair = as_designed(Stair(rise_m=0.30 * math.tan(28.0 * DEG), width_m=4.0))
+    truth = plant.truth()
+    assert abs(truth[-1].roll_rad) > 0.5 * DEG  # 5° of heading on 28° raise one side: the order of the rotations matters
+    for sample in truth:
+        place_S = stair.R_WS.T @ (np.array([sample.chassis_x_m, sample.chassis_y_m, sample.chassis_z_m]) - stair.p_WS)
+        attitude = attitude_of(*(np.array(angle) for angle in (sample.yaw_rad, sample.pitch_rad, sample.roll_rad)))
+        R_SB = stair.R_WS.T @ rotation_of(attitude)
+        # Rounding: a few units in the last place of metres and of radians.
+        np.testing.assert_allclose(place_S[:2], (sample.x_m, sample.y_m), atol=1e-12)
+        assert math.atan2(R_SB[1, 0], R_SB[1, 1]) == pytest.approx(sample.heading_rad, abs=1e-12)
 
 
 def test_every_sensor_reports_at_its_rate_from_zero_and_in_time_order(started: Opened) -> None:

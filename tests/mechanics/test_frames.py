@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.angles import DEG, attitude_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.scenario import Stair
@@ -87,3 +87,14 @@ def test_the_page_shows_its_drawing_and_its_numbers() -> None:
     assert drawing.stat().st_size < 30_000
     words = "".join(ET.parse(drawing).getroot().itertext())  # noqa: S314 - our own file
     assert "33.2°" in words
+
+
+@given(yaw=st.floats(-3.1, 3.1), pitch=st.floats(-1.2, 1.2), bank=st.floats(-1.2, 1.2))
+def test_the_attitude_follows_from_yaw_and_the_elevations_of_two_axes(yaw: float, pitch: float, bank: float) -> None:
+    """Test: a rotation, reduced to what the ground truth keeps of it. Expected: the same rotation."""
+    R_WB = rotation_z(yaw) @ rotation_y(-pitch) @ rotation_x(bank)
+    elevation_x, elevation_y = math.asin(R_WB[2, 0]), math.asin(R_WB[2, 1])
+    back = attitude_of(np.array([yaw]), np.array([elevation_x]), np.array([elevation_y]))
+    assert back.shape == (1, 4)
+    # Two arcsines of up to 0.93: rounding grows by less than ten.
+    np.testing.assert_allclose(rotation_of(back[0]), R_WB, atol=1e-12)

@@ -197,6 +197,7 @@ class Instruments:
         x_m += along_m
         along, across = self._friction_at(x_m)
         (left_m_s, right_m_s), (left_n, right_n) = state.belts_m_s.tolist(), state.traction_n.tolist()
+        chassis_x_m, chassis_y_m, chassis_z_m = state.p_WB.tolist()
         return Truth(
             t_s=state.t_s,
             heading_rad=heading,
@@ -222,6 +223,9 @@ class Instruments:
             left_force_n=left_n,
             right_force_n=right_n,
             power_w=state.power_w,
+            chassis_x_m=chassis_x_m,
+            chassis_y_m=chassis_y_m,
+            chassis_z_m=chassis_z_m,
         )
 
 

@@ -325,9 +325,13 @@ def _measurement(r: CdrReader) -> HeadingMeasurement:
     return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count))
 
 
+ADDED_TRUTH = ("hull_contacts", "chassis_x_m", "chassis_y_m", "chassis_z_m")
+"""Ground-truth quantities that older logs lack; they are read as the defaults of ``Truth``."""
+
+
 def _truth(r: CdrReader) -> Truth:
     t_s, _, values = _named(r)
-    missing = [name for name in TRUTH_NAMES if name not in {"hull_contacts", *values}]
+    missing = [name for name in TRUTH_NAMES if name not in ADDED_TRUTH and name not in values]
     if missing:
         raise LogFormatError(f"the ground truth lacks {missing[0]}; is it of another version?")
     return Truth(t_s=t_s, **{name: values[name] for name in TRUTH_NAMES if name in values})

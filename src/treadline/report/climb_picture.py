@@ -20,7 +20,7 @@ from treadline.io.runs import LOG
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.ports import Truth
 from treadline.report.chair_sketch import draw_chair
-from treadline.report.pen import INK, STONE, Point, sheet, turned
+from treadline.report.pen import INK, STONE, Point, sheet
 from treadline.report.results import Manifest, RunResult, read_part
 from treadline.signals import FlipperReading
 
@@ -43,12 +43,14 @@ def write_climb_picture(run: Path, path: Path) -> Path:
     manifest, result = read_part(run / "manifest.json", Manifest), read_part(run / "result.json", RunResult)
     if not (run / LOG).is_file():
         raise SettingsError(f"{run}: no {LOG}; make the run again with treadline climb, which keeps a log")
-    chair = read_chair(manifest.settings["chair"]["model"])
     samples = list(read_log(run / LOG))
     truth = [sample for sample in samples if isinstance(sample, Truth)]
     flipper = [sample for sample in samples if isinstance(sample, FlipperReading)]
     if not truth:
         raise SettingsError(f"{run / LOG}: no ground truth; only runs of the simulator can be drawn")
+    if math.isnan(truth[0].chassis_x_m):
+        raise SettingsError(f"{run / LOG}: written before logs kept the chair's pose; make the run again with treadline climb")
+    chair = read_chair(manifest.settings["chair"]["model"])
     stair = manifest.settings["stair"]
     rise_m = stair["rise_m"] or stair["run_m"] * math.tan(stair["slope_deg"] * DEG)
     angles_rad = np.interp([s.t_s for s in truth], [s.t_s for s in flipper], [s.angle_rad for s in flipper]) if flipper else None
@@ -68,14 +70,6 @@ def write_climb_picture(run: Path, path: Path) -> Path:
     return path
 
 
-def chair_origin(chair: ChairDescription, truth: Truth) -> Point:
-    """Return the position of B in the side view, from the payload's place, the pitch and the seat's pitch."""
-    origin, com = chair.payload_origin_m, chair.payload_com_m
-    in_chair = turned([(com[0], com[2])], -seat_angle_rad(chair, truth))[0] + np.array([origin[0], origin[2]])
-    offset = turned([(float(in_chair[0]), float(in_chair[1]))], truth.pitch_rad)[0]
-    return truth.passenger_x_m - float(offset[0]), truth.passenger_z_m - float(offset[1])
-
-
 def seat_angle_rad(chair: ChairDescription, truth: Truth) -> float:
     """Return the forward lean of the seat relative to the chassis [rad]; zero without a seat linkage."""
     return 0.0 if chair.seat is None else truth.pitch_rad - truth.seat_pitch_rad
@@ -93,7 +87,7 @@ def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tup
     corners += [(length_m + BEYOND_M, steps * rise_m), (length_m + BEYOND_M, -0.5), (-BEFORE_M, -0.5)]
     pen.area(corners, STONE, INK, 1.0)
     moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
-    draw_chair(replace(pen, origin=chair_origin(chair, truth)), moved, seat_angle_rad(chair, truth), truth.pitch_rad)
+    draw_chair(replace(pen, origin=(truth.chassis_x_m, truth.chassis_z_m)), moved, seat_angle_rad(chair, truth), truth.pitch_rad)
     pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI)
