@@ -64,3 +64,22 @@ def test_model_names_what_it_cannot_do(run, tmp_path: Path, arguments: list[str]
     assert outcome.err.count("\n") == 1
     assert word in outcome.err
     assert not out.exists()
+
+
+def test_model_writes_the_meshes_next_to_the_urdf_and_mujoco_reads_them(run, tmp_path: Path) -> None:
+    out = tmp_path / "chair.urdf"
+    assert run("model", "paper-28", "--to", "urdf", "--out", out).code == 0
+    files = sorted(path.name for path in (tmp_path / "chair_meshes").iterdir())
+    named = sorted(Path(mesh.get("filename")).name for mesh in parse(out).getroot().iter("mesh"))
+    assert files == named
+    ending = (
+        '<mujoco><compiler fusestatic="false" inertiafromgeom="false" discardvisual="false" strippath="false"/></mujoco></robot>'
+    )
+    text = out.read_text().replace("</robot>", ending)
+    assets = {f"chair_meshes/{name}": (tmp_path / "chair_meshes" / name).read_bytes() for name in files}
+    model = mujoco.MjModel.from_xml_string(text, assets)
+    assert model.nmesh == len(files)
+    assert run("model", "paper-28", "--to", "urdf", "--out", tmp_path / "b.urdf", "--mesh-url", "package://chair/m/").code == 0
+    assert 'filename="package://chair/m/frame.stl"' in (tmp_path / "b.urdf").read_text()
+    again = run("model", "paper-28", "--to", "urdf", "--out", tmp_path / "chair.urdf")
+    assert again.code == 2

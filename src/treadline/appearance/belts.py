@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import rotation_y
 from treadline.appearance import palette
 from treadline.appearance.belt_path import BeltPath
 from treadline.appearance.mesh import Mesh, Outline, band, box, capsule, cylinder, extrusion, lathe
@@ -79,6 +80,25 @@ def lug_poses(
     poses[:, 1, 3] = dict(sides(chair.tracks))[side]
     poses[:, 3, 3] = 1.0
     return poses
+
+
+def resting_lugs(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:
+    """Return all lugs at zero travel and rest angle as parts of chassis and flipper, for files without moving belts."""
+    lug = lug_part(chair, belts)
+    mesh = Mesh(vertices=lug.vertices_m.astype(float), faces=lug.faces)
+    axis = np.array([0.5 * chair.tracks.flat_run_m, 0.0, chair.tracks.pulley_radius_m])
+    R_flipper = rotation_y(-math.radians(chair.tracks.approach_angle_deg))
+    fixed: list[Mesh] = []
+    turning: list[Mesh] = []
+    for side in ("left", "right"):
+        for X in lug_poses(chair, side, 0.0, belts=belts):
+            p_flipper = R_flipper.T @ (X[:3, 3] - axis)
+            if chair.flipper is None or p_flipper[0] <= 0.0:
+                fixed.append(mesh.moved(X[:3, 3], X[:3, :3]))
+            else:
+                turning.append(mesh.moved(p_flipper, R_flipper.T @ X[:3, :3]))
+    parts = (part("lugs", "chair", fixed, palette.LUG),)
+    return (*parts, part("flipper_lugs", "flipper", turning, palette.LUG)) if turning else parts
 
 
 def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:

@@ -7,10 +7,21 @@ from treadline.cli.numbers import choice
 from treadline.cli.out import Force, claim
 
 
-def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, seed: int = 0, force: Force = False) -> Answer:
+def model(
+    scenario: str,
+    /,
+    *,
+    to: str,
+    out: Path,
+    chair_only: bool = False,
+    mesh_url: str | None = None,
+    seed: int = 0,
+    force: Force = False,
+) -> Answer:
     """Write the chair, and the stair, as a model file: MJCF for MuJoCo, URDF for ROS, SDF for Gazebo.
 
-    Masses, inertias and geometry are the same in all three; joints are at zero. URDF holds the chair only.
+    Masses, inertias and geometry are the same in all three; joints are at zero. URDF holds the chair only, and its visuals are
+    STL files in a folder next to it, named after it: chair.urdf has chair_meshes.
     View it: python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
 
     Args:
@@ -18,13 +29,15 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
         to: Format: mjcf, urdf or sdf.
         out: File to write.
         chair_only: Leave the stair out of MJCF or SDF.
+        mesh_url: Prefix of the mesh files in URDF. Default: the folder of the meshes relative to the URDF. RViz needs a full URL:
+            file:///FOLDER/chair_meshes/ or package://PACKAGE/meshes/.
         seed: Random seed of the stair's irregularities.
     """
     import numpy as np
 
     from treadline.mechanics.bodies import standing, vehicle
     from treadline.mechanics.chair import read_chair
-    from treadline.mechanics.formats import sdf_model, sdf_world, urdf
+    from treadline.mechanics.formats import sdf_model, sdf_world
     from treadline.mechanics.staircase import build_staircase
     from treadline.models import write_whole
     from treadline.scenario import read_scenario
@@ -36,8 +49,16 @@ def model(scenario: str, /, *, to: str, out: Path, chair_only: bool = False, see
     # The stair of a run with this seed: the plant draws it from the first of its streams.
     staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step)
     start = standing(staircase, chair.tracks, settings.start)
+    meshes = out.with_name(f"{out.stem}_meshes")
     if to == "urdf":
-        text = urdf(chair, loading)
+        from treadline.appearance.files import drawn_urdf
+
+        claim(meshes, force=force)
+        drawn = drawn_urdf(chair, loading, settings.belts, f"{meshes.name}/" if mesh_url is None else f"{mesh_url.rstrip('/')}/")
+        meshes.mkdir(parents=True, exist_ok=True)
+        for name, data in drawn.files.items():
+            write_whole(meshes / name, data)
+        text = drawn.text
     elif to == "sdf" and chair_only:
         text = sdf_model(chair, loading, friction=staircase.friction)
     elif to == "sdf":

@@ -4,6 +4,8 @@
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 from treadline.mechanics.bodies import Body, Hinge, Shape, vehicle
@@ -17,15 +19,29 @@ STIFF_N_M = 1000.0
 COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
 
 
-def urdf(chair: ChairDescription, loading: Chair) -> str:
-    """Return a chair with its payload as URDF."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshVisual:
+    """Mesh file that is drawn on a link, in the link's frame."""
+
+    name: str
+    link: str
+    url: str
+    rgba: tuple[float, float, float, float]
+
+
+def urdf(chair: ChairDescription, loading: Chair, visuals: Sequence[MeshVisual] = ()) -> str:
+    """Return a chair with its payload as URDF.
+
+    Args:
+        visuals: Meshes to draw; without meshes the collision shapes are drawn.
+    """
     whole = vehicle(chair, loading)
     robot = Element("robot", name=whole.name)
     child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
-    _link(robot, whole.chassis)
+    _link(robot, whole.chassis, visuals)
     _joint(robot, "base_link", whole.chassis.name)
     for body in whole.bodies[1:]:
-        _link(robot, body)
+        _link(robot, body, visuals)
         if body.hinge is None:
             _joint(robot, whole.chassis.name, body.name, xyz=text(*body.origin_m))
         else:
@@ -33,15 +49,15 @@ def urdf(chair: ChairDescription, loading: Chair) -> str:
     for body in whole.bodies:
         for shape in body.shapes:
             if shape.kind == "cylinder":
-                _pulley(robot, body, shape)
+                _pulley(robot, body, shape, drawn=not visuals)
     _camera(robot, whole.chassis.name, "camera", chair.camera)
     if chair.rear_camera is not None:
         _camera(robot, whole.chassis.name, "rear_camera", chair.rear_camera)
     return document(robot)
 
 
-def _link(robot: Element, body: Body) -> None:
-    """Write a body with its boxes; its pulleys are separate links."""
+def _link(robot: Element, body: Body, visuals: Sequence[MeshVisual]) -> None:
+    """Write a body with its boxes and meshes; its pulleys are separate links."""
     link = child(robot, "link", name=body.name)
     inertial = child(link, "inertial")
     child(inertial, "origin", xyz=text(*body.com_m), rpy="0 0 0")
@@ -50,11 +66,16 @@ def _link(robot: Element, body: Body) -> None:
     child(inertial, "inertia", ixx=text(ixx), iyy=text(iyy), izz=text(izz), ixy="0", ixz="0", iyz="0")
     for shape in body.shapes:
         if shape.kind == "box":
-            _shape(link, shape)
+            _shape(link, shape, drawn=not visuals)
+    for visual in visuals:
+        if visual.link == body.name:
+            element = child(link, "visual", name=visual.name)
+            child(child(element, "geometry"), "mesh", filename=visual.url)
+            child(child(element, "material", name=visual.name), "color", rgba=text(*(round(part, 4) for part in visual.rgba)))
 
 
-def _shape(link: Element, shape: Shape) -> None:
-    for tag in ("visual", "collision"):
+def _shape(link: Element, shape: Shape, *, drawn: bool) -> None:
+    for tag in ("visual", "collision") if drawn else ("collision",):
         element = child(link, tag, name=shape.name)
         is_box = shape.kind == "box"
         # URDF's cylinder stands along z: a quarter turn about x lays it along y.
@@ -86,10 +107,10 @@ def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
     child(joint, "limit", lower=text(low), upper=text(high), effort=text(effort), velocity=text(hinge.max_rate_rad_s))
 
 
-def _pulley(robot: Element, body: Body, shape: Shape) -> None:
+def _pulley(robot: Element, body: Body, shape: Shape, *, drawn: bool) -> None:
     """Write a pulley as a massless link fixed to chassis or flipper; its mass is part of the body's."""
     name = f"{shape.name}_pulley"
-    _shape(child(robot, "link", name=name), shape)
+    _shape(child(robot, "link", name=name), shape, drawn=drawn)
     _joint(robot, body.name, name, xyz=text(*shape.centre_m))
 
 
