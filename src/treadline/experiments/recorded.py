@@ -49,7 +49,10 @@ def recorded_run(
         TreadlineError: Before anything is written, if the setup cannot be run.
     """
     blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
-    begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **setup.manifest())
+    more: dict[str, dict[str, Any]] = {**setup.manifest()}
+    if blocks is not None:
+        more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
+    begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
     run: Traverse = _logged(
         folder,
         lambda sink: run_episode(setup, blocks=blocks, sink=sink, watch=watch),

@@ -57,6 +57,11 @@ class CdrReader:
         self._at += size
         return self._data[self._at - size : self._at]
 
+    @property
+    def offset(self) -> int:
+        """Number of bytes read so far, the encapsulation header included."""
+        return self._at + len(HEADER)
+
     def uint8(self) -> int:
         """Return the next byte."""
         return self.take(1)[0]

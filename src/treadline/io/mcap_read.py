@@ -7,13 +7,18 @@ Checksums are verified if present. A log written by treadline has checksums ever
 import dataclasses
 import mmap
 import struct
+import zlib
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, cast
 
 import lz4.frame
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
@@ -52,11 +57,18 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
         LogFormatError: If the file is missing, too large, damaged or not a treadline log.
     """
     decoder = LogDecoder()
-    try:
+    with one_error(path):
         for topic, _, data in mcap_messages(path, wants, sealed=True):
             signal = decoder.signal(topic.name, data)
             if signal is not None:
                 yield signal
+
+
+@contextmanager
+def one_error(path: Path) -> Iterator[None]:
+    """Turn every failure to read a run log into one ``LogFormatError`` that names the file."""
+    try:
+        yield
     except LogFormatError as error:
         raise LogFormatError(f"{path}: {error}") from None
     except OSError as error:
@@ -112,7 +124,60 @@ def _topic(channel: Channel, schemas: dict[int, Schema]) -> RecordedTopic:
     )
 
 
+def sealed_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[tuple[str, int, bytes]]:
+    """Yield topic, log time [ns] and bytes of the requested messages of a treadline log, in file order.
+
+    Same checks as ``mcap_messages`` with ``sealed``; no object is made for a message that is not requested, so that a log of many
+    messages is read several times as fast.
+    """
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        if len(data) > MAX_FILE_BYTES:
+            raise LogFormatError(f"{len(data)} bytes; at most {MAX_FILE_BYTES} are read")
+        wanted: dict[int, str] = {}
+        for record in _records(data, sealed=True):
+            if isinstance(record, Chunk):
+                yield from _messages_in(_inflated(record), record.uncompressed_crc, wanted, wants)
+
+
+_PREFIX = struct.Struct("<BQ")
+"""Opcode and length of a record."""
+_MESSAGE = struct.Struct("<HIQ")
+"""Channel, sequence number and log time at the start of a message record."""
+_MESSAGE_BYTES = 22
+"""Bytes of a message record before its data: channel, sequence number, log time, publish time."""
+
+
+def _messages_in(data: bytes, crc: int, wanted: dict[int, str], wants: Callable[[str], bool]) -> Iterator[tuple[str, int, bytes]]:
+    """Yield the messages of a chunk; adds the requested channels to ``wanted``."""
+    if zlib.crc32(data) != crc:
+        raise LogFormatError("the checksum of a chunk is wrong")
+    at, end = 0, len(data)
+    while at < end:
+        opcode, length = _PREFIX.unpack_from(data, at)
+        start = at + _PREFIX.size
+        at = start + length
+        if at > end:
+            raise LogFormatError("a record is longer than its chunk")
+        if opcode == Opcode.MESSAGE:
+            channel, _, logged_ns = _MESSAGE.unpack_from(data, start)
+            if channel in wanted:
+                yield wanted[channel], logged_ns, data[start + _MESSAGE_BYTES : at]
+        elif opcode == Opcode.CHANNEL:
+            declared = Channel.read(ReadDataStream(BytesIO(data[start:at])))
+            if wants(declared.topic):
+                wanted[declared.id] = declared.topic
+
+
 def _unpacked(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
+    for record in _records(data, sealed=sealed):
+        if isinstance(record, Chunk):
+            yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
+        else:
+            yield record
+
+
+def _records(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
+    """Yield the chunks of a file, and the records outside chunks unless ``sealed``."""
     # The map's read() stops at the end of the file; reading record by record keeps the memory use independent of the file size.
     reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES)
     for record in reader.records:
@@ -121,7 +186,7 @@ def _unpacked(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
                 raise LogFormatError(
                     f"a chunk is compressed by '{record.compression}' or has no checksum; zstd and a checksum are required"
                 )
-            yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
+            yield record
         elif not sealed:
             yield record
         elif isinstance(record, Message):

@@ -74,6 +74,11 @@ class Guard:
         self._planned_s: float | None = None
 
     @property
+    def config(self) -> GuardConfig:
+        """Limits of the guard."""
+        return self._config
+
+    @property
     def holding(self) -> str | None:
         """Cause of the HOLD, or None."""
         return self._latch.cause

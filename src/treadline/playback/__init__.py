@@ -1,0 +1,15 @@
+"""A run as arrays, for viewers, players and pictures: ``run folder, log or signals -> Recording``."""
+
+from treadline.playback.builder import RecordingBuilder
+from treadline.playback.read import read_frames, read_recording
+from treadline.playback.recording import Limits, PerceivedStair, PhaseSpan, Recording
+
+__all__ = [
+    "Limits",
+    "PerceivedStair",
+    "PhaseSpan",
+    "Recording",
+    "RecordingBuilder",
+    "read_frames",
+    "read_recording",
+]

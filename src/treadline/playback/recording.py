@@ -1,0 +1,172 @@
+"""Recording of a run: poses, joint positions, signals, events and phases on one time grid.
+
+Frames as in ``signals``: W world, B chair. A quantity without data is NaN; ``Recording.missing`` gives the reason as a sentence.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import rotation_of
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
+from treadline.scenario import Scenario
+from treadline.signals import Event
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Limits of a run that plots draw; None where the run does not state the limit."""
+
+    margin_rad: float | None = MARGIN_LIMIT_RAD
+    """Least accepted tip-over margin [rad]."""
+    pitch_rate_rad_s: float | None = None
+    """Pitch rate beyond which the guard holds [rad/s]."""
+    belt_m_s: float | None = None
+    """Largest speed of one belt [m/s]."""
+    heading_rad: float | None = None
+    """Largest heading error over crest and edge [rad]."""
+
+    @classmethod
+    def of_guard(cls, guard: Mapping[str, Any]) -> "Limits":
+        """Return the limits from the guard's configuration as kept in ``manifest.json``, or from ``asdict(GuardConfig)``."""
+        names = {
+            "pitch_rate_rad_s": "pitch_rate_rad_s",
+            "belt_m_s": "belt_limit_m_s",
+            "heading_rad": "max_heading_error_rad",
+        }
+        found = {name: guard.get(key) for name, key in names.items()}
+        return cls(**{name: float(value) for name, value in found.items() if isinstance(value, int | float)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseSpan:
+    """Phase of the traversal with its start, end and cause."""
+
+    start_s: float
+    end_s: float
+    name: str
+    cause: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PerceivedStair:
+    """Nosings perceived in one frame."""
+
+    t_s: float
+    """Exposure time of the frame [s]."""
+    taken_s: float
+    """Time at which the mission took the result [s]."""
+    nosings_B: Float[np.ndarray, "n 3"]
+    """Intersections of the nosings with the chair's middle plane [m]."""
+    nosings_W: Float[np.ndarray, "n 3"]
+    """The same points in W, by the true pose at ``t_s``; NaN without ground truth."""
+    ends: bool
+    """Whether the last nosing is the last of the flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """One run on a uniform time grid, that of the ground truth (100 Hz) if the log has any."""
+
+    source: str
+    """Path or name of the run."""
+    t_s: Float[np.ndarray, " T"]
+    p_WB: Float[np.ndarray, "T 3"]
+    """Position of B in W [m]."""
+    quat_WB: Float[np.ndarray, "T 4"]
+    """Attitude of B in W as unit quaternions (w, x, y, z)."""
+    seat_rad: Float[np.ndarray, " T"]
+    """Forward angle of the seat relative to the chassis [rad], as ``appearance.body_poses`` takes it."""
+    flipper_rad: Float[np.ndarray, " T"]
+    """Angle of the flipper above the flat run [rad]; the approach angle of a chair without one."""
+    belt_m_s: Float[np.ndarray, "T 2"]
+    """Belt speeds left and right [m/s]: ground truth, else as reported by the drives."""
+    belt_travel_m: Float[np.ndarray, "T 2"]
+    """Distance travelled by each belt's surface since the start [m]."""
+    command_m_s: Float[np.ndarray, "T 2"]
+    """Commanded belt speeds [m/s]."""
+    heading_rad: Float[np.ndarray, " T"]
+    """True heading [rad]."""
+    estimate_rad: Float[np.ndarray, " T"]
+    """Estimated heading [rad]."""
+    sigma_rad: Float[np.ndarray, " T"]
+    """Standard deviation of the estimate [rad]."""
+    pitch_rad: Float[np.ndarray, " T"]
+    pitch_rate_rad_s: Float[np.ndarray, " T"]
+    seat_pitch_rad: Float[np.ndarray, " T"]
+    """Pitch of the seat from horizontal [rad]."""
+    margin_rad: Float[np.ndarray, " T"]
+    """Smallest tip-over margin [rad]."""
+    friction_use: Float[np.ndarray, " T"]
+    """Required fraction of the friction circle; the chair slides at 1."""
+    passenger_W: Float[np.ndarray, "T 3"]
+    """Centre of mass of the payload in W [m]."""
+    place_S: Float[np.ndarray, "T 2"]
+    """Position along and across the stair [m]."""
+    events: tuple[Event, ...]
+    phases: tuple[PhaseSpan, ...]
+    maps: tuple[PerceivedStair, ...]
+    frames_t_s: Float[np.ndarray, " F"]
+    """Exposure times of the camera images in the log [s]; ``read_frames`` returns them."""
+    chair: ChairDescription
+    scenario: Scenario | None = None
+    """Scenario of the run; None for a log on its own, which does not say on which stair the chair drove."""
+    seed: int = 0
+    verdict: str | None = None
+    cause: str | None = None
+    limits: Limits = field(default_factory=Limits)
+    missing: tuple[str, ...] = ()
+    """Sentences about what the log does not hold."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float(self.t_s[-1]) if len(self.t_s) else 0.0
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether the chair can be drawn in the world."""
+        return len(self.t_s) > 0 and bool(np.isfinite(self.p_WB).all())
+
+    @property
+    def staircase(self) -> Staircase | None:
+        """Staircase of the run with its jitter, or None if the scenario is unknown."""
+        if self.scenario is None:
+            return None
+        # The plants draw the jitter from the first stream of the run's seed.
+        return build_staircase(self.scenario.stair, np.random.default_rng(self.seed).spawn(1)[0], self.scenario.step)
+
+    def index_at(self, t_s: float) -> int:
+        """Return the index of the last sample at or before a time."""
+        return int(np.clip(np.searchsorted(self.t_s, t_s + 1e-9, side="right") - 1, 0, max(len(self.t_s) - 1, 0)))
+
+    def phase_at(self, t_s: float) -> PhaseSpan | None:
+        """Return the phase at a time, or None before the first."""
+        return next((span for span in reversed(self.phases) if span.start_s <= t_s + 1e-9), None)
+
+    def map_at(self, t_s: float) -> PerceivedStair | None:
+        """Return the latest perceived stair that the mission had at a time, or None."""
+        return next((seen for seen in reversed(self.maps) if seen.taken_s <= t_s + 1e-9), None)
+
+    def decimated(self, every: int) -> "Recording":
+        """Return the recording with every n-th sample; events, phases and maps are kept."""
+        arrays = {item.name: getattr(self, item.name) for item in fields(self)}
+        length = len(self.t_s)
+        kept: dict[str, Any] = {
+            name: value[::every]
+            for name, value in arrays.items()
+            if isinstance(value, np.ndarray) and name != "frames_t_s" and len(value) == length
+        }
+        return replace(self, **kept)
+
+
+def in_world(
+    points_B: Float[np.ndarray, "n 3"], p_WB: Float[np.ndarray, " 3"], quat_WB: Float[np.ndarray, " 4"]
+) -> Float[np.ndarray, "n 3"]:
+    """Return points of B in W."""
+    return points_B @ rotation_of(quat_WB).T + p_WB

@@ -1,0 +1,120 @@
+"""Signals of a short synthetic run, and logs of them."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.io.mcap_log import RunLog
+from treadline.io.runs import begin_run, write_result
+from treadline.ports import Truth
+from treadline.scenario import Chair, Scenario, Stair
+from treadline.signals import (
+    Event,
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    PinholeCamera,
+    RgbdFrame,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+
+TICKS = 40
+SCENARIO = Scenario(stair=Stair(rise_jitter_m=0.004), chair=Chair())
+CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0, cy_px=1.0)
+
+
+def truth(k: int) -> Truth:
+    t_s = 0.01 * k
+    values = dict.fromkeys(("heading_rate_rad_s", "pitch_rate_rad_s", "friction_use"), 0.0)
+    return Truth(
+        t_s=t_s,
+        heading_rad=0.1 * math.sin(t_s),
+        yaw_rad=0.2,
+        pitch_rad=20.0 * DEG,
+        roll_rad=2.0 * DEG,
+        seat_pitch_rad=1.0 * DEG,
+        x_m=0.2 * t_s,
+        y_m=0.0,
+        left_m_s=0.2,
+        right_m_s=0.25,
+        stability_margin_rad=0.3,
+        passenger_x_m=0.0,
+        passenger_y_m=0.0,
+        passenger_z_m=1.0,
+        chassis_x_m=1.0 + 0.2 * t_s,
+        chassis_y_m=0.1,
+        chassis_z_m=0.5,
+        **values,
+    )
+
+
+def signals_of_a_run(ticks: int = TICKS) -> list[tuple[Any, float]]:
+    """Return each signal with the time at which it was taken, in order."""
+    found: list[tuple[Any, float]] = [(Event(t_s=0.0, name="search", cause="start"), 0.0)]
+    for k in range(ticks):
+        t_s = 0.01 * k
+        imu = ImuSample(
+            t_s=t_s,
+            orientation=np.array([math.cos(0.1), 0.0, -math.sin(0.1), 0.0]),
+            angular_velocity_rad_s=np.array([0.0, -0.02, 0.0]),
+            linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
+        )
+        found += [
+            (imu, t_s),
+            (SeatReading(t_s=t_s, pitch_rad=0.01, stroke_m=0.1), t_s),
+            (TrackReading(t_s=t_s, left_m_s=0.2, right_m_s=0.2, brake_on=False), t_s),
+            (FlipperReading(t_s=t_s, angle_rad=0.01 * k, torque_n_m=1.0), t_s),
+        ]
+        if k >= 5:
+            source: Any = "vision" if k % 2 else "gyro"
+            found.append(
+                (HeadingEstimate(t_s=t_s, heading_rad=0.02 * k, heading_rate_rad_s=0.0, sigma_rad=0.01, source=source), t_s)
+            )
+        if k % 10 == 0:
+            found.append((TrackCommand(t_s=t_s, left_m_s=0.001 * k, right_m_s=0.2), t_s))
+            found.append((stair_map(t_s), t_s + 0.06))
+            depth_m = np.ones((3, 5), np.float32)
+            found.append((RgbdFrame(t_s=t_s, rgb=np.full((3, 5, 3), k, np.uint8), depth_m=depth_m, camera=CAMERA), t_s + 0.06))
+        found.append((truth(k), t_s))
+    found.append((Event(t_s=0.2, name="climb", cause="nosings found"), 0.2))
+    found.append((Event(t_s=0.3, name="hold", cause="operator"), 0.3))
+    return found
+
+
+def stair_map(t_s: float) -> StairMap:
+    return StairMap(
+        t_s=t_s,
+        direction="up",
+        nosings_B=np.array([[0.8, 0.0, 0.2], [1.1, 0.0, 0.36]]),
+        rise_m=0.16,
+        run_m=0.3,
+        slope_rad=0.5,
+        ends=False,
+        left_wall_m=None,
+        right_wall_m=0.7,
+        obstacle_m=None,
+    )
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Callable[..., Path]:
+    """Return what writes signals as the log of a run folder."""
+
+    def write(signals: list[tuple[Any, float]], *, image_every: int = 1) -> Path:
+        folder = tmp_path / "run"
+        begin_run(folder, SCENARIO.model_dump(mode="json"), 3, guard={"pitch_rate_rad_s": 0.4, "belt_limit_m_s": 1.0})
+        with RunLog(folder / "log.mcap", image_every=image_every) as log:
+            for signal, taken_s in signals:
+                log(signal, taken_s)
+        write_result(folder, {"verdict": "held", "cause": "operator"})
+        return folder
+
+    return write

@@ -1,0 +1,78 @@
+"""A target that cannot be played is one line that says what, where and what to do."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from treadline.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.io.mcap_log import RunLog
+from treadline.playback import read_recording
+from treadline.signals import OperatorInput
+
+from .conftest import signals_of_a_run
+
+Written = Callable[..., Path]
+
+
+def refused(target: Path) -> str:
+    with pytest.raises((LogFormatError, SettingsError)) as caught:
+        read_recording(target)
+    assert isinstance(caught.value, TreadlineError)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_a_log_cut_anywhere_is_refused(written: Written) -> None:
+    """Test: the log cut at 40 places. Expected: one line that names it, whatever the cut hits."""
+    log = written(signals_of_a_run()) / "log.mcap"
+    data = log.read_bytes()
+    for size in [0, 1, 7, *range(8, len(data) - 1, len(data) // 37), len(data) - 1]:
+        log.write_bytes(data[:size])
+        assert "log.mcap" in refused(log)
+
+
+def test_a_flipped_byte_is_refused_or_changes_nothing(written: Written) -> None:
+    log = written(signals_of_a_run()) / "log.mcap"
+    data, whole = log.read_bytes(), read_recording(log)
+    for at in range(50, len(data) - 50, len(data) // 29):
+        log.write_bytes(data[:at] + bytes([data[at] ^ 0xFF]) + data[at + 1 :])
+        if at < len(data) // 2:  # the messages; the index at the end of the file is not read
+            assert "log.mcap" in refused(log)
+        else:
+            with suppress(LogFormatError):
+                assert read_recording(log).p_WB.tobytes() == whole.p_WB.tobytes()
+
+
+def test_an_empty_log_is_refused(tmp_path: Path) -> None:
+    with RunLog(tmp_path / "empty.mcap"):
+        pass
+    assert "no signals to play" in refused(tmp_path / "empty.mcap")
+
+
+def test_a_log_with_nothing_that_moves_is_refused(tmp_path: Path) -> None:
+    with RunLog(tmp_path / "quiet.mcap") as log:
+        log(OperatorInput(t_s=0.0))
+    assert "no signals to play" in refused(tmp_path / "quiet.mcap")
+
+
+def test_a_missing_target_a_plain_folder_and_a_run_without_log_are_refused(written: Written, tmp_path: Path) -> None:
+    assert "no such file" in refused(tmp_path / "nowhere")
+    (tmp_path / "plain").mkdir()
+    assert "no manifest.json" in refused(tmp_path / "plain")
+    folder = written(signals_of_a_run())
+    (folder / "log.mcap").unlink()
+    assert "no log.mcap" in refused(folder)
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "run.txt").write_text("not a log")
+    assert "not a message log" in refused(tmp_path / "run.txt")
+
+
+def test_a_run_of_another_version_is_refused_with_the_remedy(written: Written) -> None:
+    folder = written(signals_of_a_run())
+    manifest = folder / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"width_m"', '"breadth_m"'))
+    assert "another version" in refused(folder)

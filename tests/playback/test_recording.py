@@ -1,0 +1,210 @@
+"""A recording holds what the run's signals say, from a sink and from a log alike."""
+
+import math
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.io.columns import read_contents
+from treadline.io.decode import OURS
+from treadline.io.mcap_read import read_log
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.stability import payload_com, payload_origin
+from treadline.mechanics.staircase import as_designed
+from treadline.nodes.bags import open_bag
+from treadline.playback import Recording, RecordingBuilder, read_frames, read_recording
+from treadline.ports import Truth
+from treadline.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
+from treadline.sim import open_plant
+
+from .conftest import SCENARIO, TICKS, signals_of_a_run, stair_map, truth
+
+Written = Callable[..., Path]
+
+
+def built(signals: list, **more: object) -> Recording:
+    builder = RecordingBuilder(read_chair("wheelchair"), SCENARIO, seed=3, **more)
+    for signal, taken_s in signals:
+        builder(signal, taken_s)
+    return builder.build(verdict="held", cause="operator")
+
+
+def test_a_sink_and_a_log_give_the_same_recording(written: Written) -> None:
+    from_sink, from_log = built(signals_of_a_run()), read_recording(written(signals_of_a_run()))
+    for item in fields(Recording):
+        ours, theirs = getattr(from_sink, item.name), getattr(from_log, item.name)
+        if isinstance(ours, np.ndarray):
+            assert ours.tobytes() == theirs.tobytes(), item.name
+    assert from_sink.events == from_log.events
+    assert from_sink.phases == from_log.phases
+    for one, other in zip(from_sink.maps, from_log.maps, strict=True):
+        assert (one.t_s, one.taken_s, one.nosings_W.tobytes()) == (other.t_s, other.taken_s, other.nosings_W.tobytes())
+    assert (from_log.verdict, from_log.cause, from_log.seed) == ("held", "operator", 3)
+    assert (from_log.limits.pitch_rate_rad_s, from_log.limits.belt_m_s) == (0.4, 1.0)
+
+
+def test_columns_are_the_numbers_of_the_message_by_message_reader(written: Written) -> None:
+    """Test: an estimate with two sources, whose labels differ in length. Expected: every number and stamp to the bit."""
+    log = written(signals_of_a_run()) / "log.mcap"
+    columns = read_contents(log, ["/stair/heading/detail", "/truth"], []).columns
+    estimates = [signal for signal in read_log(log) if isinstance(signal, HeadingEstimate)]
+    found = columns["/stair/heading/detail"]
+    assert found.t_s.tolist() == [estimate.t_s for estimate in estimates]
+    assert found.position[:, 0].tolist() == [estimate.heading_rad for estimate in estimates]
+    assert [found.frames[k] for k in found.frame] == [estimate.source for estimate in estimates]
+    sample = [signal for signal in read_log(log) if isinstance(signal, Truth)][7]
+    assert columns["/truth"].column("chassis_x_m")[7] == sample.chassis_x_m
+
+
+def test_values_are_held_until_the_next_and_unknown_before_the_first() -> None:
+    recording = built(signals_of_a_run())
+    assert np.isnan(recording.estimate_rad[:5]).all()
+    assert recording.estimate_rad[5] == pytest.approx(0.1)
+    # A command every 0.1 s, held in between.
+    assert recording.command_m_s[9, 0] == 0.0
+    assert recording.command_m_s[10, 0] == pytest.approx(0.01)
+    # 0.25 m/s for all but the first tick.
+    assert recording.belt_travel_m[-1, 1] == pytest.approx(0.25 * 0.01 * (TICKS - 1), rel=1e-9)
+
+
+def test_phases_span_the_run_with_their_causes() -> None:
+    recording = built(signals_of_a_run())
+    assert [(span.name, span.start_s, span.cause) for span in recording.phases] == [
+        ("search", 0.0, "start"),
+        ("climb", 0.2, "nosings found"),
+    ]
+    assert recording.phases[-1].end_s == recording.duration_s
+    assert recording.phase_at(0.1999).name == "search"
+    assert recording.phase_at(0.2).name == "climb"
+
+
+def test_a_perceived_nosing_is_placed_by_the_pose_at_its_exposure_and_known_from_its_arrival() -> None:
+    recording = built(signals_of_a_run())
+    seen = recording.maps[1]
+    at = truth(10)
+    R_WB = rotation_of(recording.quat_WB[10])
+    expected = R_WB @ seen.nosings_B[1] + np.array([at.chassis_x_m, at.chassis_y_m, at.chassis_z_m])
+    np.testing.assert_allclose(seen.nosings_W[1], expected, atol=1e-12)  # rounding alone
+    assert recording.map_at(0.15) is recording.maps[0]
+    assert recording.map_at(0.16) is recording.maps[1]
+
+
+@pytest.mark.parametrize("seat_deg", [-5.0, 0.0, 12.0, 28.0])
+@pytest.mark.parametrize("bank_deg", [0.0, 9.0])
+def test_the_seat_angle_follows_from_the_seats_pitch(seat_deg: float, bank_deg: float) -> None:
+    """Test: a chassis with pitch and bank, its seat turned about B's y axis. Expected: the angle of that turn."""
+    R_WB = rotation_z(0.3) @ rotation_y(-20.0 * DEG) @ rotation_x(bank_deg * DEG)
+    forward = R_WB @ rotation_y(seat_deg * DEG) @ np.array([1.0, 0.0, 0.0])
+    pose = {"yaw_rad": 0.3, "pitch_rad": math.asin(R_WB[2, 0]), "roll_rad": math.asin(R_WB[2, 1])}
+    sample = replace(truth(0), seat_pitch_rad=math.asin(forward[2]), **pose)
+    recording = built([(sample, 0.0)])
+    assert recording.seat_rad[0] == pytest.approx(seat_deg * DEG, abs=1e-12)
+    np.testing.assert_allclose(rotation_of(recording.quat_WB[0]), R_WB, atol=1e-12)
+
+
+def test_pose_and_seat_angle_put_the_passenger_where_the_simulator_has_it() -> None:
+    plant = open_plant(SCENARIO, 3)
+    builder = RecordingBuilder(read_chair("wheelchair"), SCENARIO, seed=3)
+    plant.start()
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.1, right_m_s=0.3), SeatCommand(t_s=0.0, rate_m_s=0.02))
+    plant.advance(0.5)
+    for sample in plant.truth():
+        builder(sample, sample.t_s)
+    plant.close()
+    recording = builder.build()
+    origin = np.array(payload_origin(recording.chair, SCENARIO.chair))
+    com = np.array(payload_com(recording.chair, SCENARIO.chair))
+    for k in (0, 20, len(recording.t_s) - 1):
+        in_chair = origin + rotation_y(recording.seat_rad[k]) @ com
+        place = recording.p_WB[k] + rotation_of(recording.quat_WB[k]) @ in_chair
+        np.testing.assert_allclose(place, recording.passenger_W[k], atol=1e-9)  # arcsine and back of 1 m: rounding
+
+
+def test_the_stair_of_a_recording_is_the_one_of_the_plant() -> None:
+    """Test: a stair with jitter. Expected: the plant's nosings; another seed gives others."""
+    plant = open_plant(SCENARIO, 3)
+    staircase = built(signals_of_a_run()).staircase
+    assert staircase is not None
+    np.testing.assert_array_equal(staircase.nosings_W, plant.staircase.nosings_W)
+    assert not np.array_equal(staircase.nosings_W, as_designed(SCENARIO.stair).nosings_W)
+    plant.close()
+
+
+def test_a_log_without_ground_truth_gives_signals_and_says_so(written: Written) -> None:
+    sensors = [(signal, t_s) for signal, t_s in signals_of_a_run() if not isinstance(signal, Truth)]
+    recording = read_recording(written(sensors))
+    assert not recording.has_poses
+    assert "no ground truth" in recording.missing[0]
+    # Expected: from the IMU, whose quaternion is a rotation by -0.2 rad about y, front up.
+    np.testing.assert_allclose(recording.pitch_rad, 0.2, atol=1e-12)
+    np.testing.assert_allclose(recording.pitch_rate_rad_s, 0.02, atol=1e-15)
+    assert recording.belt_m_s[3].tolist() == [0.2, 0.2]
+
+
+def test_a_log_from_before_the_pose_was_kept_says_so(written: Written) -> None:
+    old = [
+        (replace(signal, chassis_x_m=math.nan) if isinstance(signal, Truth) else signal, t_s) for signal, t_s in signals_of_a_run()
+    ]
+    recording = read_recording(written(old))
+    assert not recording.has_poses
+    assert "make the run again" in recording.missing[0]
+
+
+def test_a_log_alone_is_read_without_its_stair(written: Written, tmp_path: Path) -> None:
+    alone = tmp_path / "alone.mcap"
+    alone.write_bytes((written(signals_of_a_run()) / "log.mcap").read_bytes())
+    recording = read_recording(alone)
+    assert recording.has_poses
+    assert recording.staircase is None
+    assert any("stair is unknown" in sentence for sentence in recording.missing)
+
+
+def test_a_bag_of_ros_2_gives_what_it_holds(tmp_path: Path) -> None:
+    """Test: ground truth, IMU and a stair map in a bag, stamped by a wall clock. Expected: time from zero, and poses."""
+    path, begun_s = tmp_path / "run.db3", 1.7e9
+    bag = open_bag(path)
+    for signal, taken_s in signals_of_a_run():
+        if isinstance(signal, Truth | ImuSample):
+            bag(replace(signal, t_s=begun_s + signal.t_s), begun_s + taken_s)
+    bag(stair_map(begun_s + 0.1), begun_s + 0.16)
+    bag.close()
+    recording = read_recording(path)
+    assert recording.has_poses
+    # A stamp of 1.7e9 s as a float is exact to 0.24 µs.
+    np.testing.assert_allclose(recording.t_s, 0.01 * np.arange(TICKS), atol=1e-6)
+    assert recording.maps[0].taken_s == pytest.approx(0.16, abs=1e-6)
+
+
+def test_frames_are_found_by_time(written: Written) -> None:
+    recording = read_recording(written(signals_of_a_run()))
+    np.testing.assert_allclose(recording.frames_t_s, [0.0, 0.1, 0.2, 0.3])
+    (frame,) = read_frames(recording, [0.19])
+    assert isinstance(frame, RgbdFrame)
+    assert frame.t_s == pytest.approx(0.2)
+    assert frame.rgb[0, 0, 0] == 20
+
+
+def test_the_last_samples_of_a_live_run_are_the_end_of_the_whole() -> None:
+    builder = RecordingBuilder(read_chair("wheelchair"), SCENARIO)
+    for signal, taken_s in signals_of_a_run():
+        builder(signal, taken_s)
+    whole, tail = builder.build(), builder.build(last=5)
+    assert tail.t_s.tolist() == whole.t_s[-5:].tolist()
+    assert tail.estimate_rad.tolist() == whole.estimate_rad[-5:].tolist()
+
+
+def test_decimation_keeps_every_nth_sample() -> None:
+    recording = built(signals_of_a_run())
+    assert recording.decimated(4).t_s.tolist() == recording.t_s[::4].tolist()
+    assert recording.decimated(4).p_WB.shape == (TICKS // 4, 3)
+    assert recording.decimated(4).events == recording.events
+
+
+def test_every_topic_that_is_read_in_columns_is_one_of_ours() -> None:
+    from treadline.playback.read import IMU, NUMERIC, TRUTH
+
+    assert {*NUMERIC, IMU, TRUTH} <= set(OURS)
