@@ -40,7 +40,7 @@ class ExciteJob:
     """Scenario of the run; None for the excitation scenario of the ground."""
     open_plant: Opener | PlantName = "mujoco"
 
-    def run(self) -> "Recording":
+    def run(self) -> "ExcitationRun":
         """Drive and return the record."""
         excited = recorded_excitation(
             self.folder,
@@ -51,7 +51,7 @@ class ExciteJob:
             image_every=self.image_every,
             open_plant=self.open_plant,
         )
-        return Recording(
+        return ExcitationRun(
             ground=self.ground,
             seed=self.seed,
             record=excited.record,
@@ -62,7 +62,7 @@ class ExciteJob:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recording:
+class ExcitationRun:
     """Record of an excitation run, with ground, seed and verdict."""
 
     ground: Ground
@@ -73,7 +73,7 @@ class Recording:
     name: str
 
 
-def evaluate(fitted: Recording, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
+def evaluate(fitted: ExcitationRun, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
     """Return the model of one ground, which names it, and Fig. 8's figures for it."""
     found = identify(fitted.record, IdentificationOptions(method="okid-era", validation=fresh))
     origin = {"slope_deg": fitted.ground.slope_deg, "friction": list(fitted.ground.friction), "seed": fitted.seed}

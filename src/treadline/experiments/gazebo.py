@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from treadline.experiments import fig09, table2
-from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.fig08 import ExciteJob, ExcitationRun
 from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
@@ -93,7 +93,7 @@ def summary(values: dict[str, Any]) -> list[str]:
 
 def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers: int, done: Done) -> dict[str, Any]:
     runs = out / "runs"
-    recordings: list[Recording] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
+    recordings: list[ExcitationRun] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
     controller, fig08_by_ground = learn(plan, recordings, out)
     results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=done)
     turns = [result for result in results if result["kind"] == "turn"]

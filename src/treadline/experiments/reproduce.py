@@ -13,7 +13,7 @@ from typing import Any
 
 from treadline.control.tune import tune
 from treadline.experiments import as_printed, dead_zone, fig05, fig08, fig09, fig11, lugs, table1, table2
-from treadline.experiments.fig08 import ExciteJob, Recording
+from treadline.experiments.fig08 import ExciteJob, ExcitationRun
 from treadline.experiments.job_pool import Job, JobPool
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import (
@@ -111,7 +111,7 @@ def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
     ]
 
 
-def learn(plan: ReproducePlan, recordings: list[Recording], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
+def learn(plan: ReproducePlan, recordings: list[ExcitationRun], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
     """Return the controller tuned on the identified model, and the figures of each ground; write models and controller."""
     fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
     figures: dict[Ground, dict[str, Any]] = {}
