@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from treadline.experiments import fig09, table2
-from treadline.experiments.fig08 import ExciteJob, ExcitationRun
+from treadline.experiments.fig08 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images

@@ -13,7 +13,7 @@ from typing import Any
 
 from treadline.control.tune import tune
 from treadline.experiments import as_printed, dead_zone, fig05, fig08, fig09, fig11, lugs, table1, table2
-from treadline.experiments.fig08 import ExciteJob, ExcitationRun
+from treadline.experiments.fig08 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import Job, JobPool
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import (
