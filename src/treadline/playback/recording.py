@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from treadline.angles import rotation_of
 from treadline.mechanics.chair import ChairDescription
@@ -155,14 +155,21 @@ class Recording:
 
     def decimated(self, every: int) -> "Recording":
         """Return the recording with every n-th sample; events, phases and maps are kept."""
-        arrays = {item.name: getattr(self, item.name) for item in fields(self)}
-        length = len(self.t_s)
+        index = np.arange(0, len(self.t_s), every)
+        return self.sampled(index, self.t_s[index])
+
+    def sampled(self, index: Int[np.ndarray, " k"], t_s: Float[np.ndarray, " k"]) -> "Recording":
+        """Return the recording with the samples of an index, at new times [s]."""
         kept: dict[str, Any] = {
-            name: value[::every]
-            for name, value in arrays.items()
-            if isinstance(value, np.ndarray) and name != "frames_t_s" and len(value) == length
+            item.name: getattr(self, item.name)[index] for item in fields(self) if item.name in SAMPLED
         }
-        return replace(self, **kept)
+        return replace(self, **{**kept, "t_s": t_s})
+
+
+SAMPLED = tuple(
+    item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s"
+)
+"""Fields with one row per sample."""
 
 
 def in_world(
