@@ -1,12 +1,25 @@
 """A small reproduce folder, made by hand: no simulator, every figure known."""
 
+import base64
+import io
 import json
-from collections.abc import Callable
+import math
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
+
+from treadline.angles import DEG, rotation_y
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import as_designed
+from treadline.playback import Limits, Recording, RecordingBuilder
+from treadline.ports import Truth
+from treadline.scenario import Chair, Scenario, Stair
+from treadline.signals import Event, HeadingEstimate, StairMap, TrackCommand
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -169,3 +182,137 @@ def run_folder(tmp_path: Path) -> Path:
     (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     return folder
+
+
+SLOPE_RAD = 28.0 * DEG
+HOSTILE = "</script><script>alert(1)</script>"
+
+
+def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
+    """Return a chair that climbs the flight at 0.2 m/s with an oscillating heading, and perceives all nosings but the sixth."""
+    scenario = Scenario(stair=Stair(slope_deg=28.0, steps=10), chair=Chair())
+    chair = read_chair("wheelchair")
+    builder = RecordingBuilder(chair, scenario, source="climbing", limits=Limits(pitch_rate_rad_s=25.0 * DEG, belt_m_s=1.0))
+    nosings_W = as_designed(scenario.stair).nosings_W
+    builder(Event(t_s=0.0, name="climb", cause=cause), 0.0)
+    builder(Event(t_s=0.5 * seconds, name="crest", cause="end of the flight in view"), 0.5 * seconds)
+    for k in range(round(100 * seconds)):
+        t_s = 0.01 * k
+        place = np.array([0.5 + 0.2 * t_s * math.cos(SLOPE_RAD), 0.0, 0.28 + 0.2 * t_s * math.sin(SLOPE_RAD)])
+        heading = 3.0 * DEG * math.cos(t_s)
+        truth = Truth(
+            t_s=t_s,
+            heading_rad=heading,
+            yaw_rad=0.0,
+            heading_rate_rad_s=0.0,
+            pitch_rad=SLOPE_RAD,
+            roll_rad=0.0,
+            pitch_rate_rad_s=0.02 * math.sin(5.0 * t_s),
+            x_m=0.2 * t_s,
+            y_m=0.0,
+            seat_pitch_rad=0.0,
+            left_m_s=0.2,
+            right_m_s=0.21,
+            stability_margin_rad=(12.0 + 4.0 * math.cos(2.0 * t_s)) * DEG,
+            friction_use=0.8,
+            passenger_x_m=place[0],
+            passenger_y_m=0.0,
+            passenger_z_m=place[2] + 0.8,
+            chassis_x_m=place[0],
+            chassis_y_m=place[1],
+            chassis_z_m=place[2],
+        )
+        builder(truth, t_s)
+        builder(
+            HeadingEstimate(t_s=t_s, heading_rad=heading + 0.2 * DEG, heading_rate_rad_s=0.0, sigma_rad=0.15 * DEG, source="vision")
+        )
+        builder(TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2))
+        if k % 10 == 0:
+            ahead = [i for i in range(4, 8) if i != 5]
+            nosings_B = (nosings_W[ahead] - place) @ rotation_y(-SLOPE_RAD)
+            builder(seen(t_s, nosings_B), t_s + 0.06)
+    return builder.build(verdict="arrived")
+
+
+def seen(t_s: float, nosings_B: np.ndarray) -> StairMap:
+    """Return a stair map with nosings and nothing else."""
+    return StairMap(
+        t_s=t_s,
+        direction="up",
+        nosings_B=nosings_B,
+        rise_m=0.16,
+        run_m=0.3,
+        slope_rad=SLOPE_RAD,
+        ends=False,
+        left_wall_m=None,
+        right_wall_m=None,
+        obstacle_m=None,
+    )
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return climbing()
+
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+"""Flags of a browser on a machine without display and graphics card, which requests nothing by itself."""
+
+
+class Browser:
+    """Headless Chromium with one page."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def open(self, page: Path, *, width_px: int = 1280, dark: bool = False) -> None:
+        size = {"width": width_px, "height": 800, "deviceScaleFactor": 1, "mobile": width_px < 500}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [scheme]})
+        self.driver.get(page.resolve().as_uri())
+        self.run("return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def run(self, script: str) -> Any:
+        """Return the value of a script; a promise is awaited."""
+        return self.driver.execute_script(script)
+
+    def pixels(self, selector: str) -> np.ndarray:
+        """Return the image of a canvas."""
+        url = self.run(f"return document.querySelector('{selector}').toDataURL('image/png')")
+        return np.asarray(Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGB")).astype(int)
+
+    def errors(self) -> list[str]:
+        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
+
+    def requests(self) -> list[str]:
+        """Return the addresses requested besides files, data in the page, and the browser's own start page."""
+        events = [json.loads(entry["message"])["message"] for entry in self.driver.get_log("performance")]
+        urls = [event["params"]["request"]["url"] for event in events if event["method"] == "Network.requestWillBeSent"]
+        return [url for url in urls if not url.startswith(("file:", "data:", "chrome"))]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or shutil.which("chromedriver") is None:
+        pytest.skip("needs Debian's chromium and chromium-driver")
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium drives the browser")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    yield Browser(driver)
+    driver.quit()

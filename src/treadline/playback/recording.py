@@ -160,15 +160,11 @@ class Recording:
 
     def sampled(self, index: Int[np.ndarray, " k"], t_s: Float[np.ndarray, " k"]) -> "Recording":
         """Return the recording with the samples of an index, at new times [s]."""
-        kept: dict[str, Any] = {
-            item.name: getattr(self, item.name)[index] for item in fields(self) if item.name in SAMPLED
-        }
+        kept: dict[str, Any] = {item.name: getattr(self, item.name)[index] for item in fields(self) if item.name in SAMPLED}
         return replace(self, **{**kept, "t_s": t_s})
 
 
-SAMPLED = tuple(
-    item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s"
-)
+SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s")
 """Fields with one row per sample."""
 
 

@@ -125,7 +125,8 @@ def moments_of(recording: Recording) -> list[dict[str, Any]]:
     def extreme(values: Float[np.ndarray, " T"], words: str, unit: str, *, least: bool = False, digits: int = 1) -> None:
         if np.isfinite(values).any():
             k = int(np.nanargmin(values) if least else np.nanargmax(np.abs(values)))
-            label = f"{words} {values[k]:.{digits}f}{unit} at {recording.t_s[k]:.1f} s".replace("-", "−")
+            value = f"{values[k]:.{digits}f}".replace("-", "−")
+            label = f"{words} {value}{unit} at {recording.t_s[k]:.1f} s"
             found.append({"label": label, "t": float(recording.t_s[k])})
 
     extreme(recording.margin_rad / DEG, "least tip-over margin", "°", least=True)
@@ -158,9 +159,7 @@ def _nosing_lines(recording: Recording) -> list[tuple[tuple[float, ...], tuple[f
     return sorted(ends, key=lambda line: line[0][2] + line[1][2])
 
 
-def _map(
-    seen: PerceivedStair, recording: Recording, lines: list[tuple[tuple[float, ...], tuple[float, ...]]]
-) -> dict[str, Any]:
+def _map(seen: PerceivedStair, recording: Recording, lines: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> dict[str, Any]:
     """Return perceived nosings with their direction, and which true nosings between the first and the last were missed."""
     k = recording.index_at(seen.t_s)
     heading = recording.estimate_rad[recording.index_at(seen.taken_s)]
@@ -234,7 +233,9 @@ def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[l
     """Return each perceived nosing as a line in image coordinates from 0 to 1, 0.4 m to either side of the middle plane."""
     if seen is None:
         return []
-    rear = recording.scenario is not None and recording.scenario.drive.direction == "down" and recording.chair.rear_camera is not None
+    rear = (
+        recording.scenario is not None and recording.scenario.drive.direction == "down" and recording.chair.rear_camera is not None
+    )
     camera = recording.chair.camera_at(rear=rear)
     heading = recording.estimate_rad[recording.index_at(seen.t_s)]
     heading = heading if math.isfinite(heading) else 0.0

@@ -50,14 +50,16 @@ def plots_of(recording: Recording) -> dict[str, Any]:
     def curve(name: str, label: str, colour: str, **more: Any) -> dict[str, Any]:
         return {"label": label, "colour": f"--{colour}", "series": name, **more}
 
-    def limit(value: float | None, unit: str, scale: float = 1.0, *, both: bool = False, always: bool = False) -> list[dict[str, Any]]:
+    def limit(
+        value: float | None, unit: str, scale: float = 1.0, *, both: bool = False, always: bool = False
+    ) -> list[dict[str, Any]]:
         if value is None:
             return []
         sign = "±" if both else ""
         found = [{"value": value / scale, "label": f"limit {sign}{value / scale:g} {unit}", "always": always}]
         return found + ([{"value": -value / scale, "label": "", "always": always}] if both else [])
 
-    drawn = [
+    drawn: list[dict[str, Any]] = [
         {
             "title": "heading",
             "unit": "°",
@@ -86,7 +88,11 @@ def plots_of(recording: Recording) -> dict[str, Any]:
             ],
             "limits": limit(limits.belt_m_s, "m/s", both=True),
         },
-        {"title": "seat and chassis pitch", "unit": "°", "curves": [curve("seat", "seat", "green"), curve("pitch", "chassis", "grey")]},
+        {
+            "title": "seat and chassis pitch",
+            "unit": "°",
+            "curves": [curve("seat", "seat", "green"), curve("pitch", "chassis", "grey")],
+        },
         {
             "title": "tip-over margin",
             "unit": "°",
@@ -98,7 +104,7 @@ def plots_of(recording: Recording) -> dict[str, Any]:
     panels = [
         {"limits": [], **panel, "curves": [item for item in panel["curves"] if item["series"] in known]}
         for panel in drawn
-        if any(item["series"] in known for item in panel["curves"])  # type: ignore[index]
+        if any(item["series"] in known for item in panel["curves"])
     ]
     for panel in panels:
         for item in panel["curves"]:

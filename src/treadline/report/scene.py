@@ -71,7 +71,7 @@ def _belt(recording: Recording, belts: Belts | None, flipper: Float[np.ndarray, 
         points, heading = path.at(share * path.length_m)
         rows.append(np.column_stack([points, np.cos(heading), np.sin(heading)]))
         lengths.append(path.length_m)
-    poses = {side: lug_poses(chair, side, 0.0, None, belts) for side in ("left", "right")}  # type: ignore[arg-type]
+    poses = {side: lug_poses(chair, side, 0.0, None, belts) for side in ("left", "right")}
     return {
         "path": packed(np.concatenate(rows)),
         "points": PATH_POINTS,

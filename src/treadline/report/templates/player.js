@@ -237,6 +237,10 @@ function refresh() {
   phaseButtons.forEach((b, k) => b.classList.toggle("now", data.plots.bands[k] === band));
   const now = lastBefore(data.events, t, "t");
   rows.forEach((row, k) => row.classList.toggle("now", k === now));
+  if (now >= 0 && now !== player.event) {
+    player.event = now;
+    $("eventbox").scrollTop = rows[now].offsetTop - rows[0].offsetTop - 60;
+  }
   const seen = data.maps[lastBefore(data.maps, t, "taken")];
   $("sees").textContent = !data.maps.length ? "" : seen && t - seen.taken < 0.5 ? seen.text : "no stair perceived";
   showShot(t);

@@ -1,0 +1,166 @@
+"""The player: its numbers are the recording's, and it opens and plays in a browser without a request."""
+
+import re
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from treadline.appearance import body_poses, chair_parts
+from treadline.appearance.mesh import box, cylinder
+from treadline.mechanics.chair import read_chair
+from treadline.playback import Recording
+from treadline.report.packed import packed, packed_indices, unpacked
+from treadline.report.player import moments_of, player_data, player_page, write_player
+from treadline.report.plot_data import MOST_SAMPLES, uniform
+from treadline.report.scene import creases, scene_of
+from treadline.scenario import Chair
+
+from .conftest import HOSTILE, Browser, climbing
+
+MOST_BYTES = 5_000_000
+"""Largest page of a traversal of 50 s (issue's bound)."""
+
+
+@given(st.lists(st.floats(-100.0, 100.0) | st.just(float("nan")), min_size=1, max_size=30))
+def test_packed_numbers_come_back_within_half_a_step(values: list[float]) -> None:
+    table = np.array(values)[:, None]
+    back = unpacked(packed(table))
+    known = table[np.isfinite(table)]
+    step = (known.max() - known.min()) / 65534 if known.size else 0.0
+    np.testing.assert_array_equal(np.isnan(back), np.isnan(table))
+    # Half a step, and the rounding of the product.
+    np.testing.assert_allclose(back[np.isfinite(back)], known, atol=0.5 * step * (1 + 1e-6) + 1e-12)
+
+
+def test_a_mesh_beyond_16_bits_is_refused() -> None:
+    with pytest.raises(ValueError, match="16 bits"):
+        packed_indices(np.array([0, 65536]))
+
+
+def test_creases_of_a_box_are_its_twelve_edges_and_of_a_cylinder_its_rims() -> None:
+    cube = box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    assert len(creases(cube.vertices, cube.faces)) == 12
+    rod = cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.2, sides=24)
+    assert len(creases(rod.vertices, rod.faces)) == 2 * 24
+
+
+def test_the_tables_of_moving_bodies_are_their_poses(recording: Recording) -> None:
+    """Test: seat and flipper tables at their ends. Expected: the poses of the appearance, within the 16-bit step."""
+    scene = scene_of(recording)
+    chair = read_chair("wheelchair")
+    for joint, names in (("seat", ("seat", "bar", "slider")), ("flipper", ("flipper",))):
+        table = scene["bodies"][joint]
+        for k, angle in ((0, table["low"]), (-1, table["high"])):
+            poses = body_poses(chair, Chair(), angle if joint == "seat" else 0.0, angle if joint == "flipper" else None)
+            for name in names:
+                x, y, z, turn = unpacked(table["poses"][name])[k]
+                np.testing.assert_allclose(poses[name][:3, 3], (x, y, z), atol=1e-4)
+                np.testing.assert_allclose(poses[name][0, :3], (np.cos(turn), 0.0, np.sin(turn)), atol=1e-4)
+    assert {part["body"] for part in scene["parts"]} >= {part.body for part in chair_parts(chair, Chair())}
+
+
+def test_the_sixth_nosing_is_named_as_missed(recording: Recording) -> None:
+    first = player_data(recording)["maps"][0]
+    assert first["missed"] == [5]
+    assert first["text"].startswith("perceives 3 nosings: 5, 7–8 of 10; missed: 6")
+
+
+def test_the_key_moments_are_the_extremes_of_the_signals(recording: Recording) -> None:
+    moments = moments_of(recording)
+    least = next(moment for moment in moments if moment["label"].startswith("least tip-over margin"))
+    assert least["label"] == "least tip-over margin 8.0° at 1.6 s"  # 12 - 4 at half a period of 2 rad/s: π/2 s
+    assert least["t"] == pytest.approx(np.pi / 2, abs=0.01)
+    assert any(moment["label"].startswith("crest at 3.0 s") for moment in moments)
+
+
+def test_a_long_run_is_decimated_and_gaps_of_a_bag_get_equal_steps(recording: Recording) -> None:
+    long = replace(recording.sampled(np.arange(600).repeat(150), 0.01 * np.arange(90_000)))
+    kept = uniform(long)
+    assert len(kept.t_s) <= MOST_SAMPLES
+    assert kept.duration_s == pytest.approx(long.duration_s, abs=0.03)
+    gap = recording.sampled(np.r_[0:200, 400:600], np.r_[recording.t_s[:200], recording.t_s[400:600]])
+    assert np.ptp(np.diff(uniform(gap).t_s)) < 1e-9
+    assert len(uniform(gap).t_s) == 600
+
+
+def test_text_of_a_log_cannot_leave_the_data(recording: Recording) -> None:
+    page = player_page(recording)
+    assert HOSTILE not in page
+    assert page.count("<script") == 2
+
+
+def test_the_page_is_small_and_names_no_host(tmp_path: Path) -> None:
+    """Test: 50 s at 100 Hz, perceived ten times a second. Expected: within 5 MB; no address but the namespace-free page itself."""
+    page = write_player(climbing(seconds=50.0), tmp_path / "run.html")
+    text = page.read_text(encoding="utf-8")
+    assert len(text.encode()) < MOST_BYTES
+    assert not re.search(r"https?:|//[a-z]+\.", text)
+    assert "default-src 'none'" in text
+
+
+def test_a_recording_without_poses_still_has_its_plots(recording: Recording) -> None:
+    unplaced = replace(recording, p_WB=np.full_like(recording.p_WB, np.nan), missing=("The log holds no pose.",))
+    data = player_data(unplaced)
+    assert data["scene"] is None
+    assert next(panel["title"] for panel in data["plots"]["panels"]) == "heading"
+    assert "The log holds no pose." in player_page(unplaced)
+
+
+# ---- in the browser ----
+
+
+@pytest.fixture(scope="module")
+def page(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_player(recording, tmp_path_factory.mktemp("player") / "run.html")
+
+
+@pytest.mark.parametrize(("width_px", "dark"), [(1280, False), (390, True)])
+def test_the_page_draws_plays_and_requests_nothing(browser: Browser, page: Path, width_px: int, dark: bool) -> None:
+    browser.open(page, width_px=width_px, dark=dark)
+    first = browser.pixels("#scene")
+    # A drawn scene has many colours; an empty canvas has one.
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500
+    assert first.std() > 15.0
+    assert (first[0, 0] < 80).all() == dark
+    browser.run("document.getElementById('play').click()")
+    deadline = time.monotonic() + 10.0
+    while browser.run("return player.t") < 0.5 and time.monotonic() < deadline:
+        time.sleep(0.1)
+    browser.run("document.getElementById('play').click()")
+    assert browser.run("return player.t") >= 0.5
+    assert np.abs(browser.pixels("#scene") - first).mean() > 0.5
+    assert browser.run("return document.documentElement.scrollWidth <= window.innerWidth")
+    assert browser.errors() == []
+    assert browser.requests() == []
+
+
+def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: Browser, page: Path) -> None:
+    browser.open(page)
+    browser.run("document.querySelectorAll('#events button')[1].click()")
+    assert browser.run("return player.t") == 3.0
+    settled = "return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(%s))))"
+    assert browser.run(settled % "document.getElementById('phase').textContent") == "crest"
+    assert browser.run("return document.getElementById('why').textContent") == "because end of the flight in view"
+    assert "missed: 6" in browser.run("return document.getElementById('sees').textContent")
+    for key, t_s in (("ArrowRight", 3.5), (".", 3.51), ("PageUp", 3.0), ("Home", 0.0), ("End", 5.99)):
+        browser.run(f"document.dispatchEvent(new KeyboardEvent('keydown', {{key: '{key}'}}))")
+        assert browser.run("return player.t") == pytest.approx(t_s, abs=1e-6)
+    browser.run("const s = document.getElementById('slider'); s.value = 1.57; s.dispatchEvent(new Event('input'))")
+    # The reading under the cursor is the margin of the recording at that time: 8.0°.
+    assert browser.run(settled % "document.querySelector('.panel:last-child .key b').textContent").strip() == "8.00"
+
+
+def test_the_belts_move_with_their_travel(browser: Browser, page: Path) -> None:
+    """Test: the same view with the chair held and its belts 20 mm further. Expected: a different picture, at the belts alone."""
+    browser.open(page)
+    drawn = "scene.view.target = [0.7, 0, 0.9]; scene.draw({{...stateAt(1), travel: [{0}, {0}]}}, [])"
+    browser.run(drawn.format(0.0))
+    still = browser.pixels("#scene")
+    browser.run(drawn.format(0.02))
+    changed = np.abs(browser.pixels("#scene") - still).max(axis=2) > 10
+    assert 50 < changed.sum() < 0.2 * changed.size
