@@ -253,6 +253,10 @@ def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Pat
     assert "slope_deg" in page
     assert page.count("<svg") == 1
     assert "http:" not in page
+    # Without a log: the curves of series.csv, the player's own script under its hash, and a sentence about the scene.
+    assert "No log was kept: the scene is not drawn" in page
+    assert page.count("<script") == 2
+    assert "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-" in page
 
 
 def test_hostile_text_in_one_run_is_escaped(run_folder: Path) -> None:
@@ -265,7 +269,8 @@ def test_hostile_text_in_one_run_is_escaped(run_folder: Path) -> None:
         json.dumps({"settings": {HOSTILE: HOSTILE}, "seed": 1, "command": HOSTILE}), encoding="utf-8"
     )
     page = page_of(run_folder)
-    assert "<script" not in page
+    assert page.count("<script") == 2  # the player's data and its script
+    assert HOSTILE not in page
     assert "<img" not in page
 
 

@@ -1,7 +1,7 @@
 """Report pages: self-contained HTML files, drawn from the files of a folder.
 
-The template engine escapes text; figures are inline SVG drawn by this package; a content security policy forbids scripts and
-requests. The report of a reproduction links to the pages of its main runs.
+The template engine escapes text; figures are inline SVG drawn by this package; a content security policy forbids requests, and
+scripts except the player's, by its hash. The report of a reproduction links to the pages of its main runs, which play them.
 """
 
 import base64
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -23,13 +22,15 @@ from treadline.models import write_whole
 from treadline.printing import p_text
 from treadline.report import figures
 from treadline.report.compare import comparisons
+from treadline.report.film_strip import film_strip
 from treadline.report.headline import headline
 from treadline.report.motion import read_motion
+from treadline.report.player import embedded, environment, player_data
+from treadline.report.recorded_series import recording_of
 from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
 from treadline.report.run_figure import single_run
 from treadline.report.run_scores import score_groups
 
-TEMPLATES = Path(__file__).parent / "templates"
 PNG = b"\x89PNG\r\n\x1a\n"
 LARGEST_RATIO = 100_000
 """Ratio of singular values beyond which the smaller one is a rounding error of the data."""
@@ -119,10 +120,15 @@ def _single(folder: Path) -> Path:
     if result.seed is not None and result.seed != manifest.seed:
         raise SettingsError(f"{folder}: result.json is of seed {result.seed}, manifest.json of {manifest.seed}; make the run again")
     series, (motion, unread) = _series(folder), read_motion(folder)
+    recording = recording_of(folder, series, result)
+    data = player_data(recording)
     return _render(
         folder,
         "run.html.j2",
         {"run": single_run(series, result, motion)},
+        player=embedded(data, recording),
+        missing=recording.missing,
+        strip=film_strip(recording, data["images"]) if recording.has_poses else None,
         result=result,
         manifest=manifest,
         headline=headline(result, manifest, folder.name),
@@ -193,17 +199,15 @@ def _render(folder: Path, template: str, drawn: dict[str, Figure], *, panelled: 
 
 def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any) -> str:
     """Return a page: a template with drawings (name → SVG of each panel) inline and every other value escaped."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    engine = environment()
     filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format, "p_value": p_text, "ratio": ratio}
-    environment.filters.update(filters)
+    engine.filters.update(filters)
     inline = {
         # The package's own drawings, in which text is paths, are the only markup that is not escaped.
         name: Markup("".join(_inlined(text, f"{name}-{k}") for k, text in enumerate(panels)))  # noqa: S704
         for name, panels in drawings.items()
     }
-    return environment.get_template(template).render(svg=inline, **values)
+    return engine.get_template(template).render(svg=inline, **values)
 
 
 def _inlined(svg: str, name: str) -> str:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 from PIL import Image
 
 from treadline.angles import DEG
@@ -30,8 +32,10 @@ IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
 MATCHED_M = 0.12
 """Largest distance between a perceived nosing and the true nosing that it stands for [m]: less than half the run of a stair."""
-SIGHT_S = 0.5
-"""Time after which a perceived stair is no longer shown [s]: five frames."""
+SETTLED_SHARE, SETTLED_RAD = 0.1, 0.5 * DEG
+"""Largest deviation from the final heading of a settled run: the larger of a share of its range and an angle."""
+TRANSIENT_SHARE = 0.5
+"""Largest share of a run that counts as a transient."""
 
 
 def write_player(recording: Recording, path: Path) -> Path:
@@ -47,22 +51,37 @@ def write_player(recording: Recording, path: Path) -> Path:
 
 def player_page(recording: Recording) -> str:
     """Return the page that plays a recording."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
+    return (
+        environment()
+        .get_template("player.html.j2")
+        .render(
+            title=title_of(recording),
+            summary=_summary(recording),
+            missing=recording.missing,
+            player=embedded(player_data(recording), recording),
+        )
+    )
 
+
+def environment() -> Environment:
+    """Return the template engine of the report's pages, which escapes every value."""
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
+    """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
-    return environment.get_template("player.html.j2").render(
-        title=title_of(recording),
-        summary=_summary(recording),
-        missing=recording.missing,
-        scene_text=_scene_text(recording),
-        css=Markup((TEMPLATES / "plots.css").read_text(encoding="utf-8")),  # noqa: S704 - the package's own file
-        data=Markup(json_in_page(player_data(recording))),  # noqa: S704 - every "<" is escaped
-        script=Markup(script),  # noqa: S704 - the package's own files
-        script_hash=Markup(f"sha256-{digest}"),  # noqa: S704 - base64
-    )
+    return {
+        # The package's own files, base64, and JSON in which every "<" is escaped.
+        "script": Markup(script),  # noqa: S704
+        "script_hash": Markup(f"sha256-{digest}"),  # noqa: S704
+        "css": Markup((TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
+        "data": Markup(json_in_page(data)),  # noqa: S704
+        "scene_text": _scene_text(recording),
+    }
 
 
 def json_in_page(value: Any) -> str:
@@ -85,10 +104,24 @@ def player_data(recording: Recording) -> dict[str, Any]:
         "images": _images(recording),
         "events": [{"t": event.t_s, "name": event.name, "cause": event.cause} for event in recording.events],
         "moments": moments_of(recording),
-        "missing": list(recording.missing),
+        "transient_s": transient_s(played),
         "reach_m": recording.chair.reach_m,
         "extent": _extent(played) if drawn else None,
     }
+
+
+def transient_s(recording: Recording) -> float | None:
+    """Return the time up to which the plots of a run first show [s], or None for the whole run.
+
+    A run in one phase, such as a turn on a flight, may settle within a small part of its time: half as long again is shown.
+    """
+    heading = recording.heading_rad
+    if len(recording.phases) > 1 or len(heading) < 2 or not np.isfinite(heading).all():
+        return None
+    off = np.abs(heading - np.median(heading[len(heading) // 2 :])) > max(SETTLED_SHARE * float(np.ptp(heading)), SETTLED_RAD)
+    settled_s = float(recording.t_s[np.flatnonzero(off)[-1]]) if off.any() else 0.0
+    shown_s = 1.5 * settled_s
+    return round(shown_s, 2) if 0.0 < shown_s < TRANSIENT_SHARE * recording.duration_s else None
 
 
 def title_of(recording: Recording) -> str:

@@ -1,4 +1,4 @@
-"""Time series of a recording for the plots of pages, as JSON values: heading, pitch rate, belts, seat and tip-over margin."""
+"""Time series of a recording for the plots of pages, as JSON values."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.mechanics.comfort import COMFORT_TICKS, passenger_acceleration
 from treadline.playback import Recording
 from treadline.report.packed import packed
 from treadline.signals import TICK_S
@@ -27,6 +28,19 @@ def uniform(recording: Recording) -> Recording:
     return kept.sampled(np.clip(np.searchsorted(kept.t_s, grid + 1e-9, side="right") - 1, 0, None), grid)
 
 
+def passenger_m_s2(recording: Recording) -> Float[np.ndarray, " T"]:
+    """Return the magnitude of the passenger's acceleration [m/s²], mean over 50 ms; NaN without ground truth at 100 Hz."""
+    t_s, missing = recording.t_s, 1 + COMFORT_TICKS
+    found = np.full(len(t_s), np.nan)
+    steps = np.diff(t_s)
+    if len(t_s) < 2 * COMFORT_TICKS or not np.isfinite(recording.passenger_W).all() or steps.max() > 1.5 * TICK_S:
+        return found
+    # The magnitude does not depend on the yaw, about which the components are turned.
+    acceleration = passenger_acceleration(recording.passenger_W.T, np.zeros(len(t_s)), steps)
+    found[missing:] = np.linalg.norm(acceleration, axis=0)
+    return found
+
+
 def plots_of(recording: Recording) -> dict[str, Any]:
     """Return time base, series, panels and phase bands; the recording has equal time steps (``uniform``)."""
     t_s, limits = recording.t_s, recording.limits
@@ -43,7 +57,8 @@ def plots_of(recording: Recording) -> dict[str, Any]:
         "pitch": recording.pitch_rad / DEG,
         "seat": recording.seat_pitch_rad / DEG,
         "margin": recording.margin_rad / DEG,
-        "friction": recording.friction_use,
+        "passenger": passenger_m_s2(recording),
+        "lateral": recording.place_S[:, 1],
     }
     known = {name for name, values in series.items() if np.isfinite(values).any()}
 
@@ -100,6 +115,8 @@ def plots_of(recording: Recording) -> dict[str, Any]:
             "curves": [curve("margin", "", "purple")],
             "limits": limit(limits.margin_rad, "°", DEG, always=True),
         },
+        {"title": "acceleration of the passenger, mean over 50 ms", "unit": "m/s²", "curves": [curve("passenger", "", "red")]},
+        {"title": "lateral position, left positive", "unit": "m", "digits": 3, "curves": [curve("lateral", "", "green")]},
     ]
     panels = [
         {"limits": [], **panel, "curves": [item for item in panel["curves"] if item["series"] in known]}

@@ -67,7 +67,12 @@ function marksAt(t, state) {
 let scene = null;
 function openScene() {
   const canvas = $("scene");
-  if (!poses) { $("noscene").textContent = data.missing.join(" "); $("stage").classList.add("empty"); return; }
+  if (!poses) {
+    $("noscene").textContent = "The log does not place the chair in the world: no scene.";
+    $("stage").classList.add("empty");
+    document.querySelector(".player").classList.add("unplaced");
+    return;
+  }
   try {
     scene = new Scene(canvas, data.scene);
   } catch (error) {
@@ -204,6 +209,8 @@ $("after").addEventListener("click", () => phaseStep(1));
 $("speed").addEventListener("change", () => setSpeed(Number($("speed").value)));
 $("zoomin").addEventListener("click", () => plots.zoom(0.5, player.t));
 $("zoomout").addEventListener("click", () => plots.zoom(2, player.t));
+$("zoomfirst").hidden = !data.transient_s;
+$("zoomfirst").addEventListener("click", () => { plots.show(START, data.transient_s); seek(START); });
 $("zoomall").addEventListener("click", () => plots.show(START, END));
 for (const b of document.querySelectorAll("[data-view]")) b.addEventListener("click", () => view(b.dataset.view));
 document.addEventListener("keydown", (e) => {
@@ -259,6 +266,13 @@ $("camerabox").hidden = !data.images.length;
 openScene();
 window.addEventListener("resize", () => { player.dirty = true; });
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
-const asked = /^#t=([0-9.]+)$/.exec(location.hash);
-if (asked) seek(Number(asked[1]));
+function follow() {
+  const asked = /^#t=([0-9.]+)$/.exec(location.hash);
+  if (!asked) return;
+  seek(Number(asked[1]));
+  document.querySelector(".player").scrollIntoView();
+}
+window.addEventListener("hashchange", follow);
+if (data.transient_s) plots.show(START, data.transient_s);
+follow();
 requestAnimationFrame(frame);

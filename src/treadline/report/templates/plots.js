@@ -15,7 +15,10 @@ function ticksOf(low, high, most) {
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
   return [found, Math.max(0, -Math.floor(Math.log10(step) + 1e-9))];
 }
-function shownNumber(value, digits) { return Number.isFinite(value) ? value.toFixed(digits) : "–"; }
+function shownNumber(value, digits) {
+  const text = Number.isFinite(value) ? value.toFixed(digits) : "–";
+  return /^-0[.0]*$/.test(text) ? text.slice(1) : text;
+}
 
 class Plots {
   /** panels: [{title, unit, digits, height, curves: [{label, colour, values, band?}], limits: [{value, label}], zero?}];

@@ -1,0 +1,213 @@
+"""Side views of a recorded run as SVG: the chair's parts as filled outlines on the stair, at chosen times.
+
+A part is drawn as the convex outlines of its solids, projected onto the vertical plane along the flight under the chair. The
+outlines of each body are defined once per page; a view places them with the body's pose.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from treadline.angles import rotation_of
+from treadline.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses
+from treadline.appearance.palette import BELT
+from treadline.mechanics.staircase import Staircase
+from treadline.playback import Recording
+from treadline.scenario import Belts, Chair
+
+VIEW_M = (2.6, 1.95)
+"""Width and height of a view [m]: the chair with its passenger, and four steps."""
+LEAST_M2 = 2e-4
+"""Smallest projected area of a solid that is drawn: 1.4 cm square, half a pixel of a view 200 px wide."""
+MIDDLE_M = 0.17
+"""Lateral distance from the middle within which solids count as neither near nor far [m]."""
+
+Outline = Float[np.ndarray, "n 2"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Group:
+    """Outlines of one body at one depth: far (left side), middle or near."""
+
+    body: str
+    depth: str
+    shapes: tuple[tuple[Outline, str], ...]
+
+
+class SideViews:
+    """Side views of one recording; ``definitions`` must be on the page before the first view.
+
+    Args:
+        recording: Recording with poses.
+        prefix: Prefix of the ids, unique on the page.
+    """
+
+    def __init__(self, recording: Recording, prefix: str = "chair") -> None:
+        self._recording, self._prefix = recording, prefix
+        scenario = recording.scenario
+        self._loading: Chair = Chair() if scenario is None else scenario.chair
+        self._belts: Belts | None = None if scenario is None else scenario.belts
+        self._staircase = recording.staircase
+        self._groups = list(_groups(chair_parts(recording.chair, self._loading, self._belts)))
+
+    @property
+    def definitions(self) -> str:
+        """SVG that defines the outlines of all bodies, not shown by itself."""
+        groups = ""
+        for group in self._groups:
+            shapes = "".join(_polygon(points, colour) for points, colour in group.shapes)
+            groups += f'<g id="{self._prefix}-{group.depth}-{group.body}">{shapes}</g>'
+        return f'<svg width="0" height="0" style="position:absolute" aria-hidden="true"><defs>{groups}</defs></svg>'
+
+    def view(self, t_s: float, words: str) -> str:
+        """Return the view at a time.
+
+        Args:
+            words: Text alternative.
+        """
+        k = self._recording.index_at(t_s)
+        R_WB, p_WB = rotation_of(self._recording.quat_WB[k]), self._recording.p_WB[k]
+        along_rad = _flight_yaw(self._staircase, p_WB, R_WB)
+        across = np.array([[math.cos(along_rad), math.sin(along_rad), 0.0], [0.0, 0.0, 1.0]])
+        (width, height), centre = VIEW_M, across @ p_WB + np.array([0.15, 0.62])
+        left, top = centre[0] - 0.5 * width, centre[1] + 0.5 * height
+        poses = body_poses(
+            self._recording.chair, self._loading, float(self._recording.seat_rad[k]), float(self._recording.flipper_rad[k])
+        )
+        drawn = [_stair(self._staircase, across, p_WB, (left, left + width))] if self._staircase is not None else []
+        for depth in ("far", "middle", "near"):
+            if depth == "near":
+                drawn.append(self._lugs(k, across, R_WB, p_WB))
+            for group in self._groups:
+                if group.depth == depth:
+                    X = poses[group.body]  # type: ignore[index]
+                    drawn.append(
+                        _use(f"{self._prefix}-{depth}-{group.body}", across @ R_WB @ X[:3, :3], across @ (R_WB @ X[:3, 3] + p_WB))
+                    )
+        return (
+            f'<svg class="side" viewBox="{left:.3f} {-top:.3f} {width} {height}" role="img" aria-label="{_escaped(words)}">'
+            f'<g transform="scale(1 -1)">{"".join(drawn)}</g></svg>'
+        )
+
+    def _lugs(self, k: int, across: Float[np.ndarray, "2 3"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> str:
+        """Return the lugs of the near belt as one path."""
+        recording = self._recording
+        travel_m = float(recording.belt_travel_m[k, 1])
+        poses = lug_poses(recording.chair, "right", travel_m, float(recording.flipper_rad[k]), self._belts)
+        poses[:, 1, 3] = 0.0  # bodies are drawn in the chair's middle plane, also when the chair is turned
+        lug = _hull(lug_part(recording.chair, self._belts).vertices_m[:, [0, 2]].astype(float))
+        corners = np.column_stack([lug[:, 0], np.zeros(len(lug)), lug[:, 1], np.ones(len(lug))])
+        places = np.einsum("nij,cj->nci", poses[:, :3], corners) @ R_WB.T + p_WB
+        path = "".join("M" + "L".join(f"{x:.3f} {z:.3f}" for x, z in outline @ across.T) + "Z" for outline in places)
+        return f'<path d="{path}" fill="{_hex(BELT)}"/>'
+
+
+def _flight_yaw(staircase: Staircase | None, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> float:
+    """Return the direction of the flight under the chair about the vertical [rad]."""
+    if staircase is None:
+        return math.atan2(R_WB[1, 0], R_WB[0, 0])
+    if not staircase.turn_rad:
+        return 0.0
+    R_WF, _ = staircase.flight_frame(staircase.flight_at(p_WB, R_WB))
+    return math.atan2(R_WF[1, 0], R_WF[0, 0])
+
+
+def _stair(
+    staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Float[np.ndarray, " 3"], reach: tuple[float, float]
+) -> str:
+    """Return the boxes of the stair next to the chair, without walls."""
+    sideways = np.array([-across[0, 1], across[0, 0], 0.0])
+    drawn = []
+    for box in staircase.boxes():
+        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * box.half_m
+        places = corners @ box.R_WK.T + box.centre_W
+        lateral = (places - p_WB) @ sideways
+        outline = _hull(places @ across.T)
+        if box.kind == "wall" or lateral.min() > 0.3 or lateral.max() < -0.3:
+            continue
+        if outline[:, 0].max() < reach[0] or outline[:, 0].min() > reach[1]:
+            continue
+        # Far ends of a floor or a landing are beyond the view; a clipped outline keeps the numbers short.
+        outline[:, 0] = np.clip(outline[:, 0], reach[0] - 0.1, reach[1] + 0.1)
+        drawn.append(f'<polygon points="{_points(outline)}"/>')
+    return f'<g class="stone">{"".join(drawn)}</g>'
+
+
+def _groups(parts: Sequence[MeshPart]) -> Iterator[_Group]:
+    """Yield the outlines of the chair's bodies, the farthest first within each group."""
+    found: dict[tuple[str, str], list[tuple[float, Outline, str]]] = {}
+    for part in parts:
+        for corners in _solids(part.vertices_m.astype(float), part.faces):
+            outline = _hull(corners[:, [0, 2]])
+            lateral = float(corners[:, 1].mean())
+            depth = "far" if lateral > MIDDLE_M else "near" if lateral < -MIDDLE_M else "middle"
+            if _area(outline) >= LEAST_M2:
+                found.setdefault((depth, part.body), []).append((-lateral, outline, _hex(part.colour)))
+    for (depth, body), shapes in found.items():
+        shapes.sort(key=lambda shape: shape[0])
+        yield _Group(body=body, depth=depth, shapes=tuple((outline, colour) for _, outline, colour in shapes))
+
+
+def _solids(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Float[np.ndarray, "n 3"]]:
+    """Yield the vertices of each connected solid of a mesh."""
+    label = np.arange(len(vertices))
+    while True:
+        lowest = label[faces].min(axis=1)
+        before = label.copy()
+        for corner in range(3):
+            np.minimum.at(label, faces[:, corner], lowest)
+        if np.array_equal(before, label):
+            break
+    for name in np.unique(label[faces]):
+        yield vertices[label == name]
+
+
+def _hull(points: Float[np.ndarray, "n 2"]) -> Outline:
+    """Return the convex outline of points, anticlockwise (Andrew's monotone chain)."""
+    ordered = np.unique(points.round(6), axis=0).tolist()
+    if len(ordered) < 3:
+        return np.array(ordered)
+
+    def chain(along: list[list[float]]) -> list[list[float]]:
+        kept: list[list[float]] = []
+        for p in along:
+            while len(kept) > 1:
+                (x0, y0), (x1, y1) = kept[-2:]
+                if (x1 - x0) * (p[1] - y0) - (y1 - y0) * (p[0] - x0) > 0.0:
+                    break
+                kept.pop()
+            kept.append(p)
+        return kept[:-1]
+
+    return np.array(chain(ordered) + chain(ordered[::-1]))
+
+
+def _area(outline: Outline) -> float:
+    x, y = outline.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2"]) -> str:
+    """Return a placed body: the outlines lie in the plane of the body's x and z axes."""
+    a, c = turn[0, 0], turn[0, 2]
+    b, d = turn[1, 0], turn[1, 2]
+    return f'<use href="#{name}" transform="matrix({a:.4f} {b:.4f} {c:.4f} {d:.4f} {place[0]:.4f} {place[1]:.4f})"/>'
+
+
+def _polygon(points: Outline, colour: str) -> str:
+    return f'<polygon points="{_points(points)}" fill="{colour}"/>'
+
+
+def _points(points: Outline) -> str:
+    return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+
+
+def _hex(colour: tuple[float, float, float]) -> str:
+    return "#" + "".join(f"{round(255 * value):02x}" for value in colour)
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
