@@ -1,13 +1,17 @@
-"""The moving picture: the chair is drawn where the ground truth has it."""
+"""The moving picture: the scene of the player, frame by frame."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from treadline.errors import SettingsError
+from treadline.errors import LogFormatError, SettingsError
 from treadline.io.mcap_log import RunLog
+from treadline.playback import Recording
 from treadline.ports import Truth
-from treadline.report.climb_picture import write_climb_picture
+from treadline.report.climb_picture import SIZE_PX, render, write_climb_picture
+
+from .conftest import CHROMIUM
 
 ROOT_TRUTH = Truth(
     t_s=0.0,
@@ -35,9 +39,24 @@ def test_a_log_without_the_pose_is_refused_by_name(run_folder: Path, tmp_path: P
     with RunLog(run_folder / "log.mcap") as log:
         log(ROOT_TRUTH)
     with pytest.raises(SettingsError, match="before logs kept the chair's pose"):
-        write_climb_picture(run_folder, tmp_path / "climb.gif")
+        write_climb_picture(run_folder, tmp_path / "climb.webp")
 
 
 def test_a_run_without_a_log_is_refused(run_folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=r"no log\.mcap"):
-        write_climb_picture(run_folder, tmp_path / "climb.gif")
+    with pytest.raises(LogFormatError, match=r"no log\.mcap"):
+        write_climb_picture(run_folder, tmp_path / "climb.webp")
+
+
+def test_a_machine_without_a_browser_is_told_what_to_install(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(SettingsError, match="apt-get install chromium"):
+        render(recording, np.array([0.0]))
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium")
+def test_each_time_gives_a_picture_of_the_moving_chair(recording: Recording) -> None:
+    """Test: two frames, 4 s of climbing apart. Expected: the size asked for, many colours, and different pictures."""
+    first, second = (np.asarray(image).astype(int) for image in render(recording, np.array([0.5, 4.5])))
+    assert first.shape == (SIZE_PX[1], SIZE_PX[0], 3)
+    assert len(np.unique(first.reshape(-1, 3), axis=0)) > 500
+    assert np.abs(second - first).mean() > 2.0

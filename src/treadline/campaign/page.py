@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from treadline.campaign.frontier import ARRIVED, frontier_of
 from treadline.campaign.run import Row
 from treadline.campaign.summary import has_rms
 from treadline.models import write_whole
@@ -34,16 +35,29 @@ FIRST_CHOICE = "stair.slope_deg"
 
 
 def write_page(
-    folder: Path, summary: Mapping[str, Any], times: Mapping[str, Any], rows: Sequence[Row], drawn: Sequence[str]
+    folder: Path,
+    summary: Mapping[str, Any],
+    times: Mapping[str, Any],
+    rows: Sequence[Row],
+    drawn: Sequence[str],
+    views: Mapping[int, str] | None = None,
 ) -> Path:
-    """Write ``report.html`` of a campaign; ``drawn`` names the columns that are not scores."""
+    """Write ``report.html`` of a campaign.
+
+    Args:
+        drawn: Columns that are not scores.
+        views: Side views of the worst runs as SVG, by run index.
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
 
     environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
     page = environment.get_template("sweep.html.j2").render(
         summary=summary,
         times=times,
         chart=_chart(rows, drawn, summary["score"]),
+        frontier=_frontier(rows, drawn),
+        views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
         colours=COLOURS | {"other": OTHER},
         up=score_name(summary["score"]),
         up_with_unit=_with_unit(score_name(summary["score"]), _unit(summary["score"])),
@@ -82,6 +96,40 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
         "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
         "key": key,
         "titles": (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score))),
+    }
+
+
+def _frontier(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, Any] | None:
+    """Return the chart of all runs over the two quantities that separate failures best, with the contours of their share."""
+    found = frontier_of(rows, drawn)
+    if found is None:
+        return None
+    across, up = (_Axis.of(found.points[:, k].tolist()) for k in (0, 1))
+    inner = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        return LEFT + inner[0] * across.share(x), TOP + inner[1] * (1.0 - up.share(y))
+
+    units = [suffix(_unit(key)) for key in found.keys]
+    dots: list[dict[str, Any]] = []
+    for (x, y), index, verdict in zip(found.points.tolist(), found.index, found.verdicts, strict=True):
+        at = place(x, y)
+        name = f"{index:04d} {verdict}: {x:.3g}{units[0]}, {y:.3g}{units[1]}"
+        colour, r = COLOURS.get(verdict, OTHER), DOT if verdict in ARRIVED else FELL_DOT - 1.0
+        dots.append({"x": at[0], "y": at[1], "r": r, "colour": colour, "name": name})
+    lines = {
+        level: "".join("M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*place(*segment[:2]), *place(*segment[2:])) for segment in segments)
+        for level, segments in found.contours.items()
+    }
+    return {
+        "dots": sorted(dots, key=lambda dot: dot["r"]),
+        "lines": {level: line for level, line in lines.items() if line},
+        "frame": {"x": LEFT, "y": TOP, "width": inner[0], "height": inner[1]},
+        "size": (WIDTH, HEIGHT),
+        "across": [(LEFT + inner[0] * across.share(tick), f"{tick:g}") for tick in across.ticks],
+        "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
+        "titles": [_with_unit(key, _unit(key)) for key in found.keys],
+        "keys": found.keys,
     }
 
 

@@ -25,6 +25,8 @@ rule H."""
 LONG_EVERY = 10
 """Interval of run indices with the longer observation time."""
 
+VIEW = "view"
+"""Key of the pose from which the page draws a run; no column of the tables."""
 TIMES = ("cpu_s", "real_time_factor")
 """Columns that vary between repetitions of a run and are stored separately from the results."""
 

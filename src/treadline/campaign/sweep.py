@@ -29,6 +29,7 @@ from treadline.campaign.search import budget, generation_size, search
 from treadline.campaign.spec import SHAPE, Spec
 from treadline.campaign.summary import harm, summarise
 from treadline.campaign.tables import flat, write_tables
+from treadline.campaign.thumbnails import thumbnail
 from treadline.errors import SettingsError
 from treadline.io.plain import plain
 from treadline.io.provenance import git_commit
@@ -146,7 +147,8 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episod
     times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
     _write_json(folder / "summary.json", summary)
     _write_json(folder / "times.json", times)
-    page = write_page(folder, summary, times, flat_rows, drawn)
+    views = {row["index"]: thumbnail(rows[row["index"]], episodes[row["index"]].scenario) for row in summary["worst"]}
+    page = write_page(folder, summary, times, flat_rows, drawn, {index: view for index, view in views.items() if view is not None})
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from treadline.campaign.run import TIMES, Row
+from treadline.campaign.run import TIMES, VIEW, Row
 from treadline.models import write_whole, written_whole
 
 
@@ -21,11 +21,11 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
 
 
 def flat(row: Mapping[str, Any], prefix: str = "") -> Row:
-    """Return a row of single values: tables with dotted names, lists of numbers as JSON, events counted, times left out."""
+    """Return a row of single values: tables with dotted names, lists of numbers as JSON, events counted, no times, no poses."""
     values: Row = {}
     for key, value in row.items():
         name = prefix + key
-        if name in TIMES:
+        if name in TIMES or name == VIEW:
             continue
         if isinstance(value, Mapping):
             values |= flat(value, f"{name}.")

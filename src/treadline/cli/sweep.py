@@ -133,11 +133,16 @@ class RunScenario:
 
     def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
         """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
+        from treadline.campaign.run import VIEW
+        from treadline.campaign.thumbnails import view_of
         from treadline.experiments.traverse import run_episode
+        from treadline.playback import RecordingBuilder
         from treadline.setup import resolve
 
         setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
-        return run_episode(setup, after_hold_s=watched_s).summary()
+        builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
+        summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
+        return summary | {VIEW: view_of(builder.build())}
 
 
 class _Left:

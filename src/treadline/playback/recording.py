@@ -123,6 +123,14 @@ class Recording:
     missing: tuple[str, ...] = ()
     """Sentences about what the log does not hold."""
 
+    @classmethod
+    def of_curves(cls, t_s: Float[np.ndarray, " T"], chair: ChairDescription, **known: Any) -> "Recording":
+        """Return a recording of the given fields; every other quantity is unknown."""
+        n = len(t_s)
+        unknown = {name: np.full((n, WIDTHS[name]) if name in WIDTHS else n, np.nan) for name in SAMPLED if name != "t_s"}
+        rest: dict[str, Any] = {"events": (), "phases": (), "maps": (), "frames_t_s": np.empty(0), "source": ""}
+        return cls(t_s=t_s, chair=chair, **{**unknown, **rest, **known})
+
     @property
     def duration_s(self) -> float:
         """Time of the last sample [s]."""
@@ -164,6 +172,8 @@ class Recording:
         return replace(self, **{**kept, "t_s": t_s})
 
 
+WIDTHS = {"p_WB": 3, "quat_WB": 4, "belt_m_s": 2, "belt_travel_m": 2, "command_m_s": 2, "passenger_W": 3, "place_S": 2}
+"""Numbers per sample of the fields that have more than one."""
 SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s")
 """Fields with one row per sample."""
 

@@ -1,97 +1,135 @@
-"""Moving side view of one recorded traversal: ``run folder -> GIF``.
+"""Moving picture of one recorded traversal: ``run folder -> animated WebP``.
 
-``python -m treadline.report.climb_picture RUN docs/media/climb.gif`` draws the chair of a ``treadline climb`` from the ground
-truth, seat and flipper in its log. The stair is the designed one; the chair is drawn in side view, without its heading.
+``python -m treadline.report.climb_picture RUN docs/media/climb.webp`` renders the player page's scene in headless Chromium with a
+camera that follows the chair, one image per frame.
 """
 
+import base64
 import io
-import math
+import re
+import shutil
+import subprocess
 import sys
-from dataclasses import replace
+import tempfile
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
-from PIL import Image
+from jaxtyping import Float
+from PIL import Image, ImageDraw, ImageFont
 
-from treadline.angles import DEG
 from treadline.errors import SettingsError
-from treadline.io.mcap_read import read_log
-from treadline.io.runs import LOG
-from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.ports import Truth
-from treadline.report.chair_sketch import draw_chair
-from treadline.report.pen import INK, STONE, Point, sheet
-from treadline.report.results import Manifest, RunResult, read_part
-from treadline.signals import FlipperReading
+from treadline.playback import Recording, read_recording
+from treadline.report.player import TEMPLATES, json_in_page
+from treadline.report.scene import scene_of
 
-WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.6, 100
+SIZE_PX = (720, 405)
 SPEED_UP = 4.0
 """Playback speed over simulated time."""
-FRAMES_PER_S = 8.0
-COLOURS = 32
-"""Size of the palette: the drawing has fewer than ten colours, the rest smooths edges."""
-BEFORE_M, BEYOND_M = 2.3, 2.2
-"""Floor before the first nosing and landing beyond the last one that the view includes."""
+FRAMES_PER_S = 10.0
+END_S = 2.0
+"""Time for which the last frame is shown [s]."""
+QUALITY = 55
+"""WebP quality: a traversal of 50 s stays below 1.5 MB."""
+SMOOTH_S = 3.0
+"""Time over which the camera's target is averaged [s of the run], so that the view does not rock with the chair."""
+BACKGROUND = (0.93, 0.945, 0.96)
+INK = (27, 32, 38)
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--force-device-scale-factor=1",
+    "--dump-dom",
+)
+TIMEOUT_S = 600.0
+"""Longest time for rendering [s]: two seconds per frame on a busy machine without a graphics card."""
 
 
 def write_climb_picture(run: Path, path: Path) -> Path:
     """Write the moving picture of a run folder.
 
     Raises:
-        SettingsError: If the run kept no log, or its log has no ground truth.
+        SettingsError: If the run's log holds no poses, or no Chromium is installed.
+        LogFormatError: If the run kept no log.
     """
-    manifest, result = read_part(run / "manifest.json", Manifest), read_part(run / "result.json", RunResult)
-    if not (run / LOG).is_file():
-        raise SettingsError(f"{run}: no {LOG}; make the run again with treadline climb, which keeps a log")
-    samples = list(read_log(run / LOG))
-    truth = [sample for sample in samples if isinstance(sample, Truth)]
-    flipper = [sample for sample in samples if isinstance(sample, FlipperReading)]
-    if not truth:
-        raise SettingsError(f"{run / LOG}: no ground truth; only runs of the simulator can be drawn")
-    if math.isnan(truth[0].chassis_x_m):
-        raise SettingsError(f"{run / LOG}: written before logs kept the chair's pose; make the run again with treadline climb")
-    chair = read_chair(manifest.settings["chair"]["model"])
-    stair = manifest.settings["stair"]
-    rise_m = stair["rise_m"] or stair["run_m"] * math.tan(stair["slope_deg"] * DEG)
-    angles_rad = np.interp([s.t_s for s in truth], [s.t_s for s in flipper], [s.angle_rad for s in flipper]) if flipper else None
-    rest_rad = chair.tracks.approach_angle_deg * DEG
-    every = round(100.0 * SPEED_UP / FRAMES_PER_S)
-    frames = []
-    for k in range(0, len(truth), every):
-        angle_rad = rest_rad if angles_rad is None else float(angles_rad[k])
-        phase = [name for t_s, name in result.course if t_s <= truth[k].t_s]
-        caption = f"{truth[k].t_s:4.0f} s   {phase[-1] if phase else ''}"
-        frames.append(_frame(chair, truth[k], angle_rad, (rise_m, stair["run_m"], stair["steps"]), caption))
+    recording = read_recording(run)
+    if not recording.has_poses:
+        raise SettingsError(f"{run}: {' '.join(recording.missing)}")
+    times_s = np.arange(0.0, recording.duration_s, SPEED_UP / FRAMES_PER_S)
+    frames = [_captioned(image, recording, t_s) for image, t_s in zip(render(recording, times_s), times_s.tolist(), strict=True)]
+    durations = [round(1000.0 / FRAMES_PER_S)] * (len(frames) - 1) + [round(1000.0 * END_S)]
     path.parent.mkdir(parents=True, exist_ok=True)
-    palette = frames[len(frames) // 2].quantize(COLOURS)
-    flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    durations = [round(1000.0 / FRAMES_PER_S)] * (len(flat) - 1) + [2000]
-    flat[0].save(path, save_all=True, append_images=flat[1:], duration=durations, loop=0, optimize=True)
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY, method=4)
     return path
 
 
-def seat_angle_rad(chair: ChairDescription, truth: Truth) -> float:
-    """Return the forward lean of the seat relative to the chassis [rad]; zero without a seat linkage."""
-    return 0.0 if chair.seat is None else truth.pitch_rad - truth.seat_pitch_rad
+def render(recording: Recording, times_s: Float[np.ndarray, " n"]) -> list[Image.Image]:
+    """Return the scene of a recording at each time, drawn by headless Chromium.
+
+    Raises:
+        SettingsError: If no Chromium is installed, or it draws nothing.
+    """
+    browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if browser is None:
+        raise SettingsError(f"no {' or '.join(BROWSERS)} on this machine; the pictures are drawn by it: apt-get install chromium")
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "film.html"
+        page.write_text(_page(recording, times_s), encoding="utf-8")
+        command = [browser, *FLAGS, f"--user-data-dir={folder}/profile", page.as_uri()]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)  # noqa: S603 - fixed program
+    drawn = re.findall(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)", done.stdout)
+    if len(drawn) != len(times_s):
+        raise SettingsError(f"{browser} drew {len(drawn)} of {len(times_s)} frames; does it have WebGL 2 (SwiftShader)?")
+    return [Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB") for data in drawn]
 
 
-def _frame(chair: ChairDescription, truth: Truth, flipper_rad: float, stair: tuple[float, float, int], caption: str) -> Image.Image:
-    rise_m, run_m, steps = stair
-    figure, (pen,) = sheet(WIDTH_IN, HEIGHT_IN)
-    length_m = (steps - 1) * run_m
-    height_m = (length_m + BEFORE_M + BEYOND_M) * HEIGHT_IN / WIDTH_IN
-    pen.frame((-BEFORE_M, length_m + BEYOND_M), (-0.5, height_m - 0.5))
-    corners: list[Point] = [(-BEFORE_M, 0.0)]
-    for k in range(steps):
-        corners += [(k * run_m, k * rise_m), (k * run_m, (k + 1) * rise_m)]
-    corners += [(length_m + BEYOND_M, steps * rise_m), (length_m + BEYOND_M, -0.5), (-BEFORE_M, -0.5)]
-    pen.area(corners, STONE, INK, 1.0)
-    moved = chair.model_copy(update={"tracks": chair.tracks.model_copy(update={"approach_angle_deg": flipper_rad / DEG})})
-    draw_chair(replace(pen, origin=(truth.chassis_x_m, truth.chassis_z_m)), moved, seat_angle_rad(chair, truth), truth.pitch_rad)
-    pen.text((-BEFORE_M + 0.15, height_m - 0.8), caption, size=11.0, align="left")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI)
-    return Image.open(buffer).convert("RGB")
+def _page(recording: Recording, times_s: Float[np.ndarray, " n"]) -> str:
+    scripts = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in ("packed.js", "scene.js", "film.js"))
+    data = {"scene": scene_of(recording), "background": BACKGROUND, "shots": [_shot(recording, float(t_s)) for t_s in times_s]}
+    width, height = SIZE_PX
+    return (
+        f'<!doctype html><meta charset="utf-8"><body style="margin:0"><canvas id="scene" style="width:{width}px;height:{height}px">'
+        f'</canvas><script type="application/json" id="data">{json_in_page(data)}</script><script>{scripts}</script>'
+    )
+
+
+def _shot(recording: Recording, t_s: float) -> dict[str, Any]:
+    """Return the chair's state and the camera's view at a time: the camera turns slowly while the chair climbs."""
+    k = recording.index_at(t_s)
+    near = np.abs(recording.t_s - t_s) <= 0.5 * SMOOTH_S
+    share = t_s / recording.duration_s
+    return {
+        "state": {
+            "p": recording.p_WB[k].tolist(),
+            "q": recording.quat_WB[k].tolist(),
+            "seat": float(recording.seat_rad[k]),
+            "flipper": float(recording.flipper_rad[k]),
+            "travel": recording.belt_travel_m[k].tolist(),
+        },
+        "view": {
+            "azimuth": -2.05 + 0.75 * share,
+            "elevation": 0.27,
+            "distance": 4.1,
+            "target": (recording.p_WB[near].mean(axis=0) + np.array([0.1, 0.0, 0.55])).tolist(),
+        },
+    }
+
+
+def _captioned(image: Image.Image, recording: Recording, t_s: float) -> Image.Image:
+    """Return an image with time and phase."""
+    span = recording.phase_at(t_s)
+    font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 17)
+    ImageDraw.Draw(image).text((16, 12), f"{t_s:4.0f} s   {'' if span is None else span.name}", fill=INK, font=font)
+    return image
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from treadline import paper
 from treadline.errors import SettingsError
 from treadline.io.runs import read_series
 from treadline.models import write_whole
+from treadline.playback import Recording
 from treadline.printing import p_text
 from treadline.report import figures
 from treadline.report.compare import comparisons
@@ -30,6 +31,7 @@ from treadline.report.recorded_series import recording_of
 from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
 from treadline.report.run_figure import single_run
 from treadline.report.run_scores import score_groups
+from treadline.report.side_view import SideViews
 
 PNG = b"\x89PNG\r\n\x1a\n"
 LARGEST_RATIO = 100_000
@@ -98,8 +100,7 @@ def _whole(folder: Path) -> Path:
         drawn["table2"] = figures.table_two(results.table2, results.table2_roll_back_allowed)
     if results.fig11 is not None:
         drawn["fig11"] = figures.seat(_series(_inside(runs, results.fig11.run)))
-    for name in linked:
-        _single(_inside(runs, name))
+    cards = [_card(name, _run_page(_inside(runs, name)), number) for number, name in enumerate(linked)]
     return _render(
         folder,
         "reproduce.html.j2",
@@ -108,13 +109,29 @@ def _whole(folder: Path) -> Path:
         r=results,
         rows=comparisons(results),
         linked=linked,
+        cards=[card for card in cards if card is not None],
         stages=stages,
         shown_s=figures.IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
     )
 
 
+def _card(name: str, recording: Recording, number: int) -> dict[str, Any] | None:
+    """Return a side view of a run at half of its time, for the link to its player; None without poses."""
+    if not recording.has_poses:
+        return None
+    views, t_s = SideViews(recording, f"run{number}"), 0.5 * recording.duration_s
+    drawn = views.definitions + views.view(t_s, f"Side view of {name} at {t_s:.0f} s")
+    return {"name": name, "svg": Markup(drawn), "verdict": recording.verdict or "", "duration_s": recording.duration_s}  # noqa: S704 - drawn by this package
+
+
 def _single(folder: Path) -> Path:
+    _run_page(folder)
+    return folder / "report.html"
+
+
+def _run_page(folder: Path) -> Recording:
+    """Write the page of a run; return its recording."""
     result = read_part(folder / "result.json", RunResult)
     manifest = read_part(folder / "manifest.json", Manifest)
     if result.seed is not None and result.seed != manifest.seed:
@@ -122,7 +139,7 @@ def _single(folder: Path) -> Path:
     series, (motion, unread) = _series(folder), read_motion(folder)
     recording = recording_of(folder, series, result)
     data = player_data(recording)
-    return _render(
+    _render(
         folder,
         "run.html.j2",
         {"run": single_run(series, result, motion)},
@@ -138,6 +155,7 @@ def _single(folder: Path) -> Path:
         banded=len(result.course) > 1,
         settings=json.dumps(manifest.settings, indent=1),
     )
+    return recording
 
 
 def _linked_runs(runs: Path, results: Results) -> list[str]:

@@ -1,6 +1,5 @@
 """Recording of a run folder for its page: from its log, or without one from ``series.csv`` at 10 Hz, which has no poses."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -36,42 +35,26 @@ def recording_of(folder: Path, series: Series, result: RunResult) -> Recording:
 def of_series(series: Series, result: RunResult, missing: str) -> Recording:
     """Return the curves of ``series.csv`` with the run's phases and events."""
     t_s = series["t_s"]
-    n = len(t_s)
-    unknown = np.full(n, math.nan)
-    belts = np.column_stack([series["left_m_s"], series["right_m_s"]])
-    end_s = float(t_s[-1]) if n else 0.0
     events = [Event(t_s=event.t_s, name=event.name, cause=event.cause) for event in result.events]
     causes = {(event.name, event.t_s): event.cause for event in events}
     course = result.course
-    ends = [*(start for start, _ in course[1:]), end_s]
-    return Recording(
-        source="",
-        t_s=t_s,
-        p_WB=np.full((n, 3), math.nan),
-        quat_WB=np.full((n, 4), math.nan),
-        seat_rad=np.zeros(n),
-        flipper_rad=unknown,
-        belt_m_s=belts,
-        belt_travel_m=np.zeros((n, 2)),
-        command_m_s=np.full((n, 2), math.nan),
+    ends = [*(start for start, _ in course[1:]), float(t_s[-1]) if len(t_s) else 0.0]
+    return Recording.of_curves(
+        t_s,
+        read_chair(DEFAULT_CHAIR),
+        belt_m_s=np.column_stack([series["left_m_s"], series["right_m_s"]]),
         heading_rad=series["heading_deg"] * DEG,
         estimate_rad=series["estimate_deg"] * DEG,
-        sigma_rad=unknown,
         pitch_rad=series["pitch_deg"] * DEG,
-        pitch_rate_rad_s=unknown,
         seat_pitch_rad=series["seat_pitch_deg"] * DEG,
         margin_rad=series["stability_margin_deg"] * DEG,
         friction_use=series["friction_use"],
-        passenger_W=np.full((n, 3), math.nan),
         place_S=np.column_stack([series["x_m"], series["y_m"]]),
         events=tuple(events),
         phases=tuple(
             PhaseSpan(start_s=start, end_s=end, name=name, cause=causes.get((name, start), ""))
             for (start, name), end in zip(course, ends, strict=False)
         ),
-        maps=(),
-        frames_t_s=np.empty(0),
-        chair=read_chair(DEFAULT_CHAIR),
         verdict=result.verdict,
         cause=result.cause,
         missing=(missing,),

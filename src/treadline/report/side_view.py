@@ -25,7 +25,7 @@ LEAST_M2 = 2e-4
 MIDDLE_M = 0.17
 """Lateral distance from the middle within which solids count as neither near nor far [m]."""
 
-Outline = Float[np.ndarray, "n 2"]
+Outline = Float[np.ndarray, "corners 2"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,7 +60,8 @@ class SideViews:
         for group in self._groups:
             shapes = "".join(_polygon(points, colour) for points, colour in group.shapes)
             groups += f'<g id="{self._prefix}-{group.depth}-{group.body}">{shapes}</g>'
-        return f'<svg width="0" height="0" style="position:absolute" aria-hidden="true"><defs>{groups}</defs></svg>'
+        hidden = 'width="0" height="0" style="position:absolute" aria-hidden="true"'
+        return f'<svg class="side-shapes" {hidden}><defs>{groups}</defs></svg>'
 
     def view(self, t_s: float, words: str) -> str:
         """Return the view at a time.

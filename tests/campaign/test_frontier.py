@@ -1,0 +1,73 @@
+"""The failure frontier lies where runs begin to fail, and a thumbnail shows the pose that its row holds."""
+
+import json
+
+import numpy as np
+import pytest
+
+from treadline.campaign.frontier import frontier_of, separation
+from treadline.campaign.run import VIEW, Row
+from treadline.campaign.tables import flat
+from treadline.campaign.thumbnails import thumbnail, view_of
+from treadline.mechanics.chair import read_chair
+from treadline.playback import Recording
+from treadline.scenario import Scenario
+
+
+def runs(count: int, *, seed: int) -> list[Row]:
+    """Return runs over slope, friction and an idle quantity; half of them fail at 34° and friction 0.5."""
+    rng = np.random.default_rng(seed)
+    found: list[Row] = []
+    for index in range(count):
+        slope, friction, payload = rng.uniform(25, 40), rng.uniform(0.3, 0.9), rng.uniform(0, 100)
+        chance = 1.0 / (1.0 + np.exp(-((slope - 34.0) / 0.8 - (friction - 0.5) / 0.05)))
+        verdict = "fell" if rng.random() < chance else "arrived"
+        found.append({"index": index, "verdict": verdict, "slope_deg": slope, "friction": friction, "payload_kg": payload})
+    return found
+
+
+def test_the_frontier_is_where_half_of_the_runs_fail() -> None:
+    """Test: 800 runs of a known failure law in two of three quantities. Expected: those two, and the line of one half."""
+    frontier = frontier_of(runs(800, seed=1), ["payload_kg", "slope_deg", "friction"])
+    assert frontier is not None
+    assert set(frontier.keys) == {"slope_deg", "friction"}
+    ends = np.array(frontier.contours[0.5])[:, :2]
+    slope, friction = (ends[:, frontier.keys.index(key)] for key in ("slope_deg", "friction"))
+    # On the line (slope - 34) / 0.8 = (friction - 0.5) / 0.05. 800 runs place it within a degree (three standard errors).
+    np.testing.assert_allclose(slope, 34.0 + 16.0 * (friction - 0.5), atol=1.0)
+
+
+def test_fewer_runs_than_coefficients_allow_draw_no_frontier() -> None:
+    rows = runs(60, seed=2)
+    whole = [row | {"verdict": "arrived"} for row in rows]
+    assert frontier_of(whole, ["slope_deg", "friction"]) is None
+    assert frontier_of(rows, ["slope_deg"]) is None
+
+
+@pytest.mark.parametrize(("values", "expected"), [([1.0, 2.0, 3.0, 4.0], 0.5), ([1.0, 3.0, 2.0, 4.0], 0.25), ([1.0] * 4, 0.0)])
+def test_separation_is_the_area_between_the_roc_curve_and_chance(values: list[float], expected: float) -> None:
+    assert separation(np.array(values), np.array([False, False, True, True])) == pytest.approx(expected)
+
+
+def test_a_thumbnail_is_drawn_from_the_row_alone() -> None:
+    """Test: a recording whose least margin is at its second sample. Expected: its pose survives the journal, and is drawn."""
+    scenario = Scenario()
+    place = np.array([[0.5, 0.0, 0.3], [1.0, 0.1, 0.5], [1.5, 0.0, 0.8]])
+    recording = Recording.of_curves(
+        np.array([0.0, 0.1, 0.2]),
+        read_chair("wheelchair"),
+        p_WB=place,
+        quat_WB=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)),
+        seat_rad=np.zeros(3),
+        flipper_rad=np.full(3, 0.2),
+        belt_travel_m=np.zeros((3, 2)),
+        margin_rad=np.array([0.3, 0.1, 0.2]),
+    )
+    row: Row = json.loads(json.dumps({"index": 7, "seed": 1, "verdict": "fell", VIEW: view_of(recording)}))
+    assert row[VIEW]["p_WB"] == [1.0, 0.1, 0.5]
+    assert VIEW not in flat(row)
+    drawn = thumbnail(row, scenario)
+    assert drawn is not None
+    assert "Run 0007, fell: side view at its least tip-over margin, 0.1 s" in drawn
+    assert "1.0000 0.5000" in drawn
+    assert thumbnail({"index": 7, "seed": 1, "verdict": "fell"}, scenario) is None

@@ -1,0 +1,61 @@
+"""Side views and film strips: what is drawn stands where the recording has it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from treadline.appearance.mesh import box, merged
+from treadline.playback import Recording
+from treadline.report.film_strip import film_strip
+from treadline.report.player import transient_s
+from treadline.report.recorded_series import of_series
+from treadline.report.results import RunResult
+from treadline.report.side_view import SideViews, _hull, _solids
+
+
+def test_the_outline_of_points_is_their_convex_hull() -> None:
+    inside = np.random.default_rng(3).uniform(-0.9, 0.9, (50, 2))
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    assert {tuple(point) for point in _hull(np.vstack([inside, square])).tolist()} == {tuple(p) for p in square.tolist()}
+
+
+def test_solids_of_a_mesh_are_its_connected_pieces() -> None:
+    pieces = [box((3.0 * k, 0.0, 0.0), (1.0, 1.0, 1.0)) for k in range(4)]
+    whole = merged(pieces)
+    found = list(_solids(whole.vertices, whole.faces))
+    assert [len(piece) for piece in found] == [8] * 4
+    assert sorted(float(piece[:, 0].mean()) for piece in found) == [0.0, 3.0, 6.0, 9.0]
+
+
+def test_the_chassis_is_placed_by_its_pose(recording: Recording) -> None:
+    """Test: a view at 2 s. Expected: the matrix of the chassis is its pitch and its place in the plane of x and z."""
+    view = SideViews(recording).view(2.0, "words & <more>")
+    matrix = [float(v) for v in re.search(r'#chair-middle-chair" transform="matrix\(([^)]*)\)', view)[1].split()]
+    c, s = np.cos(recording.pitch_rad[200]), np.sin(recording.pitch_rad[200])
+    x, _, z = recording.p_WB[200]
+    np.testing.assert_allclose(matrix, [c, s, -s, c, x, z], atol=1e-4)  # four decimals
+    assert 'aria-label="words &amp; &lt;more>"' in view
+
+
+def test_a_strip_has_a_frame_at_each_phase_and_at_the_end(recording: Recording) -> None:
+    images = [{"t": 3.1, "jpeg": "", "lines": []}]
+    frames = film_strip(recording, images)["frames"]
+    assert [(frame["t_s"], frame["name"]) for frame in frames] == [(0.0, "climb"), (3.0, "crest"), (5.99, "arrived")]
+    assert [frame["shot"] for frame in frames] == [None, images[0], None]
+    single = film_strip(replace(recording, phases=recording.phases[:1]), [])["frames"]
+    assert [frame["t_s"] for frame in single] == pytest.approx([0.0, 1.4975, 2.995, 4.4925, 5.99])
+
+
+def test_plots_of_a_turn_that_settles_early_begin_with_its_transient() -> None:
+    """Test: time constants of 1 s and of 30 s in 60 s. Expected: a window of a few seconds; the whole run."""
+    t_s = np.arange(0.0, 60.0, 0.1)
+    names = ("pitch_deg", "seat_pitch_deg", "stability_margin_deg", "left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
+    flat = dict.fromkeys(names, np.zeros(600)) | {"t_s": t_s}
+    result = RunResult.model_validate({"verdict": "time_up"})
+    for constant_s, low, high in ((1.0, 3.0, 4.0), (30.0, None, None)):
+        heading = 30.0 * np.exp(-t_s / constant_s)
+        shown = transient_s(of_series(flat | {"heading_deg": heading, "estimate_deg": heading}, result, "no log"))
+        # It is within 10 % of its range after 2.3 time constants; half as long again is shown.
+        assert (shown is None) if low is None else (low < shown < high)
