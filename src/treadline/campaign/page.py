@@ -129,7 +129,7 @@ def _frontier(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, Any] | Non
         "across": [(LEFT + inner[0] * across.share(tick), f"{tick:g}") for tick in across.ticks],
         "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
         "titles": [_with_unit(key, _unit(key)) for key in found.keys],
-        "keys": found.keys,
+        "names": found.keys,
     }
 
 

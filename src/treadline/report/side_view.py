@@ -25,7 +25,7 @@ LEAST_M2 = 2e-4
 MIDDLE_M = 0.17
 """Lateral distance from the middle within which solids count as neither near nor far [m]."""
 
-Outline = Float[np.ndarray, "corners 2"]
+Outline = Float[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
