@@ -188,14 +188,9 @@ SLOPE_RAD = 28.0 * DEG
 HOSTILE = "</script><script>alert(1)</script>"
 
 
-def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
-    """Return a chair that climbs the flight at 0.2 m/s with an oscillating heading, and perceives all nosings but the sixth."""
-    scenario = Scenario(stair=Stair(slope_deg=28.0, steps=10), chair=Chair())
-    chair = read_chair("wheelchair")
-    builder = RecordingBuilder(chair, scenario, source="climbing", limits=Limits(pitch_rate_rad_s=25.0 * DEG, belt_m_s=1.0))
-    nosings_W = as_designed(scenario.stair).nosings_W
-    builder(Event(t_s=0.0, name="climb", cause=cause), 0.0)
-    builder(Event(t_s=0.5 * seconds, name="crest", cause="end of the flight in view"), 0.5 * seconds)
+def truths_of_a_climb(seconds: float) -> list[Truth]:
+    """Return ground truth of a chair that climbs a flight of 28° at 0.2 m/s with an oscillating heading."""
+    found = []
     for k in range(round(100 * seconds)):
         t_s = 0.01 * k
         place = np.array([0.5 + 0.2 * t_s * math.cos(SLOPE_RAD), 0.0, 0.28 + 0.2 * t_s * math.sin(SLOPE_RAD)])
@@ -222,6 +217,21 @@ def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
             chassis_y_m=place[1],
             chassis_z_m=place[2],
         )
+        found.append(truth)
+    return found
+
+
+def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
+    """Return a chair that climbs the flight at 0.2 m/s with an oscillating heading, and perceives all nosings but the sixth."""
+    scenario = Scenario(stair=Stair(slope_deg=28.0, steps=10), chair=Chair())
+    chair = read_chair("wheelchair")
+    builder = RecordingBuilder(chair, scenario, source="climbing", limits=Limits(pitch_rate_rad_s=25.0 * DEG, belt_m_s=1.0))
+    nosings_W = as_designed(scenario.stair).nosings_W
+    builder(Event(t_s=0.0, name="climb", cause=cause), 0.0)
+    builder(Event(t_s=0.5 * seconds, name="crest", cause="end of the flight in view"), 0.5 * seconds)
+    for k, truth in enumerate(truths_of_a_climb(seconds)):
+        t_s, heading = truth.t_s, truth.heading_rad
+        place = np.array([truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m])
         builder(truth, t_s)
         builder(
             HeadingEstimate(t_s=t_s, heading_rad=heading + 0.2 * DEG, heading_rate_rad_s=0.0, sigma_rad=0.15 * DEG, source="vision")

@@ -9,9 +9,12 @@ from typing import Any
 import pytest
 
 from treadline.errors import SettingsError
+from treadline.io.mcap_log import RunLog
 from treadline.printing import p_text
 from treadline.report import write_report
 from treadline.report.page import ratio
+
+from .conftest import truths_of_a_climb
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -103,6 +106,23 @@ def test_every_reference_inside_a_figure_finds_its_definition(results: Tables, r
 
 def test_the_same_folder_gives_the_same_bytes(results: Tables, reproduce_folder: MakeFolder) -> None:
     assert page_of(reproduce_folder(results, "one")) == page_of(reproduce_folder(results, "two"))
+
+
+def test_a_run_with_a_log_is_shown_and_plays_on_its_page(results: Tables, reproduce_folder: MakeFolder, run_folder: Path) -> None:
+    """Test: one of the linked runs kept a log with poses. Expected: its side view as a link, and a page with its scene."""
+    folder = reproduce_folder(results)
+    run = folder / "runs" / "seat-28"
+    for name in ("manifest.json", "result.json"):
+        (run / name).write_bytes((run_folder / name).read_bytes())
+    with RunLog(run / "log.mcap") as log:
+        for sample in truths_of_a_climb(1.0):
+            log(sample)
+    page = page_of(folder)
+    assert '<a href="runs/seat-28/report.html"><svg class="side-shapes"' in page
+    assert "▶ seat-28</a>: held, 1 s" in page
+    assert '"scene":{"parts":' in (run / "report.html").read_text(encoding="utf-8")
+    ids = re.findall(r' id="([^"]+)"', page)
+    assert len(ids) == len(set(ids))
 
 
 def test_hostile_text_is_shown_and_does_nothing(results: Tables, reproduce_folder: MakeFolder) -> None:

@@ -152,7 +152,7 @@ def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: Browser
         assert browser.run("return player.t") == pytest.approx(t_s, abs=1e-6)
     browser.run("const s = document.getElementById('slider'); s.value = 1.57; s.dispatchEvent(new Event('input'))")
     # The reading under the cursor is the margin of the recording at that time: 8.0°.
-    assert browser.run(settled % "document.querySelector('.panel:last-child .key b').textContent").strip() == "8.00"
+    assert browser.run(settled % "document.querySelector('.panel:nth-child(5) .key b').textContent").strip() == "8.00"
 
 
 def test_the_belts_move_with_their_travel(browser: Browser, page: Path) -> None:

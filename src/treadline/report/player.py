@@ -32,8 +32,8 @@ IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
 MATCHED_M = 0.12
 """Largest distance between a perceived nosing and the true nosing that it stands for [m]: less than half the run of a stair."""
-SETTLED_SHARE, SETTLED_RAD = 0.1, 0.5 * DEG
-"""Largest deviation from the final heading of a settled run: the larger of a share of its range and an angle."""
+SETTLED_RAD = 2.0 * DEG
+"""Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
 TRANSIENT_SHARE = 0.5
 """Largest share of a run that counts as a transient."""
 
@@ -118,7 +118,7 @@ def transient_s(recording: Recording) -> float | None:
     heading = recording.heading_rad
     if len(recording.phases) > 1 or len(heading) < 2 or not np.isfinite(heading).all():
         return None
-    off = np.abs(heading - np.median(heading[len(heading) // 2 :])) > max(SETTLED_SHARE * float(np.ptp(heading)), SETTLED_RAD)
+    off = np.abs(heading - np.median(heading[len(heading) // 2 :])) > SETTLED_RAD
     settled_s = float(recording.t_s[np.flatnonzero(off)[-1]]) if off.any() else 0.0
     shown_s = 1.5 * settled_s
     return round(shown_s, 2) if 0.0 < shown_s < TRANSIENT_SHARE * recording.duration_s else None
