@@ -9,12 +9,12 @@ import pytest
 from treadline.angles import quaternion_of, rotation_of, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.mission.config import MissionConfig
+from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.nodes import channels as on
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.codec import encoded
 from treadline.nodes.inproc import InProcess
-from treadline.nodes.node_signals import Mounts, Odometry
-from treadline.nodes.odometry import DeadReckoning
+from treadline.nodes.node_signals import Mounts
 from treadline.signals import ImuSample, TrackReading
 
 

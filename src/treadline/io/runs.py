@@ -44,8 +44,11 @@ SERIES_EVERY = 10
 
 def begin_run(
     folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None, **more: Mapping[str, Any]
-) -> None:
+) -> dict[str, Any]:
     """Create a run folder and write the manifest first, so that an interrupted run can be identified and repeated.
+
+    Returns:
+        The manifest.
 
     Args:
         controller: Controller used by the run; stored as a copy, because its own file can change during the run.
@@ -53,9 +56,20 @@ def begin_run(
     """
     clear_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_manifest(folder, settings, seed, **more)
+    manifest = write_manifest(folder, settings, seed, **more)
     if controller is not None:
         controller.save(folder / RUN_CONTROLLER)
+    return manifest
+
+
+def log_metadata(manifest: Mapping[str, Any]) -> dict[str, str]:
+    """Return the properties of a run for its log's metadata record: seed, commit, version and settings."""
+    return {
+        "seed": str(manifest["seed"]),
+        "commit": manifest["git_commit"] or "",
+        "version": manifest["versions"].get("treadline", ""),
+        "scenario": json.dumps(plain(manifest["settings"]), allow_nan=False),
+    }
 
 
 def clear_run(folder: Path) -> None:
@@ -73,9 +87,11 @@ def remove(folder: Path, names: Sequence[str]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> None:
-    """Write settings, seed and provenance of a run, and additional entries by key."""
-    _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **more, **provenance()})
+def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> dict[str, Any]:
+    """Write settings, seed and provenance of a run, and additional entries by key; return them."""
+    manifest = {"settings": settings, "seed": seed, **more, **provenance()}
+    _write_json(folder / MANIFEST, manifest)
+    return manifest
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:

@@ -10,10 +10,10 @@ from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlo
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.loop import Estimator
+from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner
 from treadline.nodes import channels as on
 from treadline.nodes.node_signals import Beat, GuardState, Mounts, VelocityCommand
-from treadline.nodes.odometry import DeadReckoning
 from treadline.nodes.warm_up import stair_frames
 from treadline.perception.quality import quality_of
 from treadline.ports import Transport

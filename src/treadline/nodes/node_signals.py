@@ -1,9 +1,6 @@
-"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, odometry, sensor mounts."""
+"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, sensor mounts."""
 
 from dataclasses import dataclass
-
-import numpy as np
-from jaxtyping import Float
 
 from treadline.signals import PinholeCamera
 
@@ -39,18 +36,6 @@ class VelocityCommand:
 
     speed_m_s: float
     turn_rad_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Odometry:
-    """Pose of the chair by its belts and IMU, in a level frame O with its origin at the start; belts slip, so it drifts."""
-
-    t_s: float
-    p_OB: Float[np.ndarray, " 3"]
-    orientation: Float[np.ndarray, " 4"]
-    """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
-    speed_m_s: float
-    angular_velocity_rad_s: Float[np.ndarray, " 3"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
