@@ -188,10 +188,7 @@ class SceneLog:
         """Return the detected nosings as lines in B, turned by the heading measured in the same frame."""
         measured = self._measured
         heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
-        across = np.array([math.sin(heading), math.cos(heading), 0.0])
-        left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
-        right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-        ends = np.stack([stair.nosings_B + left * across, stair.nosings_B - right * across], axis=1).reshape(-1, 3)
+        ends = nosing_ends(stair, heading).reshape(-1, 3)
         return Marker(
             frame="chair", name="seen", number=0, kind=LINE_LIST, points_m=ends, rgba=(*SEEN_NOSING, 1.0), width_m=SEEN_WIDTH_M
         )
@@ -213,6 +210,18 @@ class WatchedDetector:
         seen = self._detector.see(frame, gravity_C)
         self._scene.saw(frame, seen)
         return seen
+
+
+def nosing_ends(stair: StairMap, heading_rad: float) -> Float[np.ndarray, "n 2 3"]:
+    """Return left and right end of each detected nosing in B [m], parallel to the horizontal plane of B.
+
+    Args:
+        heading_rad: Heading measured in the same frame: nosings are turned by its negative.
+    """
+    across = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
+    left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
+    right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
+    return np.stack([stair.nosings_B + left * across, stair.nosings_B - right * across], axis=1)
 
 
 def _is_due(t_s: float, ticks: int) -> bool:

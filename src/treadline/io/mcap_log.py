@@ -23,6 +23,14 @@ from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
 
 CHUNK_BYTES = 4 * 1024 * 1024
+KEPT = ("/tf_static", "/robot_description", "/chair", "/stair/true")
+"""Topics with one message at the start of a run, which ``ros2 bag play`` keeps for subscribers that come later."""
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+KEPT_QOS = (
+    f"- {{history: 1, depth: 1, reliability: 1, durability: 1, deadline: {_FOREVER}, lifespan: {_FOREVER}, liveliness: 1, "
+    f"liveliness_lease_duration: {_FOREVER}, avoid_ros_namespace_conventions: false}}"
+)
+"""Quality of service of ``KEPT`` as rosbag2 stores it: keep last, reliable, transient local."""
 
 
 class RunLog:
@@ -124,5 +132,6 @@ class RunLog:
         if topic not in self._channels:
             if kind not in self._schemas:
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
         return self._channels[topic]
