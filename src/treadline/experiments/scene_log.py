@@ -188,7 +188,9 @@ class SceneLog:
         """Return the detected nosings as lines in B, turned by the heading measured in the same frame."""
         measured = self._measured
         heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
-        ends = nosing_ends(stair, heading).reshape(-1, 3)
+        left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
+        right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
+        ends = nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
         return Marker(
             frame="chair", name="seen", number=0, kind=LINE_LIST, points_m=ends, rgba=(*SEEN_NOSING, 1.0), width_m=SEEN_WIDTH_M
         )
@@ -212,16 +214,18 @@ class WatchedDetector:
         return seen
 
 
-def nosing_ends(stair: StairMap, heading_rad: float) -> Float[np.ndarray, "n 2 3"]:
-    """Return left and right end of each detected nosing in B [m], parallel to the horizontal plane of B.
+def nosing_ends(
+    nosings_B: Float[np.ndarray, "n 3"], heading_rad: float, reach_m: tuple[float, float] = (SEEN_HALF_M, SEEN_HALF_M)
+) -> Float[np.ndarray, "n 2 3"]:
+    """Return left and right end of each detected nosing in B [m], parallel to the x-y plane of B.
 
     Args:
-        heading_rad: Heading measured in the same frame: nosings are turned by its negative.
+        nosings_B: Intersections of the nosings with the chair's middle plane [m].
+        heading_rad: Heading of the chair: nosings are turned by its negative in B.
+        reach_m: Length of the nosings to the left and to the right of the middle plane.
     """
     across = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
-    left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
-    right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-    return np.stack([stair.nosings_B + left * across, stair.nosings_B - right * across], axis=1)
+    return np.stack([nosings_B + reach_m[0] * across, nosings_B - reach_m[1] * across], axis=1)
 
 
 def _is_due(t_s: float, ticks: int) -> bool:
