@@ -1,6 +1,7 @@
-"""Run folders of simulated runs: manifest, result, time series and, optionally, a log."""
+"""Run folders of simulated runs: manifest, result, time series and log."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -36,14 +37,13 @@ def recorded_run(
     folder: Path,
     setup: Setup,
     *,
-    log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
 ) -> Traverse:
     """Run a resolved setup and write its run folder.
 
     Args:
-        folder: Run folder: manifest.json, result.json, series.csv, and log.mcap if ``log``.
+        folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
         image_every: Keep every n-th frame in the log; 0 keeps none.
         watch: Receives each tick as it ends.
 
@@ -55,14 +55,10 @@ def recorded_run(
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
     manifest = begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
-
-    def drive(scene: SceneLog | None) -> Traverse:
-        watched = blocks
-        if blocks is not None and scene is not None and image_every:
-            watched = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
-        return run_episode(setup, blocks=watched, sink=scene, watch=_watching(scene, watch))
-
-    run: Traverse = _logged(folder, setup.scenario, setup.chair, manifest, drive, log=log, image_every=image_every)
+    with _scene_log(folder, setup.scenario, setup.chair, manifest, image_every) as scene:
+        if blocks is not None and image_every:
+            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
+        run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
     _write(folder, run)
     return run
 
@@ -74,7 +70,6 @@ def recorded_excitation(
     samples: int,
     period_s: float,
     seed: int,
-    log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
     open_plant: Opener | PlantName = "mujoco",
@@ -91,9 +86,8 @@ def recorded_excitation(
     chair = read_chair(scenario.chair.model)
     whole = long_enough(scenario, (samples + 1) * period_s)
     manifest = begin_run(folder, whole.model_dump(mode="json"), seed, excitation=asdict(excitation_of(scenario)))
-
-    def drive(scene: SceneLog | None) -> Excited:
-        return excite(
+    with _scene_log(folder, whole, chair, manifest, image_every) as scene:
+        excited = excite(
             scenario,
             samples=samples,
             period_s=period_s,
@@ -102,39 +96,26 @@ def recorded_excitation(
             watch=_watching(scene, watch),
             open_plant=open_plant,
         )
-
-    excited: Excited = _logged(folder, whole, chair, manifest, drive, log=log, image_every=image_every)
     write_record(folder / RECORD, excited.record, excited.first_t_s)
     _write(folder, excited.run)
     return excited
 
 
-def _logged(
-    folder: Path,
-    scenario: Scenario,
-    chair: ChairDescription,
-    manifest: Mapping[str, Any],
-    drive: Callable[[SceneLog | None], Any],
-    *,
-    log: bool,
-    image_every: int,
-) -> Any:
-    """Return what ``drive`` returns with the log of the run folder, or with None."""
-    if not log:
-        return drive(None)
+@contextmanager
+def _scene_log(
+    folder: Path, scenario: Scenario, chair: ChairDescription, manifest: Mapping[str, Any], image_every: int
+) -> Iterator[SceneLog]:
+    """Yield the log of a run folder."""
     # The stair of a run with this seed: the plant draws it from the first of its streams.
     rng = np.random.default_rng(manifest["seed"]).spawn(1)[0]
     staircase = build_staircase(scenario.stair, rng, scenario.step)
-    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest)) as written:
-        backwards = scenario.drive.direction == "down"
-        scene = SceneLog(written, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
-        return drive(scene)
+    backwards = scenario.drive.direction == "down"
+    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest)) as log:
+        yield SceneLog(log, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
 
 
-def _watching(scene: SceneLog | None, watch: Watch | None) -> Watch | None:
+def _watching(scene: SceneLog, watch: Watch | None) -> Watch:
     """Return what receives each tick: the log, for the plan, and ``watch``."""
-    if scene is None:
-        return watch
 
     def both(tick: Tick) -> None:
         scene.plan(tick.plan)

@@ -45,6 +45,7 @@ from treadline.ports import Truth
 from treadline.scenario import Belts, Chair
 from treadline.signals import (
     CAMERA_AXES_IN_CHAIR,
+    PERIOD_ROUNDING_S,
     TICK_S,
     FlipperReading,
     HeadingMeasurement,
@@ -78,7 +79,7 @@ class SceneLog:
         chair: Chair without a shift of the seat.
         loading: Payload, with the seat's shift.
         belts: Lug profile; None: smooth belts.
-        staircase: Staircase of the run; None for a recording of an unknown stair, which has no ground truth.
+        staircase: Staircase of a simulated run; None for a recording of an unknown stair.
         backwards: Whether the rear camera is in use.
     """
 
@@ -96,6 +97,7 @@ class SceneLog:
         self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
         self._vehicle = vehicle(chair, loading)
         self._has_truth = staircase is not None
+        self._placed_s = -math.inf
         self._reckoning = DeadReckoning()
         self._odometry: Odometry | None = None
         self._seat_rad = 0.0
@@ -113,7 +115,9 @@ class SceneLog:
             case TrackReading():
                 odometry = self._reckoning.step(signal)
                 self._odometry = self._odometry if odometry is None else odometry
-                if not self._has_truth and _is_due(signal.t_s, SCENE_TICKS):
+                # A recording's readings are not on the ticks.
+                if not self._has_truth and signal.t_s - self._placed_s >= SCENE_TICKS * TICK_S - PERIOD_ROUNDING_S:
+                    self._placed_s = signal.t_s
                     self._place(signal.t_s, taken_s, None)
             case SeatReading() if self._linkage is not None:
                 low, high = self._linkage.stroke_range
@@ -124,8 +128,10 @@ class SceneLog:
                 self._measured = signal
             case StairMap():
                 self._log.add([markers_message("/stair/seen", signal.t_s, [self._seen(signal)])], signal.t_s, taken_s)
-            case Truth() if _is_due(signal.t_s, SCENE_TICKS):
-                self._place(signal.t_s, taken_s, signal)
+            case Truth():
+                self._has_truth = True
+                if _is_due(signal.t_s, SCENE_TICKS):
+                    self._place(signal.t_s, taken_s, signal)
             case _:
                 pass
 

@@ -62,13 +62,13 @@ def begin_run(
     return manifest
 
 
-def log_metadata(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Return the properties of a run for its log's metadata record: seed, commit, version and settings."""
+def log_metadata(manifest: Mapping[str, Any], settings_name: str = "scenario") -> dict[str, str]:
+    """Return the properties of a run for its log's metadata record: seed, commit, version, and the settings under a name."""
     return {
         "seed": str(manifest["seed"]),
         "commit": manifest["git_commit"] or "",
         "version": manifest["versions"].get("treadline", ""),
-        "scenario": json.dumps(plain(manifest["settings"]), allow_nan=False),
+        settings_name: json.dumps(plain(manifest["settings"]), allow_nan=False),
     }
 
 
