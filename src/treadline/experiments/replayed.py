@@ -20,7 +20,7 @@ from treadline.errors import LogFormatError, SettingsError
 from treadline.experiments.replay_scores import ReplayScores
 from treadline.experiments.replay_settings import ReplaySettings, resolved
 from treadline.experiments.replay_source import Source, source_of
-from treadline.experiments.scene_log import SceneLog
+from treadline.experiments.scene_log import SceneLog, WatchedDetector
 from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
@@ -119,7 +119,7 @@ def replayed_run(
     scores = ReplayScores()
     watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
     try:
-        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, "settings")) as run_log:
+        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario)) as run_log:
             sink = SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg))
             started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, watched, scores, sink, watch)
@@ -165,7 +165,7 @@ def _play(
         if isinstance(signal, Event):
             sink(signal, now_s)
 
-    blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
+    blocks = settings.blocks(WatchedDetector(detector, sink), shows_stair=recording.shows_stair)
     plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:

@@ -97,7 +97,7 @@ class SceneLog:
         self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
         self._vehicle = vehicle(chair, loading)
         self._has_truth = staircase is not None
-        self._placed_s = -math.inf
+        self._placed_s: float | None = None
         self._reckoning = DeadReckoning()
         self._odometry: Odometry | None = None
         self._seat_rad = 0.0
@@ -115,10 +115,8 @@ class SceneLog:
             case TrackReading():
                 odometry = self._reckoning.step(signal)
                 self._odometry = self._odometry if odometry is None else odometry
-                # A recording's readings are not on the ticks.
-                if not self._has_truth and signal.t_s - self._placed_s >= SCENE_TICKS * TICK_S - PERIOD_ROUNDING_S:
-                    self._placed_s = signal.t_s
-                    self._place(signal.t_s, taken_s, None)
+                if not self._has_truth:
+                    self._place_by_odometry(signal.t_s, taken_s)
             case SeatReading() if self._linkage is not None:
                 low, high = self._linkage.stroke_range
                 self._seat_rad = self._linkage.angle(min(max(signal.stroke_m, low), high))
@@ -189,6 +187,17 @@ class SceneLog:
         if odometry is not None:
             messages.append(odometry_message("/odom", t_s, moved, odometry.speed_m_s, odometry.angular_velocity_rad_s))
         self._log.add(messages, t_s, taken_s)
+
+    def _place_by_odometry(self, t_s: float, taken_s: float | None) -> None:
+        """Place the chair without ground truth at 20 Hz: a recording's readings are not on the ticks.
+
+        The first reading is too early: the first ground truth follows it.
+        """
+        if self._placed_s is None:
+            self._placed_s = t_s
+        elif t_s - self._placed_s >= SCENE_TICKS * TICK_S - PERIOD_ROUNDING_S:
+            self._placed_s = t_s
+            self._place(t_s, taken_s, None)
 
     def _seen(self, stair: StairMap) -> Marker:
         """Return the detected nosings as lines in B, turned by the heading measured in the same frame."""

@@ -62,14 +62,11 @@ def begin_run(
     return manifest
 
 
-def log_metadata(manifest: Mapping[str, Any], settings_name: str = "scenario") -> dict[str, str]:
-    """Return the properties of a run for its log's metadata record: seed, commit, version, and the settings under a name."""
-    return {
-        "seed": str(manifest["seed"]),
-        "commit": manifest["git_commit"] or "",
-        "version": manifest["versions"].get("treadline", ""),
-        settings_name: json.dumps(plain(manifest["settings"]), allow_nan=False),
-    }
+def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the properties of a run for its log's metadata record: seed, commit, version and, if known, the scenario as JSON."""
+    known = {} if scenario is None else {"scenario": json.dumps(plain(scenario), allow_nan=False)}
+    commit, version = manifest["git_commit"] or "", manifest["versions"].get("treadline", "")
+    return {"seed": str(manifest["seed"]), "commit": commit, "version": version, **known}
 
 
 def clear_run(folder: Path) -> None:
