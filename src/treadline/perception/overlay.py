@@ -27,7 +27,7 @@ DIAL_PX, DIAL_SPAN = 96, 60.0 * DEG
 LABEL_PX, LETTER_PX, DIAL_HALF_PX = 12, 7.5, 130
 """Distance from the dial's arc to its labels, width of a letter, and half width of dial and labels [px]."""
 JPEG_QUALITY = 80
-"""Quality of compressed overlays, 0 to 100: text stays legible, an image of 960 by 786 pixels takes about 100 kB."""
+"""Quality of compressed overlays, 0 to 100: text stays legible, an image of 960 by 786 pixels takes about 70 kB."""
 LEAST_WEDGE = 0.6 * DEG
 """Least drawn width of the interval [rad]."""
 
