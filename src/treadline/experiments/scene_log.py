@@ -118,8 +118,7 @@ class SceneLog:
                 if not self._has_truth:
                     self._place_by_odometry(signal.t_s, taken_s)
             case SeatReading() if self._linkage is not None:
-                low, high = self._linkage.stroke_range
-                self._seat_rad = self._linkage.angle(min(max(signal.stroke_m, low), high))
+                self._seat_rad = self._linkage.nearest_angle(signal.stroke_m)
             case FlipperReading():
                 self._flipper_rad = signal.angle_rad
             case HeadingMeasurement():

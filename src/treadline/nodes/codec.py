@@ -26,13 +26,13 @@ from treadline.io.decode import (
     status,
 )
 from treadline.io.log_frames import PAIR_S, Frames
-from treadline.io.messages import Message, Writer, messages_of
+from treadline.io.messages import Message, Writer, joints, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.scene_messages import BASE, FramePose, frames_message, odometry_message
 from treadline.io.topics import Topics
 from treadline.mission.odometry import Odometry
 from treadline.nodes import channels as on
-from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, VelocityCommand
+from treadline.nodes.node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
@@ -67,6 +67,8 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
             return [status_message(channel, signal.t_s, status_fields, {}, "guard", writer)]
         case Odometry():
             return _odometry_messages(channel, signal, writer)
+        case JointAngles():
+            return [joints(channel, signal.t_s, signal.names, signal.angles_rad, (), "chair", writer)]
         case Mounts():
             return [frames_message(channel, signal.t_s, _sensors(signal.camera), writer)]
         case HeadingHealth():

@@ -1,4 +1,4 @@
-"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, sensor mounts."""
+"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, joint angles, sensor mounts."""
 
 from dataclasses import dataclass
 
@@ -36,6 +36,16 @@ class VelocityCommand:
 
     speed_m_s: float
     turn_rad_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointAngles:
+    """Angles of the moving joints of the chair's URDF."""
+
+    t_s: float
+    names: tuple[str, ...]
+    """Names of the joints in the URDF."""
+    angles_rad: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
