@@ -8,9 +8,10 @@ import pytest
 
 from treadline.errors import LogFormatError
 from treadline.estimation import HeadingHealth
+from treadline.mission.odometry import Odometry
 from treadline.nodes import channels as on
 from treadline.nodes.codec import Decoder, encoded
-from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
+from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, VelocityCommand
 from treadline.signals import (
     Event,
     FlipperCommand,

@@ -8,14 +8,15 @@ import pytest
 
 from treadline.angles import quaternion_of, rotation_of, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
+from treadline.mechanics.linkage import SeatLinkage
 from treadline.mission.config import MissionConfig
+from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.nodes import channels as on
 from treadline.nodes.assembly import mount_of, node_of
 from treadline.nodes.codec import encoded
 from treadline.nodes.inproc import InProcess
-from treadline.nodes.node_signals import Mounts, Odometry
-from treadline.nodes.odometry import DeadReckoning
-from treadline.signals import ImuSample, TrackReading
+from treadline.nodes.node_signals import Mounts
+from treadline.signals import FlipperReading, ImuSample, SeatReading, TrackReading
 
 
 def attitude(t_s: float, *, yaw_rad: float = 0.0, pitch_up_rad: float = 0.0) -> ImuSample:
@@ -89,3 +90,24 @@ def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
     assert (move.x, move.y, move.z) == camera.mount_m
     np.testing.assert_allclose(rotation_of(np.array([turn.w, turn.x, turn.y, turn.z])), camera.R_BC, atol=1e-12)
     assert frames["base_link"].transform.rotation.z == pytest.approx(math.sin(0.15))
+
+
+def test_joint_angles_are_those_of_the_urdf_at_twenty_hertz() -> None:
+    """Test: a seat at a stroke beyond its end, a flipper at 20°. Expected result: the end's angle, and 20°, with the odometry."""
+    chair = read_chair("wheelchair")
+    node, air, said = node_of("heading", MissionConfig(chair=chair, loop="open")), InProcess(), []
+    air.subscribe(on.JOINT_STATES, said.append)
+    node.listen(air)
+    for k in range(21):
+        air.publish(on.IMU, attitude(k / 100))
+        air.publish(on.SEAT, SeatReading(t_s=k / 100, pitch_rad=0.0, stroke_m=chair.levelled_seat.stroke_m[1] + 0.001))
+        air.publish(on.FLIPPER, FlipperReading(t_s=k / 100, angle_rad=math.radians(20.0), torque_n_m=0.0))
+        air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
+        node.tick(k / 100)
+    assert [state.t_s for state in said] == pytest.approx([0.0, 0.05, 0.10, 0.15, 0.20])
+    assert dict(zip(said[-1].names, said[-1].angles_rad, strict=True)) == {
+        "seat_joint": SeatLinkage(chair.levelled_seat).angle_range[1],
+        "flipper_joint": math.radians(20.0),
+    }
+    ((topic, kind, _),) = encoded(on.JOINT_STATES, said[-1], ros1=False)
+    assert (topic, kind) == ("/joint_states", "sensor_msgs/msg/JointState")

@@ -1,4 +1,4 @@
-"""``treadline export``: the controller as C99, as ROS parameters or as JSON."""
+"""``treadline export``: a controller as C99, as ROS parameters or as JSON; a run for Rerun; layouts for the viewers of logs."""
 
 from pathlib import Path
 from typing import get_args
@@ -6,10 +6,15 @@ from typing import get_args
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
 from treadline.cli.out import Force, claim
+from treadline.errors import SettingsError
+
+LAYOUTS = Path(__file__).parents[1] / "data" / "layouts"
+"""Folder of the shipped layouts."""
+TARGETS = ("c", "ros", "json", "rrd", "layouts")
 
 
 def export(
-    controller: Path,
+    source: Path | None = None,
     /,
     *,
     to: str,
@@ -20,23 +25,33 @@ def export(
     speed: float = 0.2,
     force: Force = False,
 ) -> Answer:
-    """Write a controller as C99, as parameters of a ROS node, or as JSON with a log to test a copy with.
+    """Write a controller as C99, as parameters of a ROS node or as JSON; a run for Rerun; or layouts for viewers of logs.
+
+    JSON holds a log to test a copy with. rrd is a scene with plots and events: rerun RUN.rrd opens it. The layouts show a run's log
+    in Foxglove, PlotJuggler and RViz 2.
 
     The C code allocates no memory, has no globals and needs no library. A self-test program that replays a log is included:
     cc -std=c99 heading_controller.c heading_selftest.c -o heading_selftest && ./heading_selftest
 
     Args:
-        controller: Controller file that treadline tune wrote.
-        to: Format: c, ros or json.
-        out: Folder for the files.
+        source: Controller file that treadline tune wrote; for rrd, a run folder or its log.mcap; for layouts, nothing.
+        to: Format: c, ros, json, rrd or layouts.
+        out: Folder for the files; for rrd, the file.
         chair: Chair whose belt speed limit applies. Default: the chair that the controller was tuned for.
         allocation: Allocation of a turn to the belts: climb-safe, or paper.
         reconstruct: State reconstruction: observer, or static for Eq. (11b). Default: as in the controller file.
         speed: Climb speed in m/s: an input of every step in C, a setting in the other formats.
     """
+    choice("--to", to, TARGETS)
+    if to == "layouts":
+        return _layouts(source, out, force=force)
+    if source is None:
+        needed = "a run folder or its log.mcap" if to == "rrd" else "a controller file"
+        raise SettingsError(f"export --to {to} needs {needed}: treadline export SOURCE --to {to} --out {out}")
+    if to == "rrd":
+        return _rrd(source, out, force=force)
     from treadline.control import ControllerConfig
     from treadline.control.export import Target, exported
-    from treadline.errors import SettingsError
     from treadline.mechanics.chair import read_chair
     from treadline.models import ControllerDesign, Reconstruct, write_whole
 
@@ -46,7 +61,7 @@ def export(
     claim(out, force=force)
     if not 0.0 < speed <= 0.3:
         raise SettingsError(f"--speed is {speed}; it must be above 0 and at most 0.3 m/s")
-    design = ControllerDesign.load(controller)
+    design = ControllerDesign.load(source)
     limit_m_s = read_chair(design.vehicle if chair is None else chair).drives.max_speed_m_s
     config = ControllerConfig(
         climb_speed_m_s=speed,
@@ -61,4 +76,35 @@ def export(
     return Answer(
         values={"path": str(out), "files": sorted(files), "vehicle": design.vehicle, "period_s": design.period_s},
         summary=[f"{', '.join(sorted(files))} written to {out}; call it every {design.period_s:g} s"],
+    )
+
+
+def _rrd(source: Path, out: Path, *, force: bool) -> Answer:
+    """Write a run as a Rerun recording."""
+    from treadline.experiments.rerun_export import write_rrd
+    from treadline.models import written_whole
+
+    claim(out, force=force, kind="file")
+    with written_whole(out) as part:
+        poses = write_rrd(source, part)
+    return Answer(
+        values={"path": str(out), "poses": poses, "bytes": out.stat().st_size},
+        summary=[f"{out}: {poses} poses, {out.stat().st_size / 1e6:.1f} MB; rerun {out} opens it"],
+    )
+
+
+def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
+    """Write the layouts for the viewers of logs."""
+    from treadline.models import write_whole
+
+    if source is not None:
+        raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
+    claim(out, force=force)
+    files = {path.name: path.read_text(encoding="utf-8") for path in sorted(LAYOUTS.iterdir())}
+    out.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        write_whole(out / name, text)
+    return Answer(
+        values={"path": str(out), "files": sorted(files)},
+        summary=[f"{', '.join(sorted(files))} written to {out}; open a run's log.mcap with them"],
     )

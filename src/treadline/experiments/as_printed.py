@@ -83,5 +83,4 @@ def job(plan: ReproducePlan, runs: Path) -> RunJob:
         controller=paper_controller(TABLE_SPEED_M_S),
         folder=runs / "literal-28",
         labels={"kind": "literal", "slope_deg": FIG10_SLOPE, "start_heading_deg": 30},
-        log=True,
     )

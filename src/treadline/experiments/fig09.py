@@ -51,7 +51,6 @@ def _jobs(plan: ReproducePlan, loop: str, controller: ControllerDesign | None, r
             controller=controller,
             folder=runs / f"straight-{slope}-{loop}",
             labels={"kind": "straight", "slope_deg": slope, "loop": loop},
-            log=slope == FIG10_SLOPE,
             image_every=50 if loop == "closed" and slope == FIG10_SLOPE else 0,
         )
         for slope in plan.slopes_deg

@@ -21,8 +21,6 @@ class RunJob:
     """Controller design; None for the one shipped for the vehicle."""
     folder: Path
     labels: dict[str, Any]
-    log: bool
-    """Whether an MCAP log is kept; one run per figure keeps one, the others keep their time series only."""
     image_every: int = 0
     """Keep every n-th frame in the log; 0 keeps none."""
     open_plant: Opener | PlantName = "mujoco"
@@ -31,5 +29,5 @@ class RunJob:
     def run(self) -> dict[str, Any]:
         """Run the scenario and return the labels with the run's summary."""
         setup = resolve(self.scenario, self.controller, self.seed, open_plant=self.open_plant)
-        run = recorded_run(self.folder, setup, log=self.log, image_every=self.image_every)
+        run = recorded_run(self.folder, setup, image_every=self.image_every)
         return {**self.labels, **run.summary(), "cpu_s": run.cpu_s, "run": self.folder.name}

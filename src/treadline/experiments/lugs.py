@@ -94,7 +94,6 @@ def _job(
             "lug": belts.lug,
             "rubber_s": belts.stiffness_s,
         },
-        log=False,  # logs would double the cost of these runs
     )
 
 

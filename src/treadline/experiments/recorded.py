@@ -1,8 +1,8 @@
-"""Run folders of simulated runs: manifest, result, time series and, optionally, a log."""
+"""Run folders of simulated runs: manifest, result, time series and log."""
 
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,15 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.experiments.excite import Excited, excitation_of, excite, long_enough
+from treadline.experiments.scene_log import SceneLog, WatchedDetector
 from treadline.experiments.scores import Trace
-from treadline.experiments.traverse import Sink, Traverse, Watch, run_episode
+from treadline.experiments.traverse import Traverse, Watch, run_episode
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import RECORD, write_record
-from treadline.io.runs import LOG, begin_run, write_result, write_series
-from treadline.mechanics.chair import read_chair
+from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.mechanics.chair import ChairDescription, read_chair
+from treadline.mechanics.staircase import build_staircase
+from treadline.mission.loop import Tick
 from treadline.scenario import Scenario
 from treadline.setup import Opener, PlantName, Setup
 
@@ -34,14 +37,13 @@ def recorded_run(
     folder: Path,
     setup: Setup,
     *,
-    log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
 ) -> Traverse:
     """Run a resolved setup and write its run folder.
 
     Args:
-        folder: Run folder: manifest.json, result.json, series.csv, and log.mcap if ``log``.
+        folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
         image_every: Keep every n-th frame in the log; 0 keeps none.
         watch: Receives each tick as it ends.
 
@@ -52,13 +54,11 @@ def recorded_run(
     more: dict[str, dict[str, Any]] = {**setup.manifest()}
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
-    begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
-    run: Traverse = _logged(
-        folder,
-        lambda sink: run_episode(setup, blocks=blocks, sink=sink, watch=watch),
-        log=log,
-        image_every=image_every,
-    )
+    manifest = begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
+    with _scene_log(folder, setup.scenario, setup.chair, manifest, image_every) as scene:
+        if blocks is not None and image_every:
+            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
+        run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
     _write(folder, run)
     return run
 
@@ -70,7 +70,6 @@ def recorded_excitation(
     samples: int,
     period_s: float,
     seed: int,
-    log: bool = True,
     image_every: int = 0,
     watch: Watch | None = None,
     open_plant: Opener | PlantName = "mujoco",
@@ -84,24 +83,46 @@ def recorded_excitation(
     Raises:
         TreadlineError: Before anything is written, if the chair cannot be read.
     """
-    read_chair(scenario.chair.model)
-    settings = long_enough(scenario, (samples + 1) * period_s).model_dump(mode="json")
-    begin_run(folder, settings, seed, excitation=asdict(excitation_of(scenario)))
-    excited: Excited = _logged(
-        folder,
-        lambda sink: excite(scenario, samples=samples, period_s=period_s, seed=seed, sink=sink, watch=watch, open_plant=open_plant),
-        log=log,
-        image_every=image_every,
-    )
+    chair = read_chair(scenario.chair.model)
+    whole = long_enough(scenario, (samples + 1) * period_s)
+    manifest = begin_run(folder, whole.model_dump(mode="json"), seed, excitation=asdict(excitation_of(scenario)))
+    with _scene_log(folder, whole, chair, manifest, image_every) as scene:
+        excited = excite(
+            scenario,
+            samples=samples,
+            period_s=period_s,
+            seed=seed,
+            sink=scene,
+            watch=_watching(scene, watch),
+            open_plant=open_plant,
+        )
     write_record(folder / RECORD, excited.record, excited.first_t_s)
     _write(folder, excited.run)
     return excited
 
 
-def _logged(folder: Path, drive: Callable[[Sink | None], Any], *, log: bool, image_every: int) -> Any:
-    with ExitStack() as stack:
-        sink = stack.enter_context(RunLog(folder / LOG, image_every=image_every)) if log else None
-        return drive(sink)
+@contextmanager
+def _scene_log(
+    folder: Path, scenario: Scenario, chair: ChairDescription, manifest: Mapping[str, Any], image_every: int
+) -> Iterator[SceneLog]:
+    """Yield the log of a run folder."""
+    # The stair of a run with this seed: the plant draws it from the first of its streams.
+    rng = np.random.default_rng(manifest["seed"]).spawn(1)[0]
+    staircase = build_staircase(scenario.stair, rng, scenario.step)
+    backwards = scenario.drive.direction == "down"
+    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"])) as log:
+        yield SceneLog(log, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
+
+
+def _watching(scene: SceneLog, watch: Watch | None) -> Watch:
+    """Return what receives each tick: the log, for the plan, and ``watch``."""
+
+    def both(tick: Tick) -> None:
+        scene.plan(tick.plan)
+        if watch is not None:
+            watch(tick)
+
+    return both
 
 
 def _write(folder: Path, run: Traverse) -> None:

@@ -20,9 +20,10 @@ from treadline.errors import LogFormatError, SettingsError
 from treadline.experiments.replay_scores import ReplayScores
 from treadline.experiments.replay_settings import ReplaySettings, resolved
 from treadline.experiments.replay_source import Source, source_of
+from treadline.experiments.scene_log import SceneLog, WatchedDetector
 from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
-from treadline.io.runs import LOG, begin_run, write_result, write_series
+from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.blocks import Detector
 from treadline.mission.config import detector_of
@@ -31,6 +32,7 @@ from treadline.mission.plugins import Plugins
 from treadline.mission.replay import ReplayPlant
 from treadline.models import ControllerDesign
 from treadline.perception import StairDetector
+from treadline.scenario import Chair
 from treadline.setup import SHIPPED, resolved_controller, resolved_plugin
 from treadline.signals import TICK_S, Event, RgbdFrame
 
@@ -113,11 +115,12 @@ def replayed_run(
         begun(recording.duration_s)
     manifest = _manifest(source, settings, recording, (*source.changed, *changes))
     sources = plugins.sources()
-    begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
+    written = begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
     scores = ReplayScores()
     watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
     try:
-        with RunLog(out / LOG, image_every=int(log_images)) as sink:
+        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario)) as run_log:
+            sink = SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg))
             started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, watched, scores, sink, watch)
             cpu_s = time.process_time() - compiling().spent_s - started
@@ -148,7 +151,7 @@ def replayed_run(
 
 
 def _play(
-    recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: RunLog, watch: Watch | None
+    recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: SceneLog, watch: Watch | None
 ) -> tuple[str | None, int]:
     """Run the mission to the end of the recording; return the cause of a hold and the number of headings the fusion rejected."""
     now_s = 0.0
@@ -162,11 +165,12 @@ def _play(
         if isinstance(signal, Event):
             sink(signal, now_s)
 
-    blocks = settings.blocks(detector, shows_stair=recording.shows_stair)
+    blocks = settings.blocks(WatchedDetector(detector, sink), shows_stair=recording.shows_stair)
     plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:
         tick = mission.tick()
+        sink.plan(tick.plan)
         truth = scores.step(tick)
         if truth is not None:
             sink(truth, tick.t_s)

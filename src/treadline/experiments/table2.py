@@ -63,7 +63,6 @@ def jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, allocati
                     "loop": "closed",
                     "camera": "rendered" if rendered else "statistical",
                 },
-                log=first,
                 image_every=10 if first and start > 0 else 0,
             )
         )

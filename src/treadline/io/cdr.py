@@ -5,6 +5,8 @@ Only the types used in the logs; readers of ROS 2 (and the tests' independent de
 
 import struct
 
+import numpy as np
+
 from treadline.signals import TICK_S
 
 HEADER = b"\x00\x01\x00\x00"
@@ -40,6 +42,16 @@ class CdrWriter:
         """Append 64-bit floats: an array of fixed length, or consecutive fields."""
         self._align(8)
         self._data += struct.pack(f"<{len(values)}d", *values)
+
+    def array(self, values: np.ndarray) -> None:
+        """Append an array of 64-bit floats, row by row, without its length."""
+        self._align(8)
+        self._data += np.ascontiguousarray(values, "<f8").tobytes()
+
+    def floats(self, *values: float) -> None:
+        """Append 32-bit floats."""
+        self._align(4)
+        self._data += struct.pack(f"<{len(values)}f", *values)
 
     def string(self, text: str) -> None:
         """Append a string with its length and terminating zero."""

@@ -7,7 +7,7 @@ It grows under a temporary name and takes its own when closed; an interrupted ru
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +23,14 @@ from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
 
 CHUNK_BYTES = 4 * 1024 * 1024
+KEPT = ("/tf_static", "/robot_description", "/chair", "/stair/true")
+"""Topics with one message at the start of a run, which ``ros2 bag play`` keeps for subscribers that come later."""
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+KEPT_QOS = (
+    f"- {{history: 1, depth: 1, reliability: 1, durability: 1, deadline: {_FOREVER}, lifespan: {_FOREVER}, liveliness: 1, "
+    f"liveliness_lease_duration: {_FOREVER}, avoid_ros_namespace_conventions: false}}"
+)
+"""Quality of service of ``KEPT`` as rosbag2 stores it: keep last, reliable, transient local."""
 
 
 class RunLog:
@@ -32,18 +40,30 @@ class RunLog:
         path: File to write.
         image_every: Keep every n-th frame; 0 keeps none.
         messages: Encoder from a signal to its messages.
+        metadata: Properties of the run for the file's metadata record ``treadline``; None writes no record.
     """
 
-    def __init__(self, path: Path, *, image_every: int = 0, messages: Callable[[Any], list[Message]] = messages_of) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        image_every: int = 0,
+        messages: Callable[[Any], list[Message]] = messages_of,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
         self._path = path
         self._messages = messages
         self._temporary = path.with_name(path.name + ".part")
         self._image_every = image_every
         self._frames = 0
+        self.kept_frame_s: float | None = None
+        """Stamp of the last frame that was kept [s]; None before the first."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = self._temporary.open("wb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
         self._writer.start(profile="ros2", library=LIBRARY)
+        if metadata is not None:
+            self._writer.add_metadata(LIBRARY, dict(metadata))
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: Counter[int] = Counter()
@@ -65,9 +85,17 @@ class RunLog:
             self._frames += 1
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
                 return
-        stamp_ns = nanoseconds_of(signal.t_s)
+            self.kept_frame_s = signal.t_s
+        self.add(self._messages(signal), signal.t_s, taken_s)
+
+    def add(self, messages: Sequence[Message], stamp_s: float, taken_s: float | None = None) -> None:
+        """Write encoded messages with one stamp.
+
+        Args:
+            taken_s: Mission time at which the messages were made [s]; the stamp where it is left out.
+        """
+        stamp_ns = nanoseconds_of(stamp_s)
         taken_ns = stamp_ns if taken_s is None else nanoseconds_of(taken_s)
-        messages = self._messages(signal)
         with deferred(), self._write_errors():
             for topic, kind, data in messages:
                 channel = self._channel(topic, kind)
@@ -104,5 +132,6 @@ class RunLog:
         if topic not in self._channels:
             if kind not in self._schemas:
                 self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
         return self._channels[topic]

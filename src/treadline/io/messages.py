@@ -40,6 +40,7 @@ _HEADER = f"MSG: std_msgs/Header\n{_TIME} stamp\nstring frame_id"
 _STAMP = f"MSG: {_TIME}\nint32 sec\nuint32 nanosec"
 _VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
 _QUATERNION = "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w"
+_COMPRESSED = "string format\nuint8[] data"
 _RULE = "\n" + "=" * 80 + "\n"
 
 
@@ -96,6 +97,25 @@ DEFINITIONS = {
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
         "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi",
         "MSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
+    ),
+    "std_msgs/msg/String": "string data",
+    "sensor_msgs/msg/CompressedImage": _definition(f"std_msgs/Header header\n{_COMPRESSED}"),
+    "visualization_msgs/msg/MarkerArray": _definition(
+        "visualization_msgs/Marker[] markers",
+        "MSG: visualization_msgs/Marker\nstd_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\n"
+        "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n"
+        "builtin_interfaces/Duration lifetime\nbool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
+        "string texture_resource\nsensor_msgs/CompressedImage texture\nvisualization_msgs/UVCoordinate[] uv_coordinates\n"
+        "string text\nstring mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials",
+        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
+        "MSG: std_msgs/ColorRGBA\nfloat32 r\nfloat32 g\nfloat32 b\nfloat32 a",
+        "MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec",
+        f"MSG: sensor_msgs/CompressedImage\nstd_msgs/Header header\n{_COMPRESSED}",
+        "MSG: visualization_msgs/UVCoordinate\nfloat32 u\nfloat32 v",
+        "MSG: visualization_msgs/MeshFile\nstring filename\nuint8[] data",
+        _VECTOR,
+        _QUATERNION,
     ),
     "diagnostic_msgs/msg/DiagnosticArray": _definition(
         "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status",

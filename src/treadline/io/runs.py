@@ -44,8 +44,11 @@ SERIES_EVERY = 10
 
 def begin_run(
     folder: Path, settings: Mapping[str, Any], seed: int, controller: ControllerDesign | None = None, **more: Mapping[str, Any]
-) -> None:
+) -> dict[str, Any]:
     """Create a run folder and write the manifest first, so that an interrupted run can be identified and repeated.
+
+    Returns:
+        The manifest.
 
     Args:
         controller: Controller used by the run; stored as a copy, because its own file can change during the run.
@@ -53,9 +56,17 @@ def begin_run(
     """
     clear_run(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    write_manifest(folder, settings, seed, **more)
+    manifest = write_manifest(folder, settings, seed, **more)
     if controller is not None:
         controller.save(folder / RUN_CONTROLLER)
+    return manifest
+
+
+def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return the properties of a run for its log's metadata record: seed, commit, version and, if known, the scenario as JSON."""
+    known = {} if scenario is None else {"scenario": json.dumps(plain(scenario), allow_nan=False)}
+    commit, version = manifest["git_commit"] or "", manifest["versions"].get("treadline", "")
+    return {"seed": str(manifest["seed"]), "commit": commit, "version": version, **known}
 
 
 def clear_run(folder: Path) -> None:
@@ -73,9 +84,11 @@ def remove(folder: Path, names: Sequence[str]) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> None:
-    """Write settings, seed and provenance of a run, and additional entries by key."""
-    _write_json(folder / MANIFEST, {"settings": settings, "seed": seed, **more, **provenance()})
+def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> dict[str, Any]:
+    """Write settings, seed and provenance of a run, and additional entries by key; return them."""
+    manifest = {"settings": settings, "seed": seed, **more, **provenance()}
+    _write_json(folder / MANIFEST, manifest)
+    return manifest
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:

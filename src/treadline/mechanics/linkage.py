@@ -49,6 +49,11 @@ class SeatLinkage:
         slider_direction = math.atan2(-self._drop, -stroke_m)
         return -(slider_direction + math.acos(cosine))
 
+    def nearest_angle(self, stroke_m: float) -> float:
+        """Return the angle [rad] at a stroke, or at the nearest end of the actuator: a measured stroke may exceed the range."""
+        low, high = self.stroke_range
+        return self.angle(min(max(stroke_m, low), high))
+
     def stroke(self, angle_rad: float) -> float:
         """Return the stroke [m] for an angle.
 

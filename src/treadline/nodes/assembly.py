@@ -5,6 +5,7 @@ from pathlib import Path
 
 from treadline.errors import SettingsError
 from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.linkage import SeatLinkage
 from treadline.mission.config import MissionConfig, build_blocks, guard_config
 from treadline.mission.guard import GuardConfig
 from treadline.nodes.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
@@ -72,7 +73,8 @@ def node_of(
             node.warm_up(mount_of(config), rises=config.direction == "up")
             return node
         case "heading":
-            return HeadingNode(blocks.estimator, limits, mount_of(config))
+            linkage = None if config.chair.seat is None else SeatLinkage(config.chair.seat)
+            return HeadingNode(blocks.estimator, limits, mount_of(config), linkage)
         case "seat":
             if blocks.leveller is None:
                 raise SettingsError(f"chair {config.chair.name!r} has no seat linkage; leave out the seat node")

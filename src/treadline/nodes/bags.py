@@ -9,9 +9,10 @@ from treadline.errors import SettingsError, TreadlineError
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
 from treadline.io.mcap_log import RunLog
 from treadline.io.messages import Message, messages_of
+from treadline.mission.odometry import Odometry
 from treadline.nodes import channels as on
 from treadline.nodes.codec import encoded
-from treadline.nodes.node_signals import Mounts, Odometry
+from treadline.nodes.node_signals import Mounts
 
 
 @runtime_checkable

@@ -6,14 +6,15 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 
 from typing import Protocol, runtime_checkable
 
+from treadline.mechanics.linkage import SeatLinkage
 from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.mission.loop import Estimator
+from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner
 from treadline.nodes import channels as on
-from treadline.nodes.node_signals import Beat, GuardState, Mounts, VelocityCommand
-from treadline.nodes.odometry import DeadReckoning
+from treadline.nodes.node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
 from treadline.nodes.warm_up import stair_frames
 from treadline.perception.quality import quality_of
 from treadline.ports import Transport
@@ -146,22 +147,33 @@ DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.ME
 
 
 class HeadingNode:
-    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``; also ``Odometry, Mounts`` for others.
+    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``.
+
+    ``Odometry, JointAngles, Mounts`` are published for others.
 
     Args:
         estimator: Heading filter.
         config: Limits of the admission of readings.
         mount: The camera in use, on the chair; None publishes no mounts.
+        linkage: Linkage of the seat, which gives its angle; None for a chair without one.
     """
 
     name = "heading"
-    publishes = (on.ESTIMATE, on.HEALTH, on.ODOM, on.MOUNTS)
+    publishes = (on.ESTIMATE, on.HEALTH, on.ODOM, on.JOINT_STATES, on.MOUNTS)
     needs = ((on.IMU,),)
 
-    def __init__(self, estimator: Estimator, config: GuardConfig, mount: PinholeCamera | None = None) -> None:
+    def __init__(
+        self,
+        estimator: Estimator,
+        config: GuardConfig,
+        mount: PinholeCamera | None = None,
+        linkage: SeatLinkage | None = None,
+    ) -> None:
         self._estimator = estimator
         self._admission = ReadingAdmission(config)
         self._reckoning = DeadReckoning()
+        self._linkage = linkage
+        self._joints: dict[str, float] = {}
         self._mount = mount
         self._mounts_s = -MOUNTS_S
         self._estimate: HeadingEstimate | None = None
@@ -173,6 +185,8 @@ class HeadingNode:
         transport.subscribe(on.IMU, self._take_imu)
         transport.subscribe(on.TRACKS, self._take_tracks)
         transport.subscribe(on.MEASURED, self._step)
+        transport.subscribe(on.SEAT, self._take_seat)
+        transport.subscribe(on.FLIPPER, self._take_flipper)
 
     def advance(self, t_s: float) -> None:
         """Set the clock."""
@@ -204,6 +218,17 @@ class HeadingNode:
         odometry = self._reckoning.step(reading)
         if odometry is not None and round(reading.t_s / TICK_S) % ODOM_TICKS == 0:
             self._publish(on.ODOM, odometry)
+            if self._joints:
+                names, angles = zip(*self._joints.items(), strict=True)
+                self._publish(on.JOINT_STATES, JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
+
+    def _take_seat(self, reading: SeatReading) -> None:
+        if self._linkage is not None and self._admission.admit(reading):
+            self._joints["seat_joint"] = self._linkage.nearest_angle(reading.stroke_m)
+
+    def _take_flipper(self, reading: FlipperReading) -> None:
+        if self._admission.admit(reading):
+            self._joints["flipper_joint"] = reading.angle_rad
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)

@@ -27,6 +27,7 @@ DIAGNOSTICS = "/diagnostics"
 TRUTH = "/truth"
 TWIST = "/cmd_vel"
 ODOM, MOUNTS = "/odom", "/tf_static"
+JOINT_STATES = "/joint_states"
 
 JOINTS, POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
 STATUS, IMAGE = "diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/Image"
@@ -104,6 +105,7 @@ CHANNELS: dict[str, Channel] = {
         topics=(Topic(name=ODOM, kind="nav_msgs/msg/Odometry"), Topic(name="/tf", kind=FRAMES, read=False)),
         depth=10,
     ),
+    JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }
 SENSORS = (IMU, TRACKS, SEAT, FLIPPER, OPERATOR, CAMERA)

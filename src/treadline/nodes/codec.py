@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.angles import quaternion_of
 from treadline.errors import ImageError
@@ -27,17 +26,19 @@ from treadline.io.decode import (
     status,
 )
 from treadline.io.log_frames import PAIR_S, Frames
-from treadline.io.messages import Message, Writer, messages_of
+from treadline.io.messages import Message, Writer, joints, messages_of
 from treadline.io.messages import status as status_message
+from treadline.io.scene_messages import BASE, FramePose, frames_message, odometry_message
 from treadline.io.topics import Topics
+from treadline.mission.odometry import Odometry
 from treadline.nodes import channels as on
-from treadline.nodes.node_signals import Beat, Clock, GuardState, Mounts, Odometry, VelocityCommand
+from treadline.nodes.node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
 from treadline.signals import Event, PinholeCamera, RgbdFrame
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
-BASE = "base_link"
-"""Name of the chair's frame B in its URDF."""
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion of a frame parallel to its parent."""
 AHEAD = 8
 """Largest number of images buffered until their depth or colour image arrives on its own connection."""
 MILLIMETRE = 0.001
@@ -65,9 +66,11 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
             status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
             return [status_message(channel, signal.t_s, status_fields, {}, "guard", writer)]
         case Odometry():
-            return [_odometry_message(channel, signal, writer), _frames_message("/tf", signal.t_s, [_moved(signal)], writer)]
+            return _odometry_messages(channel, signal, writer)
+        case JointAngles():
+            return [joints(channel, signal.t_s, signal.names, signal.angles_rad, (), "chair", writer)]
         case Mounts():
-            return [_frames_message(channel, signal.t_s, _sensors(signal.camera), writer)]
+            return [frames_message(channel, signal.t_s, _sensors(signal.camera), writer)]
         case HeadingHealth():
             return [_health_message(channel, signal, writer)]
         case _:
@@ -127,41 +130,17 @@ class Decoder:
         )
 
 
-Placed = tuple[str, str, tuple[float, ...], Float[np.ndarray, " 4"]]
-"""Parent, child, the child's place in the parent and its quaternion (w, x, y, z)."""
+def _odometry_messages(channel: str, odometry: Odometry, writer: Writer) -> list[Message]:
+    """Return the pose and the transform of an odometry."""
+    pose = FramePose(parent="odom", child=BASE, place_m=tuple(odometry.p_OB.tolist()), quaternion=odometry.orientation)
+    moved = odometry_message(channel, odometry.t_s, pose, odometry.speed_m_s, odometry.angular_velocity_rad_s, writer)
+    return [moved, frames_message("/tf", odometry.t_s, [pose], writer)]
 
 
-def _moved(odometry: Odometry) -> Placed:
-    return "odom", BASE, tuple(odometry.p_OB.tolist()), odometry.orientation
-
-
-def _sensors(camera: PinholeCamera) -> list[Placed]:
+def _sensors(camera: PinholeCamera) -> list[FramePose]:
     """Return where on the chair the frames are that messages name; an IMU is read in the chair's axes."""
-    here, level = (0.0, 0.0, 0.0), np.array([1.0, 0.0, 0.0, 0.0])
-    optical = (BASE, "camera", camera.mount_m, quaternion_of(camera.R_BC))
-    return [(BASE, "chair", here, level), (BASE, "imu", here, level), optical]
-
-
-def _frames_message(topic: str, t_s: float, placed: list[Placed], writer: Writer) -> Message:
-    w = writer()
-    w.uint32(len(placed))
-    for parent, child, place, (qw, *q) in placed:
-        w.stamp(t_s, parent)
-        w.string(child)
-        w.doubles(*place, *q, qw)
-    return topic, on.FRAMES, w.message()
-
-
-def _odometry_message(topic: str, odometry: Odometry, writer: Writer) -> Message:
-    """Write covariances as zeros: not known."""
-    w = writer()
-    w.stamp(odometry.t_s, "odom")
-    w.string(BASE)
-    qw, *q = odometry.orientation.tolist()
-    unknown = [0.0] * 36
-    w.doubles(*odometry.p_OB.tolist(), *q, qw, *unknown)
-    w.doubles(odometry.speed_m_s, 0.0, 0.0, *odometry.angular_velocity_rad_s.tolist(), *unknown)
-    return topic, on.CHANNELS[on.ODOM].topics[0].kind, w.message()
+    optical = FramePose(parent=BASE, child="camera", place_m=camera.mount_m, quaternion=quaternion_of(camera.R_BC))
+    return [*(FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")), optical]
 
 
 def _odometry(r: CdrReader) -> Odometry:

@@ -1,9 +1,6 @@
-"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, odometry, sensor mounts."""
+"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, joint angles, sensor mounts."""
 
 from dataclasses import dataclass
-
-import numpy as np
-from jaxtyping import Float
 
 from treadline.signals import PinholeCamera
 
@@ -41,16 +38,14 @@ class VelocityCommand:
     turn_rad_s: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Odometry:
-    """Pose of the chair by its belts and IMU, in a level frame O with its origin at the start; belts slip, so it drifts."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointAngles:
+    """Angles of the moving joints of the chair's URDF."""
 
     t_s: float
-    p_OB: Float[np.ndarray, " 3"]
-    orientation: Float[np.ndarray, " 4"]
-    """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
-    speed_m_s: float
-    angular_velocity_rad_s: Float[np.ndarray, " 3"]
+    names: tuple[str, ...]
+    """Names of the joints in the URDF."""
+    angles_rad: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,16 +4,29 @@
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.angles import rotation_of
 from treadline.mission.stair_tracker import PITCHED_RAD
-from treadline.nodes.node_signals import Odometry
 from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2
 """Longest interval between two belt readings that is integrated [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Odometry:
+    """Pose of the chair by its belts and IMU, in a level frame O with its origin at the start; belts slip, so it drifts."""
+
+    t_s: float
+    p_OB: Float[np.ndarray, " 3"]
+    orientation: Float[np.ndarray, " 4"]
+    """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
+    speed_m_s: float
+    angular_velocity_rad_s: Float[np.ndarray, " 3"]
 
 
 class DeadReckoning:

@@ -1,0 +1,96 @@
+"""Messages of a scene: the definitions are those of ROS 2, and other decoders read what was written."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from treadline.io.cdr import CdrWriter
+from treadline.io.mcap_log import KEPT, RunLog
+from treadline.io.messages import DEFINITIONS
+from treadline.io.scene_messages import (
+    LINE_LIST,
+    TRIANGLE_LIST,
+    FramePose,
+    Marker,
+    compressed_message,
+    frames_message,
+    markers_message,
+    odometry_message,
+    text_message,
+)
+
+POINTS = np.arange(18, dtype=float).reshape(6, 3)
+POSE = FramePose(parent="odom", child="base_link", place_m=(1.0, 2.0, 3.0), quaternion=np.array([0.5, 0.5, -0.5, 0.5]))
+MARKERS = [
+    Marker(frame="seat", name="cushion", number=2, kind=TRIANGLE_LIST, points_m=POINTS, rgba=(0.25, 0.5, 0.75, 1.0)),
+    Marker(frame="chair", name="seen", number=0, kind=LINE_LIST, points_m=POINTS[:2], rgba=(0.0, 1.0, 0.0, 0.5), width_m=0.02),
+    Marker(frame="chair", name="seen", number=1, kind=LINE_LIST, points_m=POINTS[:0], rgba=(0.0, 1.0, 0.0, 0.5), width_m=0.02),
+]
+MESSAGES = [
+    frames_message("/tf_static", 0.25, [POSE]),
+    odometry_message("/odom", 0.25, POSE, 0.2, np.array([0.1, 0.2, 0.3])),
+    markers_message("/chair", 0.25, MARKERS),
+    text_message("/robot_description", "<robot/>"),
+    compressed_message("/camera/overlay/compressed", 0.25, "camera", b"\xff\xd8jpeg"),
+]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    with RunLog(tmp_path / "log.mcap", metadata={"seed": "3"}) as log:
+        log.add(MESSAGES, 0.25)
+    return tmp_path / "log.mcap"
+
+
+def test_a_decoder_of_ros_2_reads_frames_markers_and_images(log: Path) -> None:
+    read: dict[str, Any] = {}
+    with log.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            read[channel.topic] = message
+        assert [(item.name, item.metadata) for item in reader.iter_metadata()] == [("treadline", {"seed": "3"})]
+    (moved,) = read["/tf_static"].transforms
+    assert (moved.header.frame_id, moved.child_frame_id, moved.transform.translation.z) == ("odom", "base_link", 3.0)
+    assert (moved.transform.rotation.w, moved.transform.rotation.y) == (0.5, -0.5)
+    assert read["/odom"].twist.twist.angular.z == 0.3
+    cushion, seen, empty = read["/chair"].markers
+    assert (cushion.header.frame_id, cushion.ns, cushion.id, cushion.type, cushion.frame_locked) == ("seat", "cushion", 2, 11, True)
+    assert [(point.x, point.y, point.z) for point in cushion.points] == [tuple(row) for row in POINTS.tolist()]
+    assert (cushion.color.r, cushion.color.a, cushion.scale.z, cushion.pose.orientation.w) == (0.25, 1.0, 1.0, 1.0)
+    assert (seen.type, seen.scale.x, seen.color.a, len(seen.points), len(empty.points)) == (5, 0.02, 0.5, 2, 0)
+    assert read["/robot_description"].data == "<robot/>"
+    assert bytes(read["/camera/overlay/compressed"].data) == b"\xff\xd8jpeg"
+
+
+def test_definitions_are_those_of_ros_2() -> None:
+    typesys = pytest.importorskip("rosbags.typesys", reason="the extra ros is not installed")
+    humble = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for kind, definition in DEFINITIONS.items():
+        for name, (_, members) in typesys.get_types_from_msg(definition, kind).items():
+            assert members == humble.fielddefs[name][1], name
+
+
+def test_rosbags_reads_the_log_and_keeps_what_is_published_once(log: Path) -> None:
+    highlevel = pytest.importorskip("rosbags.highlevel", reason="the extra ros is not installed")
+    with highlevel.AnyReader([log]) as reader:
+        read = {connection.topic: reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()}
+        kept = {item.topic for item in reader.connections if item.ext.offered_qos_profiles}
+        profiles = {str(qos.durability.name) for item in reader.connections for qos in item.ext.offered_qos_profiles}
+    assert kept == set(KEPT) & set(read)
+    assert profiles == {"TRANSIENT_LOCAL"}
+    assert [marker.ns for marker in read["/chair"].markers] == ["cushion", "seen", "seen"]
+    assert read["/tf_static"].transforms[0].transform.rotation.x == 0.5
+
+
+def test_arrays_and_floats_are_aligned() -> None:
+    w = CdrWriter()
+    w.uint8(1)
+    w.floats(0.5, 0.25)
+    w.array(np.array([[1.0, 2.0]]))
+    data = w.message()[4:]
+    assert np.frombuffer(data[4:12], "<f4").tolist() == [0.5, 0.25]
+    assert np.frombuffer(data[16:], "<f8").tolist() == [1.0, 2.0]
