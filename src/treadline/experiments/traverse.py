@@ -3,6 +3,7 @@
 The mission receives the plant's sensors only; verdict and scores are computed from the simulator's ground truth.
 """
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -74,7 +75,7 @@ class Traverse:
 class _Ending:
     """End of a run and its verdict, judged by simulator ground truth."""
 
-    def __init__(self, scenario: Scenario, chair: ChairDescription) -> None:
+    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool) -> None:
         self._slope_rad = scenario.stair.slope_rad
         self._duration_s = scenario.drive.duration_s
         staircase = as_designed(scenario.stair, scenario.step)
@@ -83,7 +84,7 @@ class _Ending:
         self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
         self._is_up = scenario.drive.direction == "up"
         self._slide = SlideWatch(upward=self._is_up)
-        self._rearms_until_s = rearms_until_s(scenario.operator)
+        self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
 
     def fall(self, truth: Truth) -> tuple[str, str] | None:
         """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
@@ -124,11 +125,17 @@ def run_episode(
     sink: Sink | None = None,
     watch: Watch | None = None,
     after_hold_s: float = 0.0,
+    plant: TruthPlant | None = None,
+    faults: Sequence[Fault] | None = None,
+    attended: bool = False,
 ) -> Traverse:
     """Return one simulated run of a resolved setup.
 
     Args:
         blocks: The blocks to run, if they have been built already.
+        plant: The plant to run on, if it has been made already.
+        faults: Faults in the messages to the guard, which may grow during the run; those of the scenario when left out.
+        attended: Whether a person may re-arm at any time: a hold does not end the run.
         sink: Receives every signal, ground truth included.
         watch: Receives each tick as it ends.
         after_hold_s: Time for which a held chair is simulated before the run ends [s].
@@ -145,7 +152,8 @@ def run_episode(
         recorder.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
     if refusal is not None:
         recorder.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
-    plant = setup.open_plant()
+    plant = plant or setup.open_plant()
+    faults = setup.scenario.fault if faults is None else faults
     started = time.process_time() - compiling().spent_s
     try:
         if blocks is None or refusal is not None:
@@ -153,7 +161,8 @@ def run_episode(
             recorder.collect(plant)
             over: tuple[str, str | None] = ("refused", refusal)
         else:
-            over = _drive(setup, plant, blocks, recorder, watch, after_hold_s)
+            ending = _Ending(setup.scenario, setup.mission.chair, attended=attended)
+            over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.
         over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
@@ -163,11 +172,15 @@ def run_episode(
 
 
 def _drive(
-    setup: Setup, plant: TruthPlant, blocks: Blocks, recorder: "_EpisodeRecorder", watch: Watch | None, after_hold_s: float
+    ending: _Ending,
+    plant: TruthPlant,
+    blocks: Blocks,
+    recorder: "_EpisodeRecorder",
+    watch: Watch | None,
+    after_hold_s: float,
+    faults: Sequence[Fault],
 ) -> tuple[str, str | None]:
     """Run the mission to its end; return verdict and cause."""
-    ending = _Ending(setup.scenario, setup.mission.chair)
-    faults = setup.scenario.fault
     mission = Mission(plant, blocks, recorder.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
     over: tuple[str, str | None] | None = None
     held_s = 0.0
@@ -210,8 +223,8 @@ def traverse(
 
 
 def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
-    """Return the function that stamps messages to the guard: the identity, or the one of an injected fault."""
-    if not any(fault.kind == "wrong_stamp" for fault in faults):
+    """Return the function that stamps messages to the guard: the identity, or the one of an injected fault; a list may grow."""
+    if isinstance(faults, tuple) and not any(fault.kind == "wrong_stamp" for fault in faults):
         return lambda message: message
     return lambda message: replace(message, t_s=stamp_of(faults, MESSAGES[type(message)], message.t_s))
 

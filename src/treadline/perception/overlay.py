@@ -59,6 +59,20 @@ def jpeg(picture: Picture) -> bytes:
     return bytes(data)
 
 
+def as_jpeg(picture: Picture, width_px: int, quality: int = 80) -> bytes:
+    """Return an image as JPEG, scaled to a width."""
+    size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    return bytes(cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+
+
+def from_jpeg(jpeg: bytes, width_px: int) -> Picture:
+    """Return a JPEG image, scaled to a width."""
+    picture = cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+    size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
+    return np.asarray(cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
 def ends_of(nosing: NosingObservation, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
     """Return the first and last visible point of an edge along the estimated direction.
 

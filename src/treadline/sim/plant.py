@@ -28,6 +28,7 @@ from treadline.scenario import Chair, Scenario
 from treadline.signals import TICK_S, Reading
 from treadline.sim import kernels
 from treadline.sim.camera.make_camera import look, make_camera
+from treadline.sim.camera.solids import SceneBox
 from treadline.sim.faults.damage import Damage
 from treadline.sim.faults.obstacles import OUT_OF_THE_WAY_M, Surroundings, with_box
 from treadline.sim.grip import friction_table, roughened
@@ -119,6 +120,11 @@ class MujocoPlant(InstrumentedPlant):
             box = self._around.box
             self._data.mocap_pos[0] = OUT_OF_THE_WAY_M if box is None else box.centre_W
             self._data.mocap_quat[0] = quaternion_of(np.eye(3) if box is None else box.R_WK)
+
+    @property
+    def obstacle(self) -> SceneBox | None:
+        """Box in the path of the chair; None without an obstacle."""
+        return self._around.box
 
     @property
     def gap_m(self) -> float | None:

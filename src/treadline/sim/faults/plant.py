@@ -31,7 +31,8 @@ class FaultyPlant:
         if physical and self._chair is None:
             raise SettingsError(f"fault.kind '{physical[0]}': this plant cannot be broken, only a simulated chair can")
         self._plant = plant
-        self._faults = tuple(faults)
+        self._given = tuple(faults)
+        self._faults: list[Fault] = []
         self._seed = seed
         self._acts = tuple(acts)
         self._reset()
@@ -40,9 +41,29 @@ class FaultyPlant:
         self._tick = 0
         self._readings: list[Reading] = []
         self._damage = Damage()
+        self._faults[:] = self._given
         self._sensors = SensorFaults(self._faults, self._seed, self._acts)
         self._channel = CommandChannel(self._faults)
         self._watchdog = Watchdog()
+
+    @property
+    def faults(self) -> Sequence[Fault]:
+        """Faults of the run, those added while it runs included; the sequence grows with ``inject``."""
+        return self._faults
+
+    def inject(self, fault: Fault) -> None:
+        """Add a fault while the chair runs; a fault that began earlier begins now.
+
+        An obstacle needs a plant that was made with one among its faults, however late: the body belongs to the model.
+
+        Raises:
+            SettingsError: If the fault damages the chair itself, and the wrapped plant does not support damage.
+        """
+        if fault.kind in PHYSICAL and self._chair is None:
+            raise SettingsError(f"fault.kind '{fault.kind}': this plant cannot be broken, only a simulated chair can")
+        self._faults.append(fault)
+        self._sensors.add(fault, self._tick * TICK_S)
+        self._meet(self._tick * TICK_S)
 
     def start(self) -> None:
         """Put the chair at its start pose and reset all faults."""

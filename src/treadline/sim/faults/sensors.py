@@ -194,6 +194,14 @@ CORRUPTIONS: dict[FaultKind, Callable[[SensorFault, Reading], Passed]] = {
 use true time."""
 
 
+OF_THE_HANDSET: tuple[FaultKind, ...] = ("operator_stop", "link_lost")
+"""Kinds of faults that need an operator with a handset."""
+
+
+def _order(model: SensorFault) -> int:
+    return list(CORRUPTIONS).index(model.fault.kind)
+
+
 class Burst:
     """Buffer that delays readings while the mission's computer is stalled, and delivers them in bursts."""
 
@@ -219,12 +227,23 @@ class SensorFaults:
 
     def __init__(self, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
         active = [SensorFault(fault, seed, place) for place, fault in _numbered(faults) if fault.kind in CORRUPTIONS]
-        order = list(CORRUPTIONS)
-        self._sensor_faults = sorted(active, key=lambda fault_model: order.index(fault_model.fault.kind))
+        self._seed = seed
+        self._sensor_faults = sorted(active, key=_order)
         self._bursts = [Burst(fault) for fault in faults if fault.kind == "late_tick"]
         self._acts = acts
-        self._has_operator = bool(acts) or any(fault.kind in ("operator_stop", "link_lost") for fault in faults)
+        self._has_operator = bool(acts) or any(fault.kind in OF_THE_HANDSET for fault in faults)
         self._next_beat = 0
+
+    def add(self, fault: Fault, t_s: float) -> None:
+        """Add a fault at ``t_s`` of a run; the handset reports from then on if the fault concerns the handset."""
+        if fault.kind in CORRUPTIONS:
+            place = sum(model.fault.kind == fault.kind for model in self._sensor_faults)
+            self._sensor_faults = sorted([*self._sensor_faults, SensorFault(fault, self._seed, place)], key=_order)
+        if fault.kind == "late_tick":
+            self._bursts.append(Burst(fault))
+        if fault.kind in OF_THE_HANDSET and not self._has_operator:
+            self._has_operator = True
+            self._next_beat = math.ceil(t_s / (HEARTBEAT_TICKS * TICK_S) - SAME_TIME_S)
 
     def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
         """Return the readings delivered to the mission at ``t_s``."""

@@ -1,0 +1,342 @@
+"""Scene in the browser: stair, chair, perceived and true nosings, heading, support, forces, obstacle. ``Tape, t -> viser nodes``."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
+from treadline.mechanics.chair import ChairDescription
+from treadline.mechanics.stability import centre_of_mass
+from treadline.mechanics.staircase import Staircase
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
+from treadline.perception.overlay import from_jpeg
+from treadline.scenario import Belts, Chair
+from treadline.viewer.nosings import SeenNosings
+from treadline.viewer.support import support_of
+from treadline.viewer.tape import Look, Tape
+
+GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
+"""Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
+TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (240, 228, 66), (213, 94, 0), (86, 180, 233)
+"""Colours of true, perceived and missed nosings, and of the ghost."""
+WEDGE_M = 1.8
+"""Length of the heading wedge [m]: to the nosings ahead of the flipper."""
+LEAST_HALF_WEDGE = math.tan(0.4 * DEG)
+"""Least half width of the wedge per length, so that a precise heading stays visible."""
+NEWTON_PER_M = 500.0
+"""Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
+SWEPT_M = 1.5
+"""Length of the swept volume ahead of the chair [m]."""
+SWEPT_HEIGHT_M = (0.06, 1.4)
+"""Height of the swept volume above the belts' lower line [m], as in the simulator's ground truth of obstacles."""
+GHOST_OPACITY = 0.3
+"""Opacity of the other chair."""
+
+
+@dataclass(slots=True, kw_only=True)
+class SceneChoices:
+    """What of the scene is shown."""
+
+    forces: bool = False
+    swept: bool = False
+    follow: bool = True
+    passenger: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stage:
+    """Stair and chair of a run."""
+
+    staircase: Staircase
+    chair: ChairDescription
+    loading: Chair
+    belts: Belts
+    rear_camera: bool = False
+    image_height_px: int = 240
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Body:
+    """Nodes of one chair in the scene."""
+
+    root: Any
+    frames: dict[str, Any]
+    lugs: Any
+    passenger: list[Any] = field(default_factory=list)
+
+
+class SceneView:
+    """Nodes of the scene, updated to an instant of the tape.
+
+    Args:
+        server: viser's server.
+        stage: Stair and chair.
+    """
+
+    def __init__(self, server: Any, stage: Stage) -> None:
+        self._scene, self._stage = server.scene, stage
+        self._nosings = SeenNosings(stage.staircase, stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera))
+        self._look: Look | None = None
+        self._obstacle: Any = None
+        self._obstacle_at: Any = None
+        self._ghost: _Body | None = None
+        self._ghost_opaque = True
+        self._add_world(server)
+        self._chair = self._add_chair("/world/chair", None)
+        self._add_marks()
+
+    def _add_world(self, server: Any) -> None:
+        scene = self._scene
+        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        scene.world_axes.visible = False
+        self._world = scene.add_frame("/world", show_axes=False)
+        for part in stair_parts(self._stage.staircase):
+            self._add_part(f"/world/stair/{part.name}", part)
+        top = self._stage.staircase.steps[-1]
+        middle = 0.5 * np.array([top.x_m, 0.0, top.z_m])
+        reach = max(top.x_m, 2.5)
+        server.initial_camera.position = tuple((middle + np.array([-0.2 * reach, -1.0 * reach - 1.6, 0.35 * reach + 0.8])).tolist())
+        server.initial_camera.look_at = tuple(middle.tolist())
+
+    def _add_part(self, name: str, part: MeshPart, colour: tuple[int, int, int] | None = None, opacity: float | None = None) -> Any:
+        return self._scene.add_mesh_simple(
+            name,
+            vertices=part.vertices_m,
+            faces=part.faces,
+            color=tuple(round(255 * c) for c in part.colour) if colour is None else colour,
+            opacity=(None if part.opacity >= 1.0 else part.opacity) if opacity is None else opacity,
+            flat_shading=True,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _add_chair(self, root: str, opacity: float | None) -> _Body:
+        stage, scene = self._stage, self._scene
+        colour = None if opacity is None else GHOST
+        body = _Body(root=scene.add_frame(root, show_axes=False), frames={}, lugs=None)
+        for part in chair_parts(stage.chair, stage.loading, stage.belts):
+            if part.body != "chair" and part.body not in body.frames:
+                body.frames[part.body] = scene.add_frame(f"{root}/{part.body}", show_axes=False)
+            under = root if part.body == "chair" else f"{root}/{part.body}"
+            node = self._add_part(f"{under}/{part.name}", part, colour, opacity)
+            if part.name.startswith(("person", "payload")):
+                body.passenger.append(node)
+        if opacity is None:
+            lug = lug_part(stage.chair, stage.belts)
+            places, turns = self._lugs_at(0.0, 0.0, None)
+            body.lugs = scene.add_batched_meshes_simple(
+                f"{root}/lugs",
+                vertices=lug.vertices_m,
+                faces=lug.faces,
+                batched_wxyzs=turns,
+                batched_positions=places,
+                batched_colors=tuple(round(255 * c) for c in lug.colour),
+                flat_shading=True,
+                lod="off",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        return body
+
+    def _add_marks(self) -> None:
+        scene, stage = self._scene, self._stage
+        self._true = scene.add_line_segments("/world/nosings/true", self._nosings.true_lines(), TRUE, thickness=0.008)
+        nothing = np.full((1, 2, 3), -100.0)
+        self._seen = scene.add_line_segments("/world/nosings/perceived", nothing, SEEN, thickness=0.012)
+        self._missed = scene.add_line_segments("/world/nosings/missed", nothing, MISSED, thickness=0.014)
+        camera = stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera)
+        self._frustum = scene.add_camera_frustum(
+            "/world/chair/camera",
+            fov=2.0 * math.atan2(0.5 * camera.height_px, camera.fy_px),
+            aspect=camera.width_px / camera.height_px,
+            scale=0.25,
+            thickness=0.004,
+            color=(80, 80, 80),
+            wxyz=quaternion_of(camera.R_BC),
+            position=camera.mount_m,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        fan = np.array([[0.0, 0.0, 0.0], [WEDGE_M, -WEDGE_M, 0.0], [WEDGE_M, WEDGE_M, 0.0]])
+        both = np.array([[0, 1, 2], [0, 2, 1]])
+        self._wedge = scene.add_mesh_simple(
+            "/world/heading/estimate", fan, both, color=WARN, opacity=0.65, side="double", cast_shadow=False, receive_shadow=False
+        )
+        ahead = np.array([[[0.0, 0.0, 0.0], [WEDGE_M + 0.2, 0.0, 0.0]]])
+        self._heading = scene.add_line_segments("/world/heading/true", ahead, TRUE, thickness=0.012)
+        square = np.zeros((4, 3))
+        self._support = scene.add_mesh_simple(
+            "/world/chair/support",
+            square,
+            np.array([[0, 1, 2], [0, 2, 3]]),
+            color=GOOD,
+            opacity=0.5,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        self._com = scene.add_icosphere("/world/com", radius=0.035, color=GOOD, subdivisions=2, cast_shadow=False)
+        self._plumb = scene.add_line_segments("/world/plumb", nothing, GOOD, thickness=0.008)
+        self._label = scene.add_label("/world/margin", "", anchor="bottom-center", font_screen_scale=1.1)
+        half, swept = 0.5 * stage.chair.tracks.gauge_m, stage.chair.swept_half_m
+        low, high = SWEPT_HEIGHT_M
+        self._forces = scene.add_arrows("/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False)
+        self._half_gauge_m = half
+        ahead_m = -1.0 if stage.rear_camera else 1.0
+        reach = stage.chair.rear_reach_m if stage.rear_camera else stage.chair.reach_m
+        self._swept = scene.add_box(
+            "/world/chair/swept",
+            color=SEEN,
+            dimensions=(SWEPT_M, 2.0 * swept, high - low),
+            opacity=0.2,
+            position=(ahead_m * (reach + 0.5 * SWEPT_M), 0.0, 0.5 * (low + high)),
+            visible=False,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def _lugs_at(
+        self, left_m: float, right_m: float, flipper_rad: float | None
+    ) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+        """Return positions and orientations of all lugs in B."""
+        stage = self._stage
+        poses = np.concatenate(
+            [
+                lug_poses(stage.chair, "left", left_m, flipper_rad, stage.belts),
+                lug_poses(stage.chair, "right", right_m, flipper_rad, stage.belts),
+            ]
+        )
+        half = -0.5 * np.arctan2(poses[:, 2, 0], poses[:, 0, 0])  # a lug turns about the chair's y alone
+        zero = np.zeros(len(half))
+        return poses[:, :3, 3].astype(np.float32), np.stack([np.cos(half), zero, np.sin(half), zero], axis=1).astype(np.float32)
+
+    def show(self, tape: Tape, t_s: float, choices: SceneChoices, ghost: Tape | None = None) -> None:
+        """Update the scene to an instant of a tape; nothing changes if the tape is empty.
+
+        Args:
+            ghost: Run whose chair is shown as a ghost at the same instant.
+        """
+        if not len(tape):
+            return
+        row = tape.at(t_s)
+        self._move(self._chair, row)
+        self._show_ghost(ghost, t_s)
+        R_WB, p_WB = pose_of(row)
+        self._world.position = (-float(p_WB[0]), 0.0, -float(p_WB[2])) if choices.follow else (0.0, 0.0, 0.0)
+        self._show_heading(row, p_WB)
+        self._show_support(row, R_WB, p_WB)
+        self._show_look(tape, t_s)
+        self._show_obstacle(tape, t_s)
+        self._forces.visible, self._swept.visible = choices.forces, choices.swept
+        if choices.forces:
+            self._show_forces(row)
+        for node in self._chair.passenger:
+            node.visible = choices.passenger
+
+    def _move(self, body: _Body, row: dict[str, float]) -> None:
+        body.root.position = (row["x_m"], row["y_m"], row["z_m"])
+        body.root.wxyz = (row["qw"], row["qx"], row["qy"], row["qz"])
+        poses = body_poses(self._stage.chair, self._stage.loading, row["seat_rad"], row["flipper_rad"])
+        for name, frame in body.frames.items():
+            X_BK = poses[name]  # type: ignore[index]
+            frame.position, frame.wxyz = X_BK[:3, 3], quaternion_of(X_BK[:3, :3])
+        if body.lugs is not None:
+            body.lugs.batched_positions, body.lugs.batched_wxyzs = self._lugs_at(
+                row["left_travel_m"], row["right_travel_m"], row["flipper_rad"]
+            )
+
+    def _show_ghost(self, ghost: Tape | None, t_s: float) -> None:
+        if ghost is None or not len(ghost):
+            if self._ghost is not None:
+                self._ghost.root.visible = False
+            return
+        if self._ghost is None:
+            self._ghost = self._add_chair("/world/ghost", GHOST_OPACITY)
+        self._ghost.root.visible = True
+        self._move(self._ghost, ghost.at(t_s))
+
+    def _show_heading(self, row: dict[str, float], p_WB: Float[np.ndarray, " 3"]) -> None:
+        staircase = self._stage.staircase
+        R_WB, _ = pose_of(row)
+        R_WS, _, _ = staircase.stair_frame(staircase.flight_at(p_WB, R_WB))
+        place = p_WB + 0.25 * R_WS[:, 2]
+        self._heading.position, self._heading.wxyz = place, quaternion_of(R_WS @ rotation_z(row["heading_rad"]))
+        known = not math.isnan(row["estimate_rad"])
+        self._wedge.visible = known
+        if known:
+            half = max(math.tan(min(1.96 * row["sigma_rad"], 1.0)), LEAST_HALF_WEDGE)
+            self._wedge.position, self._wedge.wxyz = place, quaternion_of(R_WS @ rotation_z(row["estimate_rad"]))
+            self._wedge.scale = (1.0, half, 1.0)
+
+    def _show_support(self, row: dict[str, float], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
+        stage = self._stage
+        reach = support_of(stage.chair, stage.staircase, R_WB, p_WB)
+        margin = row["margin_rad"]
+        colour = BAD if margin <= 0.0 else WARN if margin < MARGIN_LIMIT_RAD else GOOD
+        com_B = np.array(centre_of_mass(stage.chair, stage.loading, row["seat_rad"], row["flipper_rad"]))
+        com_W = p_WB + R_WB @ com_B
+        if reach is not None:
+            front, rear, left, right = reach
+            corners = [(front, left), (front, -right), (-rear, -right), (-rear, left)]
+            self._support.vertices = np.array([(x, y, 0.004) for x, y in corners], dtype=np.float32)
+        self._support.visible = reach is not None
+        self._support.color = self._com.color = colour
+        self._com.position = com_W
+        down = p_WB + R_WB @ np.array([com_B[0], com_B[1], 0.0])
+        foot = np.array([com_W[0], com_W[1], min(down[2], com_W[2]) - 0.05])
+        self._plumb.points = np.array([[com_W, foot]], dtype=np.float32)
+        self._plumb.colors = np.broadcast_to(np.array(colour, dtype=np.uint8), (1, 2, 3))
+        if not math.isnan(margin):
+            self._label.text = f"tip-over margin {margin / DEG:.1f}°"
+            self._label.position = com_W + np.array([0.0, 0.0, 0.75])
+
+    def _show_look(self, tape: Tape, t_s: float) -> None:
+        look = tape.look_at(t_s)
+        if look is self._look:
+            return
+        self._look = look
+        if look is None:
+            return
+        seen, missed = self._nosings.lines(look, tape.at(look.t_s))
+        self._seen.visible, self._missed.visible = len(seen) > 0, len(missed) > 0
+        if len(seen):
+            self._seen.points = seen
+        if len(missed):
+            self._missed.points = missed
+        self._frustum.color = BAD if look.reason else (80, 80, 80)
+        if look.picture is not None:
+            self._frustum.image = from_jpeg(look.picture, 160)
+
+    def _show_obstacle(self, tape: Tape, t_s: float) -> None:
+        box = tape.obstacle_at(t_s)
+        if box is self._obstacle_at:
+            return
+        self._obstacle_at = box
+        if self._obstacle is not None:
+            self._obstacle.remove()
+            self._obstacle = None
+        if box is not None and box.centre_W is not None:
+            self._obstacle = self._scene.add_box(
+                "/world/obstacle",
+                color=BAD,
+                dimensions=tuple(2.0 * half for half in box.half_m),
+                position=box.centre_W,
+                wxyz=quaternion_of(rotation_z(box.yaw_rad)),
+                cast_shadow=False,
+            )
+
+    def _show_forces(self, row: dict[str, float]) -> None:
+        places = np.array([[0.0, self._half_gauge_m, 0.03], [0.0, -self._half_gauge_m, 0.03]])
+        tips = places.copy()
+        tips[:, 0] += np.array([row["left_force_n"], row["right_force_n"]]) / NEWTON_PER_M
+        self._forces.points = np.stack([places, tips], axis=1).astype(np.float32)
+
+
+def pose_of(row: dict[str, float]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+    """Return rotation and position of the chair in a row of a tape."""
+    quaternion = np.array([row["qw"], row["qx"], row["qy"], row["qz"]])
+    return rotation_of(quaternion), np.array([row["x_m"], row["y_m"], row["z_m"]])

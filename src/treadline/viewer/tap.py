@@ -1,0 +1,167 @@
+"""Tap of a running mission: signals and detections in, rows and notes for the tape out. The mission is not affected.
+
+``Signal | Truth -> row``, ``RgbdFrame, Detection -> Look``.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import attitude_of, rotation_of
+from treadline.mission.blocks import Detection, Detector
+from treadline.perception.detection import StairDetection
+from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
+from treadline.ports import Truth
+from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
+from treadline.viewer.tape import COLUMNS, Look, PhaseSpan, SlipMeter
+
+PICTURE_PX = 480
+"""Width of the camera image in the panel [px]."""
+QUALITY = 80
+"""JPEG quality of the camera image: 25 kB at 480 × 360 pixels."""
+PHASES = frozenset(
+    ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
+     "arrived", "refused")
+)  # fmt: skip
+"""Events that are the beginning of a phase."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Tap:
+    """Collector of the rows, events and camera frames since the last ``take``.
+
+    Args:
+        fixed_flipper_rad: Angle of the approach section of a chair without a driven flipper [rad].
+    """
+
+    fixed_flipper_rad: float
+    rows: list[list[float]] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    phases: list[PhaseSpan] = field(default_factory=list)
+    looks: list[Look] = field(default_factory=list)
+    now_s: float = 0.0
+    """Time of the newest row [s]."""
+    _flipper_rad: float | None = None
+    _estimate: HeadingEstimate | None = None
+    _command: TrackCommand | None = None
+    _travel_m: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    _slip: SlipMeter = field(default_factory=SlipMeter)
+
+    def sink(self, signal: Any, taken_s: float) -> None:
+        """Take one signal of the run, as a log does."""
+        match signal:
+            case Truth():
+                self.rows.append(self._row(signal))
+                self.now_s = signal.t_s
+            case HeadingEstimate():
+                self._estimate = signal
+            case TrackCommand():
+                self._command = signal
+            case FlipperReading():
+                self._flipper_rad = signal.angle_rad
+            case Event():
+                if signal.name in PHASES:
+                    self.phases.append(PhaseSpan(t_s=taken_s, phase=signal.name, cause=signal.cause))
+                self.events.append(signal)
+            case _:
+                pass
+
+    def _row(self, truth: Truth) -> list[float]:
+        quaternion = attitude_of(np.array(truth.yaw_rad), np.array(truth.pitch_rad), np.array(truth.roll_rad))
+        if self.rows or truth.t_s > 0.0:
+            self._travel_m[0] += truth.left_m_s * TICK_S
+            self._travel_m[1] += truth.right_m_s * TICK_S
+        place = (truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m)
+        forward = rotation_of(quaternion)[:, 0].tolist()
+        estimate, command = self._estimate, self._command
+        return [
+            truth.t_s,
+            *place,
+            *quaternion.tolist(),
+            0.0 if math.isnan(truth.seat_pitch_rad) else truth.pitch_rad - truth.seat_pitch_rad,
+            self.fixed_flipper_rad if self._flipper_rad is None else self._flipper_rad,
+            truth.left_m_s,
+            truth.right_m_s,
+            *self._travel_m,
+            truth.heading_rad,
+            math.nan if estimate is None else estimate.heading_rad,
+            math.nan if estimate is None else estimate.sigma_rad,
+            truth.pitch_rad,
+            truth.pitch_rate_rad_s,
+            truth.seat_pitch_rad,
+            truth.stability_margin_rad,
+            math.nan if command is None else command.left_m_s,
+            math.nan if command is None else command.right_m_s,
+            0.0 if command is None else float(command.brake),
+            self._slip.update(truth.t_s, place, 0.5 * sum(self._travel_m), (forward[0], forward[1], forward[2])),
+            truth.friction_use,
+            truth.contact_force_share,
+            truth.left_force_n,
+            truth.right_force_n,
+        ]
+
+    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseSpan], list[Look]]:
+        """Return what was collected since the last call."""
+        rows = np.array(self.rows).reshape(len(self.rows), len(COLUMNS))
+        taken = rows, self.events, self.phases, self.looks
+        self.rows, self.events, self.phases, self.looks = [], [], [], []
+        return taken
+
+
+class TappedDetector:
+    """Detector that shows each of its frames to ``note`` and returns the same detections.
+
+    Args:
+        detector: Detector of the mission.
+        note: Receives frame and detection.
+    """
+
+    def __init__(self, detector: Detector, note: Callable[[RgbdFrame, Detection], None]) -> None:
+        self._detector, self._note = detector, note
+
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
+        """Return the detection in one frame."""
+        detection = self._detector.see(frame, gravity_C)
+        self._note(frame, detection)
+        return detection
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._detector, name)
+
+
+def look_of(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_picture: bool) -> Look:
+    """Return the note of a frame and its detection.
+
+    Args:
+        taken_s: Time at which the mission received the frame [s].
+        with_picture: Whether the image with its overlay is drawn: 10 ms.
+    """
+    sight = getattr(detection, "sight", None)
+    measurement, stair = detection.measurement, detection.stair_map
+    if isinstance(sight, StairDetection):
+        reason = sight.reason
+        line, rows = sight.printed()
+        summary = "; ".join([line, *(f"{key} {value}" for key, value in rows)])
+    else:
+        reason = None if measurement is not None else "no heading in this frame"
+        summary = reason or f"heading from {measurement.edge_count} nosings" if measurement is not None else str(reason)
+    return Look(
+        t_s=frame.t_s,
+        taken_s=taken_s,
+        reason=reason,
+        heading_rad=None if measurement is None else measurement.heading_rad,
+        sigma_rad=None if measurement is None else measurement.sigma_rad,
+        edge_count=0 if measurement is None else measurement.edge_count,
+        nosings_B=np.zeros((0, 3)) if stair is None else stair.nosings_B,
+        summary=summary,
+        picture=picture_of(frame, sight) if with_picture else None,
+    )
+
+
+def picture_of(frame: RgbdFrame, sight: object) -> bytes:
+    """Return the image of a frame with the detected objects as JPEG."""
+    return as_jpeg(overlay(frame, sight)[:-BAND_PX] if isinstance(sight, StairDetection) else frame.rgb, PICTURE_PX, QUALITY)

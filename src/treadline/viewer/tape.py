@@ -1,0 +1,167 @@
+"""Tape: what a run did, tick by tick, in the quantities that scene and plots show. A live run appends to its tape."""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.signals import Event, Phase
+
+COLUMNS = (
+    "t_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "seat_rad", "flipper_rad", "left_m_s", "right_m_s", "left_travel_m",
+    "right_travel_m", "heading_rad", "estimate_rad", "sigma_rad", "pitch_rad", "pitch_rate_rad_s", "seat_pitch_rad", "margin_rad",
+    "command_left_m_s", "command_right_m_s", "brake", "slip", "friction_use", "force_share", "left_force_n", "right_force_n",
+)  # fmt: skip
+"""Quantities of a row, in SI units: pose of B in W, joint angles, belts, heading, attitude, margins, commands, forces. NaN where a
+quantity is unknown."""
+NUMBER = {name: number for number, name in enumerate(COLUMNS)}
+"""Position of each column."""
+GROWTH_ROWS = 4096
+"""Least number of rows by which the memory of a tape grows: 41 s at 100 Hz."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseSpan:
+    """Beginning of a phase and the reason of the transition."""
+
+    t_s: float
+    phase: Phase | str
+    cause: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Look:
+    """Result of the detector for one camera frame."""
+
+    t_s: float
+    """Time of the exposure."""
+    taken_s: float
+    """Time at which the mission received the frame."""
+    reason: str | None
+    """Reason of a rejected or unconfirmed frame; None if accepted."""
+    heading_rad: float | None
+    sigma_rad: float | None
+    edge_count: int
+    nosings_B: Float[np.ndarray, "n 3"]
+    """Perceived nosings in the chair frame of the exposure [m]."""
+    summary: str
+    """One line for people."""
+    picture: bytes | None = None
+    """Image with overlay as JPEG; None if no image is kept."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Obstacle:
+    """Box in the path from ``t_s``; without a place it has been removed."""
+
+    t_s: float
+    centre_W: tuple[float, float, float] | None
+    half_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
+
+
+@dataclass(slots=True, kw_only=True)
+class Tape:
+    """Rows, events, phases and camera frames of a run in order of time."""
+
+    events: list[Event] = field(default_factory=list)
+    phases: list[PhaseSpan] = field(default_factory=list)
+    looks: list[Look] = field(default_factory=list)
+    obstacles: list[Obstacle] = field(default_factory=list)
+    verdict: str | None = None
+    """Verdict of a run that has ended, with its cause; None while it runs or if the log has none."""
+    _memory: Float[np.ndarray, "m c"] = field(default_factory=lambda: np.empty((0, len(COLUMNS))))
+    _count: int = 0
+
+    def append(self, rows: Float[np.ndarray, "n c"]) -> None:
+        """Append rows, in the order of ``COLUMNS``."""
+        count = self._count + len(rows)
+        if count > len(self._memory):
+            grown = np.empty((max(count, 2 * len(self._memory), GROWTH_ROWS), len(COLUMNS)))
+            grown[: self._count] = self._memory[: self._count]
+            self._memory = grown
+        self._memory[self._count : count] = rows
+        self._count = count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def column(self, name: str) -> Float[np.ndarray, " n"]:
+        """Return one quantity of all rows."""
+        return self._memory[: self._count, NUMBER[name]]
+
+    @property
+    def rows(self) -> Float[np.ndarray, "n c"]:
+        """All rows."""
+        return self._memory[: self._count]
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row [s]; 0 without rows."""
+        return float(self._memory[self._count - 1, 0]) if self._count else 0.0
+
+    def index(self, t_s: float) -> int:
+        """Return the number of the last row at or before a time; the first row before its time."""
+        return max(int(np.searchsorted(self.column("t_s"), t_s + 1e-6, side="right")) - 1, 0)
+
+    def at(self, t_s: float) -> dict[str, float]:
+        """Return the quantities of the last row at or before a time.
+
+        Raises:
+            IndexError: If the tape is empty.
+        """
+        return dict(zip(COLUMNS, self._memory[: self._count][self.index(t_s)].tolist(), strict=True))
+
+    def phase_at(self, t_s: float) -> PhaseSpan | None:
+        """Return the phase at a time, None before the first."""
+        number = bisect_right([span.t_s for span in self.phases], t_s + 1e-6)
+        return self.phases[number - 1] if number else None
+
+    def look_at(self, t_s: float) -> Look | None:
+        """Return the newest camera frame that the mission had received at a time, None before the first."""
+        number = bisect_right([look.taken_s for look in self.looks], t_s + 1e-6)
+        return self.looks[number - 1] if number else None
+
+    def obstacle_at(self, t_s: float) -> Obstacle | None:
+        """Return the obstacle at a time, None without one."""
+        number = bisect_right([box.t_s for box in self.obstacles], t_s + 1e-6)
+        found = self.obstacles[number - 1] if number else None
+        return None if found is None or found.centre_W is None else found
+
+    def holding_at(self, t_s: float) -> Event | None:
+        """Return the event of the hold that lasts at a time, None if the guard does not hold."""
+        last = next((event for event in reversed(self.events) if event.t_s <= t_s + 1e-6 and event.name in ("hold", "rearmed")), None)
+        return last if last is not None and last.name == "hold" else None
+
+
+SLIP_WINDOW_S = 0.5
+"""Time over which belt travel and movement of the chair are compared [s]: one and a half periods of the chair's rocking over the
+nosings at 0.2 m/s would be 2 s, half a second still shows a slide at once."""
+LEAST_BELT_M = 0.01
+"""Belt travel in ``SLIP_WINDOW_S`` below which no slip ratio is given [m]: 2 cm/s, ten times the resolution of the encoders."""
+
+
+class SlipMeter:
+    """Slip ratio of the chair by ground truth: one minus distance covered over mean belt travel."""
+
+    def __init__(self) -> None:
+        self._past: list[tuple[float, float, float, float, float]] = []
+
+    def update(self, t_s: float, p_W: tuple[float, float, float], belts_m: float, forward: tuple[float, float, float]) -> float:
+        """Return the slip ratio over the last half second; NaN where the belts hardly move.
+
+        Args:
+            belts_m: Mean travel of the belts since the start [m].
+            forward: Unit vector along the chair's x axis in W.
+        """
+        self._past.append((t_s, *p_W, belts_m))
+        while self._past[0][0] < t_s - SLIP_WINDOW_S:
+            self._past.pop(0)
+        _, x, y, z, before_m = self._past[0]
+        asked_m = belts_m - before_m
+        if abs(asked_m) < LEAST_BELT_M:
+            return math.nan
+        gone_m = sum((now - then) * axis for now, then, axis in zip(p_W, (x, y, z), forward, strict=True))
+        return 1.0 - gone_m / asked_m
