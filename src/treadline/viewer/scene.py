@@ -21,10 +21,12 @@ from treadline.viewer.tape import Look, Tape
 
 GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
 """Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
-TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (240, 228, 66), (213, 94, 0), (86, 180, 233)
+TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (220, 40, 180), (213, 94, 0), (86, 180, 233)
 """Colours of true, perceived and missed nosings, and of the ghost."""
 WEDGE_M = 1.8
 """Length of the heading wedge [m]: to the nosings ahead of the flipper."""
+WEDGE_LIFT_M = 0.25
+"""Height of the wedge above the belts' lower line [m]: above the belts, below the seat."""
 LEAST_HALF_WEDGE = math.tan(0.4 * DEG)
 """Least half width of the wedge per length, so that a precise heading stays visible."""
 NEWTON_PER_M = 500.0
@@ -33,6 +35,10 @@ SWEPT_M = 1.5
 """Length of the swept volume ahead of the chair [m]."""
 SWEPT_HEIGHT_M = (0.06, 1.4)
 """Height of the swept volume above the belts' lower line [m], as in the simulator's ground truth of obstacles."""
+BACKGROUND = np.full((2, 2, 3), (222, 230, 238), dtype=np.uint8)
+"""Background: a light sky, so that white treads stand out."""
+CAMERA_M, LOOK_AT_M = (-1.2, -4.4, 2.1), (0.5, 0.0, 0.7)
+"""First view, relative to the chair [m]: from its right, so that it climbs to the right in the picture."""
 GHOST_OPACITY = 0.3
 """Opacity of the other chair."""
 
@@ -91,16 +97,15 @@ class SceneView:
 
     def _add_world(self, server: Any) -> None:
         scene = self._scene
-        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_ambient("/lights/ambient", intensity=1.1)
+        scene.add_light_directional("/lights/sun", intensity=1.6, position=(-3.0, -5.0, 8.0))
+        scene.set_background_image(BACKGROUND, format="png")
         scene.world_axes.visible = False
         self._world = scene.add_frame("/world", show_axes=False)
         for part in stair_parts(self._stage.staircase):
             self._add_part(f"/world/stair/{part.name}", part)
-        top = self._stage.staircase.steps[-1]
-        middle = 0.5 * np.array([top.x_m, 0.0, top.z_m])
-        reach = max(top.x_m, 2.5)
-        server.initial_camera.position = tuple((middle + np.array([-0.2 * reach, -1.0 * reach - 1.6, 0.35 * reach + 0.8])).tolist())
-        server.initial_camera.look_at = tuple(middle.tolist())
+        server.initial_camera.position, server.initial_camera.look_at = CAMERA_M, LOOK_AT_M
 
     def _add_part(self, name: str, part: MeshPart, colour: tuple[int, int, int] | None = None, opacity: float | None = None) -> Any:
         return self._scene.add_mesh_simple(
@@ -263,8 +268,8 @@ class SceneView:
         staircase = self._stage.staircase
         R_WB, _ = pose_of(row)
         R_WS, _, _ = staircase.stair_frame(staircase.flight_at(p_WB, R_WB))
-        place = p_WB + 0.25 * R_WS[:, 2]
-        self._heading.position, self._heading.wxyz = place, quaternion_of(R_WS @ rotation_z(row["heading_rad"]))
+        place = p_WB + WEDGE_LIFT_M * R_WS[:, 2]
+        self._heading.position, self._heading.wxyz = place + 0.01 * R_WS[:, 2], quaternion_of(R_WS @ rotation_z(row["heading_rad"]))
         known = not math.isnan(row["estimate_rad"])
         self._wedge.visible = known
         if known:

@@ -1,0 +1,176 @@
+"""Plots of the tape with their limits and a cursor: ``Tape, t -> arrays for the browser``."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
+from treadline.mission.guard.config import GuardConfig
+from treadline.viewer.tape import Tape
+
+BINS = 250
+"""Bins of a plot; each shows the smallest and the largest value, so that no transient is lost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curve:
+    """One line of a plot."""
+
+    column: str
+    label: str
+    colour: str
+    dashed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlotSpec:
+    """One plot: lines, limits and their scale."""
+
+    title: str
+    curves: tuple[Curve, ...]
+    limits: tuple[float, ...]
+    """Limits in the plot's unit."""
+    limit_label: str
+    """Meaning of the limits."""
+    unit: float = 1.0
+    """Unit in SI units: ``DEG`` for degrees."""
+    low: float = -np.inf
+    """Values outside ``low`` to ``high`` are drawn at the edge."""
+    high: float = np.inf
+    ghost: str | None = None
+    """Column of the fork that is drawn as well."""
+
+
+BLUE, ORANGE, GREEN, RED, GREY, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#888888", "#56b4e9"
+GUARD = GuardConfig()
+PLOTS = (
+    PlotSpec(
+        title="Heading [°]",
+        curves=(Curve(column="heading_rad", label="true", colour=BLUE), Curve(column="estimate_rad", label="estimate", colour=ORANGE)),
+        limits=(GUARD.max_heading_error_rad / DEG, -GUARD.max_heading_error_rad / DEG),
+        limit_label="limit over crest and edge",
+        unit=DEG,
+        ghost="heading_rad",
+    ),
+    PlotSpec(
+        title="Pitch rate [°/s]",
+        curves=(Curve(column="pitch_rate_rad_s", label="by ground truth", colour=BLUE),),
+        limits=(GUARD.pitch_rate_rad_s / DEG, -GUARD.pitch_rate_rad_s / DEG),
+        limit_label="guard's limit",
+        unit=DEG,
+        ghost="pitch_rate_rad_s",
+    ),
+    PlotSpec(
+        title="Belt speed [m/s]",
+        curves=(
+            Curve(column="left_m_s", label="left", colour=BLUE),
+            Curve(column="right_m_s", label="right", colour=ORANGE),
+            Curve(column="command_left_m_s", label="commands", colour=BLUE, dashed=True),
+            Curve(column="command_right_m_s", label="", colour=ORANGE, dashed=True),
+        ),
+        limits=(GUARD.cruise_limit_m_s,),
+        limit_label="cruise limit",
+    ),
+    PlotSpec(
+        title="Slip ratio",
+        curves=(Curve(column="slip", label="by ground truth", colour=BLUE),),
+        limits=(GUARD.slip,),
+        limit_label="guard's limit",
+        low=-0.5,
+        high=1.2,
+        ghost="slip",
+    ),
+    PlotSpec(
+        title="Seat pitch [°]",
+        curves=(Curve(column="seat_pitch_rad", label="seat", colour=BLUE),),
+        limits=(GUARD.seat_rad / DEG, -GUARD.seat_rad / DEG),
+        limit_label="guard's limit",
+        unit=DEG,
+        ghost="seat_pitch_rad",
+    ),
+    PlotSpec(
+        title="Tip-over margin [°]",
+        curves=(Curve(column="margin_rad", label="margin", colour=GREEN),),
+        limits=(MARGIN_LIMIT_RAD / DEG, 0.0),
+        limit_label="7° required, 0° tips",
+        unit=DEG,
+        ghost="margin_rad",
+    ),
+)
+"""Plots of the panel; the limits are the guard's and the check's."""
+
+Columns = tuple[Float[np.ndarray, " n"], ...]
+
+
+def legend_html(spec: PlotSpec, *, forked: bool) -> str:
+    """Return the title of a plot, its lines in their colours, and its limits."""
+    lines = [
+        f'<span style="color:{curve.colour}">{"┄" if curve.dashed else "━"} {curve.label}</span>' for curve in spec.curves if curve.label
+    ]
+    limit = f'<span style="color:{RED}">┄ {spec.limit_label}</span>'
+    fork = "" if spec.ghost is None or not forked else f' <span style="color:{SKY}">━ fork</span>'
+    return f'<div style="font-size:11px;margin:0 0 -6px 2px"><b>{spec.title}</b> {" ".join(lines)}{fork} {limit}</div>'
+
+
+def plot_data(spec: PlotSpec, tape: Tape, cursor_s: float, ghost: Tape | None = None, bins: int = BINS) -> Columns:
+    """Return time, fork, curves, limits and cursor of a plot, of equal length.
+
+    Three further instants at the cursor carry its line, from the lower edge up and down again; the other lines are held there. The
+    curve of the fork is that of the run where there is no fork.
+
+    Args:
+        ghost: Run whose curve is drawn as well.
+    """
+    if not len(tape):
+        return tuple(np.zeros(2) for _ in range(len(spec.curves) + len(spec.limits) + 3))
+    chosen = [curve.column for curve in spec.curves]
+    t_s, values = decimated(tape, chosen, bins)
+    curves = [np.clip(filled(column / spec.unit), spec.low, spec.high) for column in values]
+    if ghost is not None and len(ghost) and spec.ghost is not None:
+        there = np.interp(t_s, ghost.column("t_s"), filled(ghost.column(spec.ghost) / spec.unit))
+        fork = np.where(t_s <= ghost.end_s, np.clip(there, spec.low, spec.high), curves[0])
+    else:
+        fork = curves[0]
+    limits = [np.full(len(t_s), limit) for limit in spec.limits]
+    low = min(float(column.min()) for column in (*curves, *limits))
+    high = max(float(column.max()) for column in (*curves, *limits))
+    place = int(np.searchsorted(t_s, cursor_s, side="right"))
+    there_too = [place, place, place]
+    held = [np.insert(column, there_too, column[max(place - 1, 0)]) for column in (fork, *curves, *limits)]
+    line = np.insert(np.full(len(t_s), low), there_too, [low, high, low])
+    return (np.insert(t_s, there_too, cursor_s), *held, line)
+
+
+def filled(column: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return a column with its gaps closed by the value before, or after at the beginning; zero without any value.
+
+    The browser's plots cannot show a gap in an array of numbers.
+    """
+    known = np.isfinite(column)
+    if known.all():
+        return column
+    if not known.any():
+        return np.zeros(len(column))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(column)), -1))
+    return np.asarray(column[np.where(last < 0, int(known.argmax()), last)])
+
+
+def decimated(tape: Tape, columns: list[str], bins: int) -> tuple[Float[np.ndarray, " n"], list[Float[np.ndarray, " n"]]]:
+    """Return at most two instants per bin, with the smallest and the largest value of each column in the bin."""
+    t_s = tape.column("t_s")
+    count = len(t_s)
+    if count <= 2 * bins:
+        return t_s.copy(), [tape.column(name).copy() for name in columns]
+    edges = np.linspace(0, count, bins + 1).astype(int)[:-1]
+    width = count // bins
+    times = np.stack([t_s[edges], t_s[np.minimum(edges + width // 2, count - 1)]], axis=1).ravel()
+    found = []
+    for name in columns:
+        column = tape.column(name)
+        low = np.fmin.reduceat(column, edges)
+        high = np.fmax.reduceat(column, edges)
+        rising = column[np.minimum(edges + width - 1, count - 1)] >= column[edges]
+        found.append(np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).ravel())
+    return times, found

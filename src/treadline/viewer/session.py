@@ -1,0 +1,250 @@
+"""Session: a tape, the cursor over it, the worker that extends it, and the fork beside it.
+
+A live run and a recorded one are the same to scene and panels: a tape that may grow, and a cursor. The plant is deterministic, so a
+fork repeats the scenario with the same seed and commands up to the cursor and then goes on with one change.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from treadline.faults import Fault
+from treadline.signals import TICK_S
+from treadline.viewer.commands import Handset, Script
+from treadline.viewer.tape import Tape
+from treadline.viewer.worker import Order, Worker
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+"""Speeds of the display as multiples of real time."""
+PAUSE, FASTEST = -1.0, 0.0
+"""Speeds of a worker that mean pause and as fast as possible."""
+PICTURES_MAX = 1500
+"""Camera images kept: two and a half minutes at 10 Hz, 40 MB; older frames keep their text."""
+SILENT_S = 0.3
+"""Time without a report of the handset after which its dead-man switch counts as released [s]: that of the guard's link."""
+DRIVE_M_S, TURN_M_S = 0.10, 0.08
+"""Belt speeds at full deflection of the handset [m/s]: the guard's limit at edges, and a turn of 14 °/s."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Feed:
+    """Tape of a worker that may still run."""
+
+    order: Order
+    tape: Tape = field(default_factory=Tape)
+    worker: Worker | None = None
+    script: Script = field(default_factory=list)
+    error: str | None = None
+
+    def start(self, make: Callable[[Order], Worker] = Worker) -> None:
+        """Start the worker."""
+        self.script = list(self.order.script)
+        self.worker = make(self.order)
+
+    def drain(self) -> bool:
+        """Take what the worker has sent; return whether there was anything."""
+        if self.worker is None:
+            return False
+        messages = self.worker.receive()
+        for kind, value in messages:
+            self._take(kind, value)
+        if self.worker is not None and not messages and not self.worker.is_alive:
+            self.error = self.error or "the simulation ended unexpectedly; treadline view --debug shows more"
+            self.close()
+        return bool(messages)
+
+    def _take(self, kind: str, value: Any) -> None:
+        match kind:
+            case "ticks":
+                rows, events, phases, looks = value
+                self.tape.append(rows)
+                self.tape.events += events
+                self.tape.phases += phases
+                self.tape.looks += looks
+                self._forget_pictures(len(looks))
+            case "obstacle":
+                self.tape.obstacles.append(value)
+            case "script":
+                self.script.append(value)
+            case "end":
+                self.tape.verdict = value
+                self.close()
+            case "error":
+                self.error = value
+                self.close()
+            case _:
+                pass
+
+    def _forget_pictures(self, count: int) -> None:
+        looks = self.tape.looks
+        old = max(len(looks) - PICTURES_MAX, 0)
+        for number in range(max(old - count, 0), old):
+            looks[number] = replace(looks[number], picture=None)
+
+    def close(self) -> None:
+        """End the worker."""
+        worker, self.worker = self.worker, None
+        if worker is not None:
+            worker.close()
+
+
+@dataclass(slots=True, kw_only=True)
+class Session:
+    """State of the viewer that all its clients share."""
+
+    feed: Feed
+    attended: bool = False
+    """Whether clients may command the chair."""
+    cursor_s: float = 0.0
+    playing: bool = True
+    speed: float = 1.0
+    following: bool = True
+    """Whether the cursor stays at the newest instant of a live run."""
+    ghost: Feed | None = None
+    ghost_from_s: float = 0.0
+    manual: bool = False
+    _handset: Handset = field(default_factory=Handset)
+    _reported_at: float = 0.0
+    _released: tuple[str, float] | None = None
+
+    @property
+    def tape(self) -> Tape:
+        """Tape that is shown."""
+        return self.feed.tape
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the simulation still runs."""
+        return self.feed.worker is not None
+
+    def advance(self, passed_s: float) -> None:
+        """Drain the workers and move the cursor.
+
+        Args:
+            passed_s: Time since the last call [s].
+        """
+        self.feed.drain()
+        if self.ghost is not None:
+            self.ghost.drain()
+        self._watch_dead_man()
+        end_s = self.tape.end_s
+        if self.is_live and self.following:
+            self.cursor_s = end_s
+        elif self.playing:
+            self.cursor_s = min(self.cursor_s + self.speed * passed_s, end_s)
+            if self.cursor_s >= end_s:
+                if self.is_live:
+                    self.following = True
+                else:
+                    self.playing = False
+
+    def play(self, playing: bool | None = None) -> None:
+        """Play or pause; None toggles. A run that is attended pauses its simulation."""
+        self.playing = (not self.playing) if playing is None else playing
+        if self.playing and not self.is_live and self.cursor_s >= self.tape.end_s - 0.5 * TICK_S:
+            self.cursor_s = 0.0
+        if not self.playing and self.is_live and not self.attended:
+            self.following = False
+        self._pace()
+
+    def set_speed(self, speed: float) -> None:
+        """Set the speed of display and attended simulation."""
+        self.speed = speed
+        self._pace()
+
+    def step(self, ticks: int) -> None:
+        """Pause and move by ticks; an attended run at its newest instant simulates them."""
+        if self.playing:
+            self.play(playing=False)
+        if self.is_live and self.attended and self.following and ticks > 0:
+            assert self.feed.worker is not None
+            self.feed.worker.send("step", ticks)
+            return
+        self.seek(self.cursor_s + ticks * TICK_S)
+
+    def seek(self, t_s: float) -> None:
+        """Move the cursor."""
+        self.cursor_s = min(max(t_s, 0.0), self.tape.end_s)
+        self.following = self.is_live and self.cursor_s >= self.tape.end_s - TICK_S
+
+    def go_live(self) -> None:
+        """Return to the newest instant."""
+        self.following = True
+        if not self.playing:
+            self.play(playing=True)
+
+    def _pace(self) -> None:
+        if self.attended and self.feed.worker is not None:
+            self.feed.worker.send("speed", self.speed if self.playing else PAUSE)
+
+    # Commands to the chair
+
+    def act(self, command: Fault | Handset) -> None:
+        """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
+        if self.attended and self.feed.worker is not None:
+            self.feed.worker.send("act", command)
+
+    def press(self, button: str) -> None:
+        """Press the stop or the re-arm button of the handset."""
+        self._set_handset(replace(self._handset, **{button: True}))
+        self._released = (button, time.monotonic() + 2.0 * SILENT_S)
+
+    def set_manual(self, *, manual: bool) -> None:
+        """Hand the belts to a person, or back to the planner."""
+        self.manual = manual
+        self._reported_at = time.monotonic()
+        self._set_handset(Handset(manual=manual, dead_man=True))
+
+    def report(self, *, dead_man: bool, ahead: float, turn: float) -> None:
+        """Take a report of keyboard or gamepad; deflections are -1 to 1."""
+        if not self.manual:
+            return
+        if dead_man:
+            self._reported_at = time.monotonic()
+        ahead, turn = (min(max(value, -1.0), 1.0) for value in (ahead, turn))
+        self._set_handset(
+            replace(
+                self._handset,
+                dead_man=dead_man,
+                speed_m_s=DRIVE_M_S * ahead if dead_man else 0.0,
+                turn_m_s=TURN_M_S * turn if dead_man else 0.0,
+            )
+        )
+
+    def _watch_dead_man(self) -> None:
+        now = time.monotonic()
+        if self._released is not None and now >= self._released[1]:
+            button, self._released = self._released[0], None
+            self._set_handset(replace(self._handset, **{button: False}))
+        if self.manual and self._handset.dead_man and now - self._reported_at > SILENT_S:
+            self._set_handset(replace(self._handset, dead_man=False, speed_m_s=0.0, turn_m_s=0.0))
+
+    def _set_handset(self, state: Handset) -> None:
+        if state != self._handset:
+            self._handset = state
+            self.act(state)
+
+    # What if
+
+    def fork(self, change: Fault | None) -> None:
+        """Repeat the run to the cursor and go on with one change, or with none."""
+        self.drop_ghost()
+        tick = round(self.cursor_s / TICK_S) + 1
+        before = [entry for entry in self.feed.script if entry[0] <= tick]
+        if change is not None:
+            before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
+        order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False)
+        self.ghost, self.ghost_from_s = Feed(order=order), self.cursor_s
+        self.ghost.start()
+
+    def drop_ghost(self) -> None:
+        """Remove the fork."""
+        if self.ghost is not None:
+            self.ghost.close()
+        self.ghost = None
+
+    def close(self) -> None:
+        """End all workers."""
+        self.drop_ghost()
+        self.feed.close()
