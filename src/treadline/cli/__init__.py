@@ -42,6 +42,7 @@ from treadline.cli import (
     see,
     sweep,
     tune,
+    view,
 )
 from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
@@ -68,7 +69,7 @@ app = App(
 )
 VERBS = {
     "The paper": (reproduce.reproduce, report.report),
-    "Simulation": (check.check, climb.climb, seat.seat, sweep.sweep, model.model),
+    "Simulation": (check.check, climb.climb, view.view, seat.seat, sweep.sweep, model.model),
     "Identification and control": (excite.excite, identify.identify, tune.tune, export.export),
     "Perception": (see.see, frames.frames, mount.mount),
     "Logs and ROS": (replay.replay, record.record, nodes.nodes, node.node),

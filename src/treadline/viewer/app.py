@@ -7,10 +7,11 @@ from collections.abc import Callable
 from typing import Any, get_args
 
 from treadline.faults import EXTENTS, Fault, FaultKind
+from treadline.viewer.opening import Opened
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
 from treadline.viewer.plots import PLOTS, RED, SKY, PlotSpec, legend_html, plot_data
-from treadline.viewer.scene import SceneChoices, SceneView, Stage
+from treadline.viewer.scene import SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
 from treadline.viewer.session import SPEEDS, Session
 
@@ -25,6 +26,11 @@ CHANGES: dict[str, tuple[str, FaultKind, float, str]] = {
 """Changes by name: short name, fault, value, meaning."""
 FOREVER_S = 1e6
 """Duration of a change that stays [s]."""
+NO_FORK = (
+    '<div style="font-size:12px">This run cannot be repeated: its log comes without the scenario and the seed, or it used plug-ins. '
+    "Run folders of treadline climb can be forked.</div>"
+)
+"""Content of the tab of a run that cannot be forked."""
 NOTHING = "nothing (must coincide)"
 
 
@@ -34,12 +40,12 @@ class App:
     Args:
         server: Server with its access check.
         session: What is shown.
-        stage: Stair and chair.
-        title: Name of the run.
+        opened: Target with its stage and title.
     """
 
-    def __init__(self, server: GuardedServer, session: Session, stage: Stage, title: str) -> None:
-        self._viser, self._session, self._title = server.viser, session, title
+    def __init__(self, server: GuardedServer, session: Session, opened: Opened) -> None:
+        self._viser, self._session, self._opened = server.viser, session, opened
+        stage = opened.stage
         self._scene = SceneView(server.viser, stage)
         self._choices = SceneChoices()
         self._nosings = SeenNosings(stage.staircase, stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera))
@@ -48,6 +54,8 @@ class App:
         self._legends: list[Any] = []
         self._jumps: dict[str, float] = {}
         self._moving_slider = False
+        self.failure: Exception | None = None
+        """Exception that ended the updates; None while all is well."""
         self.updates = 0
         """Number of scene updates, for tests and measurements."""
         self._build()
@@ -69,7 +77,10 @@ class App:
         with tabs.add_tab("Events"):
             self._events = gui.add_html("")
         with tabs.add_tab("What if"):
-            self._build_what_if(gui)
+            if self._opened.can_fork:
+                self._build_what_if(gui)
+            else:
+                self._outcome = gui.add_html(NO_FORK)
         if self._session.attended:
             with tabs.add_tab("Control"):
                 self._build_control(gui)
@@ -250,7 +261,14 @@ class App:
     # Updates
 
     def run(self, ended: threading.Event) -> None:
-        """Update the page until ``ended`` is set."""
+        """Update the page until ``ended`` is set; a failure sets it and is kept."""
+        try:
+            self._update(ended)
+        except Exception as error:  # noqa: BLE001 - raised again by the main thread
+            self.failure = error
+            ended.set()
+
+    def _update(self, ended: threading.Event) -> None:
         before = time.perf_counter()
         due_text = due_plots = 0.0
         shown: tuple[Any, ...] | None = None
@@ -280,14 +298,15 @@ class App:
 
     def _show_text(self, t_s: float, end_s: float) -> None:
         session, tape = self._session, self._session.tape
-        self._say(self._state, state_html(tape, t_s, live=session.is_live, title=session.feed.error or self._title))
+        self._say(self._state, state_html(tape, t_s, live=session.is_live, title=session.feed.error or self._opened.title))
         self._say(self._timeline, timeline_html(tape, t_s, None if session.ghost is None else session.ghost_from_s))
         self._say(self._transitions, transitions_html(tape, t_s))
         self._say(self._events, events_html(tape, t_s))
         look = tape.look_at(t_s)
         seen, missed = ([], []) if look is None else self._nosings.compare(look, tape.at(look.t_s))
         self._say(self._camera, camera_html(look, seen, missed))
-        self._say(self._outcome, outcome_html(session))
+        if self._opened.can_fork:
+            self._say(self._outcome, outcome_html(session))
         self._show_slider(t_s, end_s)
         jumps = {f"{span.t_s:.2f} s {span.phase}": span.t_s for span in tape.phases}
         jumps |= {f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in _PHASES}
@@ -342,6 +361,7 @@ def outcome_html(session: Session) -> str:
     ghost = session.ghost
     if ghost is None:
         return ""
+
     said = ghost.error or ghost.tape.verdict or f"simulated to {ghost.tape.end_s:.1f} s …"
     return f'<div style="font-size:12px"><b>fork at {session.ghost_from_s:.2f} s</b>: {said}<br>run: {session.tape.verdict or "–"}</div>'
 
