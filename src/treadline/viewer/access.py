@@ -130,11 +130,15 @@ class Gate:
         return checked
 
     def handler(self, serve: Handler) -> Handler:
-        """Return the handler that passes connections on by their path: to one of ``handlers``, otherwise to ``serve``."""
+        """Return the handler that passes connections on by their path: to one of ``handlers``, the page's own to ``serve``."""
 
         async def routed(connection: Any) -> None:
             path = self._rules.inner_path(connection.request.path).strip("/")
-            await self._handlers.get(path, serve)(connection)
+            handler = serve if not path else self._handlers.get(path)
+            if handler is None:
+                await connection.close(1008, "no such connection")
+            else:
+                await handler(connection)
 
         return routed
 

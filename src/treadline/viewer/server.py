@@ -66,7 +66,7 @@ class GuardedServer:
         listener = bound_socket(host, port)
         self.rules = AccessRules(token=secrets.token_urlsafe(TOKEN_BYTES), host=host, port=listener.getsockname()[1])
         script = resources.files("treadline.viewer").joinpath("handset.js").read_bytes()
-        gate = Gate(self.rules, {"handset.js": script}, handlers or {})
+        gate = Gate(self.rules, {"handset.js": script}, {} if handlers is None else handlers)
         with _gated(gate, listener), contextlib.redirect_stdout(io.StringIO()):
             self.viser = import_viser().ViserServer(host=host, port=self.rules.port, label="treadline", verbose=False)
         if not gate.is_installed:

@@ -15,7 +15,7 @@ from typing import Any
 
 from treadline.angles import DEG
 from treadline.errors import TreadlineError
-from treadline.experiments.traverse import run_episode
+from treadline.experiments.traverse import Sink, run_episode
 from treadline.faults import Fault
 from treadline.mission.blocks import Detection
 from treadline.processes import end_with_parent
@@ -106,10 +106,13 @@ class LiveRun:
         order: The run.
         send: Takes a message if there is room for it, and returns whether there was.
         receive: Returns the commands since the last call.
+        log: Receives every signal, as the log of a run does.
     """
 
-    def __init__(self, order: Order, send: Callable[[Any], bool], receive: Callable[[], list[Any]]) -> None:
-        self._order, self._send, self._receive = order, send, receive
+    def __init__(
+        self, order: Order, send: Callable[[Any], bool], receive: Callable[[], list[Any]], log: Sink | None = None
+    ) -> None:
+        self._order, self._send, self._receive, self._log = order, send, receive, log
         self._script: Script = sorted(order.script, key=lambda entry: entry[0])
         self._next = 0
         self._pacer = Pacer(speed=order.speed)
@@ -146,13 +149,18 @@ class LiveRun:
         return run_episode(
             setup,
             blocks=blocks,
-            sink=self._tap.sink,
+            sink=self._sink,
             watch=lambda tick: self._after(tick.t_s),
             after_hold_s=0.0,
             plant=AttendedPlant(self._plant, self._operator),
             faults=self._plant.faults,
             attended=self._order.attended,
         )
+
+    def _sink(self, signal: Any, taken_s: float) -> None:
+        self._tap.sink(signal, taken_s)
+        if self._log is not None:
+            self._log(signal, taken_s)
 
     def _note(self, frame: RgbdFrame, detection: Detection) -> None:
         roomy = self._order.pictures and len(self._waiting) < MESSAGES_MAX

@@ -1,0 +1,154 @@
+"""Live runs: the loop does the same with and without a viewer, and a run can be repeated to the bit."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.experiments.traverse import run_episode
+from treadline.faults import Fault
+from treadline.ports import Truth
+from treadline.scenario import DriveSettings, Scenario, Sensors, Start
+from treadline.setup import resolve
+from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
+from treadline.viewer.commands import Handset
+from treadline.viewer.session import Feed
+from treadline.viewer.tape import Tape
+from treadline.viewer.worker import LiveRun, Order, Pacer
+
+LOGGED = (TrackCommand, SeatCommand, FlipperCommand, Truth)
+SHORT = Scenario(
+    start=Start(place="flight", step=4, heading_deg=6.0),
+    drive=DriveSettings(duration_s=2.0, check=False),
+    sensors=Sensors(camera="statistical"),
+)
+"""Two seconds on the flight, with a heading error that the loop corrects; without images, which the plant draws slowly."""
+RENDERED = SHORT.model_copy(update={"sensors": Sensors(), "drive": DriveSettings(duration_s=0.6, check=False)})
+"""Some frames with images and the detector."""
+
+
+def viewed(order: Order, commands: dict[int, list[Any]] | None = None, *, roomy: bool = True) -> tuple[Tape, list[str], Feed]:
+    """Run an order in this process with a viewer that takes everything, or one that takes nothing before the end."""
+    feed, logged, calls = Feed(order=order), [], [0]
+    refused = [0]
+
+    def send(message: Any) -> bool:
+        if not roomy and message[0] != "end" and refused[0] < 20:
+            refused[0] += 1
+            return False
+        feed._take(*message)
+        return True
+
+    def receive() -> list[Any]:
+        calls[0] += 1
+        return (commands or {}).get(calls[0], [])
+
+    def log(signal: Any, taken_s: float) -> None:
+        if isinstance(signal, LOGGED):
+            logged.append(f"{taken_s!r} {signal!r}")
+
+    LiveRun(replace(order, speed=0.0), send, receive, log).run()
+    return feed.tape, logged, feed
+
+
+def alone(scenario: Scenario, seed: int) -> list[str]:
+    """Run a scenario without any viewer."""
+    logged = []
+
+    def log(signal: Any, taken_s: float) -> None:
+        if isinstance(signal, LOGGED):
+            logged.append(f"{taken_s!r} {signal!r}")
+
+    run_episode(resolve(scenario, None, seed), sink=log)
+    return logged
+
+
+@pytest.mark.parametrize(
+    "scenario, roomy", [(SHORT, True), (RENDERED, True), (RENDERED, False)], ids=["statistical", "rendered", "viewer that takes nothing"]
+)
+def test_the_loop_commands_the_same_with_and_without_a_viewer(scenario: Scenario, roomy: bool) -> None:
+    """Test: ground truth and all commands of a run, as text. Expected: identical to the last digit."""
+    _, logged, _ = viewed(Order(scenario=scenario, seed=3), roomy=roomy)
+    assert logged == alone(scenario, 3)
+    assert len(logged) > 180
+
+
+@pytest.fixture(scope="module")
+def run() -> Tape:
+    return viewed(Order(scenario=SHORT, seed=5))[0]
+
+
+def test_an_unchanged_fork_coincides_to_the_bit(run: Tape) -> None:
+    fork, _, _ = viewed(Order(scenario=SHORT, seed=5, pictures=False))
+    assert len(run) == len(fork) == 201
+    assert run.rows.tobytes() == fork.rows.tobytes()
+
+
+@pytest.mark.parametrize("kind, value", [("low_friction", 0.3), ("obstacle", 0.5)])
+def test_a_fork_coincides_up_to_its_change_and_differs_after(run: Tape, kind: Any, value: float) -> None:
+    """Test: one fault at 1 s. Expected: the rows before are the same to the bit, and something differs within the next second."""
+    fault = Fault(kind=kind, at_s=1.0, for_s=100.0, value=value)
+    fork, _, feed = viewed(Order(scenario=SHORT, seed=5, script=((100, fault),)))
+    assert run.rows[:100].tobytes() == fork.rows[:100].tobytes()
+    assert run.rows[: len(fork)].tobytes() != fork.rows.tobytes()
+    assert (kind == "obstacle") == bool(feed.tape.obstacles)
+
+
+def test_a_fault_injected_during_a_run_is_the_same_fault_of_the_scenario() -> None:
+    fault = Fault(kind="track_slip", at_s=1.0, for_s=1.0, value=0.1)
+    live, _, _ = viewed(Order(scenario=SHORT, seed=2, script=((100, fault),)))
+    planned, _, _ = viewed(Order(scenario=SHORT.model_copy(update={"fault": (fault,)}), seed=2))
+    assert live.rows.tobytes() == planned.rows.tobytes()
+
+
+def test_stop_holds_and_rearm_goes_on() -> None:
+    """Test: stop at 0.5 s, re-arm at 1.2 s in an attended run. Expected: both events, belts at rest between, and motion after."""
+    script = ((50, Handset(stop=True)), (100, Handset()), (120, Handset(rearm=True)), (150, Handset()))
+    tape, _, _ = viewed(Order(scenario=SHORT, seed=1, attended=True, script=script))
+    names = [event.name for event in tape.events if event.name in ("hold", "rearmed")]
+    assert names == ["hold", "rearmed"]
+    left = tape.column("left_m_s")
+    assert abs(left[110]) < 1e-3  # at rest after six time constants of the drives
+    assert left[-1] > 0.05
+    assert tape.verdict == "time_up"
+
+
+def test_a_released_dead_man_switch_holds_and_an_unattended_run_then_ends() -> None:
+    tape, _, _ = viewed(Order(scenario=SHORT, seed=1, script=((50, Handset(dead_man=False)),)))
+    assert tape.verdict == "held: operator stop"
+    assert tape.end_s < 1.0
+
+
+def test_a_person_steers_within_the_limits_of_the_guard() -> None:
+    """Test: by hand at 0.1 m/s with a turn to the left from 0.5 s. Expected: the right belt runs faster, as asked."""
+    script = ((50, Handset(manual=True, speed_m_s=0.1, turn_m_s=0.05)),)
+    tape, _, _ = viewed(Order(scenario=SHORT, seed=1, attended=True, script=script))
+    at = tape.at(1.8)
+    assert (at["command_left_m_s"], at["command_right_m_s"]) == (pytest.approx(0.05), pytest.approx(0.15))
+
+
+def test_commands_return_with_their_tick_so_that_the_session_can_be_repeated() -> None:
+    first, _, feed = viewed(Order(scenario=SHORT, seed=4, attended=True), {30: [("act", Handset(stop=True))], 60: [("act", Handset())]})
+    assert [command for _, command in feed.script] == [Handset(stop=True), Handset()]
+    again, _, _ = viewed(Order(scenario=SHORT, seed=4, attended=True, script=tuple(feed.script)))
+    assert first.rows.tobytes() == again.rows.tobytes()
+
+
+def test_a_viewer_that_takes_nothing_costs_images_but_no_rows() -> None:
+    tape, _, _ = viewed(Order(scenario=RENDERED, seed=3), roomy=False)
+    np.testing.assert_allclose(tape.column("t_s"), 0.01 * np.arange(61), atol=1e-9)
+
+
+def test_a_pacer_keeps_real_time_and_does_not_catch_up_after_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, slept = [0.0], []
+    monkeypatch.setattr("treadline.viewer.worker.time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("treadline.viewer.worker.time.sleep", slept.append)
+    pacer = Pacer(speed=2.0)
+    pacer.wait(0.0, lambda: None)
+    pacer.wait(1.0, lambda: None)
+    assert slept == [pytest.approx(0.5)]
+    clock[0] = 10.0
+    pacer.wait(1.01, lambda: None)
+    pacer.wait(1.03, lambda: None)
+    assert slept[1:] == [pytest.approx(0.01)]
